@@ -1,0 +1,3 @@
+"""SOTER: run-time assurance for robots."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,91 @@
+"""The error tree of SOTER: whatever goes wrong by design is a `SoterError`.
+
+```
+SoterError
+|- ConfigError            a file, key or number that is not allowed
+|- BackendError
+|  |- UnknownBackend      no backend of that name
+|  |- BackendUnavailable  its library is not installed
+|  |- RobotUnavailable    no such robot there, it does not answer, or it refuses to get ready
+|  |- LifecycleError      a call before init() or after close()
+|  `- Unsupported         the robot cannot do that and says so
+|- IllFormedModule        a safety module whose proof obligations do not hold
+|- MachineError           see soter.machine
+`- RunFailed              a run that had to end early
+```
+"""
+
+
+class SoterError(Exception):
+    """Root of everything that SOTER raises on purpose."""
+
+
+class ConfigError(SoterError):
+    """Bad input, found before anything moves.
+
+    Args:
+        message: what is wrong, what is allowed and, for a misspelt name, the nearest valid one.
+        source: the file, or None for input that came from elsewhere.
+        line: the line in that file, or None.
+        key: the dotted key or the element, or None.
+    """
+
+    def __init__(
+        self, message: str, *, source: str | None = None, line: int | None = None, key: str | None = None
+    ) -> None:
+        self.source, self.line, self.key = source, line, key
+        place = source or ""
+        if line is not None:
+            place += f":{line}"
+        parts = [part for part in (place, key, message) if part]
+        super().__init__(": ".join(parts))
+
+
+class BackendError(SoterError):
+    """A backend or one of its robots cannot do what was asked."""
+
+
+class UnknownBackend(BackendError):
+    """No backend is registered under that name."""
+
+
+class BackendUnavailable(BackendError):
+    """The backend exists, but a library that it needs is missing; the message says what to install."""
+
+
+class RobotUnavailable(BackendError):
+    """The robot is not there, does not answer in time, or refuses to get ready."""
+
+
+class LifecycleError(BackendError):
+    """A robot was used before `init()` or after `close()`."""
+
+
+class Unsupported(BackendError):
+    """The robot lacks a capability; it says so instead of doing nothing."""
+
+
+class IllFormedModule(SoterError):
+    """A safety module for which the promise cannot be made; the message names the condition and the numbers.
+
+    Args:
+        module: the module's name.
+        condition: the condition that fails, such as "P3".
+        message: the numbers, and a value that would do.
+    """
+
+    def __init__(self, module: str, condition: str, message: str) -> None:
+        self.module, self.condition = module, condition
+        super().__init__(f"module '{module}' is ill-formed ({condition}): {message}")
+
+
+class RunFailed(SoterError):
+    """A run ended early; its robots are stopped and its recording is closed."""
+
+
+def nearest(name: str, allowed: list[str]) -> str:
+    """Return ", did you mean 'x'?" for a misspelt name, else an empty string."""
+    import difflib
+
+    close = difflib.get_close_matches(name, allowed, n=1)
+    return f", did you mean '{close[0]}'?" if close else ""

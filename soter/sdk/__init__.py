@@ -1,0 +1,46 @@
+"""The narrow interface between SOTER and robots."""
+
+from soter.sdk.backend import (
+    INTERFACE_VERSION,
+    RULES,
+    Backend,
+    BackendConfig,
+    Fleet,
+    Truth,
+    TruthReport,
+    Violation,
+)
+from soter.sdk.goal import Goal, Switch
+from soter.sdk.robot import Robot
+from soter.sdk.values import (
+    MAX_COORDINATE_M,
+    Capabilities,
+    Controller,
+    GoalStatus,
+    Link,
+    RobotSpec,
+    RobotState,
+    Waypoint,
+)
+
+__all__ = [
+    "INTERFACE_VERSION",
+    "MAX_COORDINATE_M",
+    "RULES",
+    "Backend",
+    "BackendConfig",
+    "Capabilities",
+    "Controller",
+    "Fleet",
+    "Goal",
+    "GoalStatus",
+    "Link",
+    "Robot",
+    "RobotSpec",
+    "RobotState",
+    "Switch",
+    "Truth",
+    "TruthReport",
+    "Violation",
+    "Waypoint",
+]

@@ -1,0 +1,145 @@
+"""A backend opens robots; a fleet is the robots of an opened backend."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, ClassVar, Protocol, Self
+
+from pydantic import BaseModel, ConfigDict, InstanceOf
+
+from soter.clock import Clock
+from soter.sdk.robot import Robot
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+
+INTERFACE_VERSION = 1
+"""The version of this interface; a backend written for another one is refused by name."""
+
+CLOSE_TIMEOUT_S = 5.0
+
+RULES = ("battery", "geofence", "collision", "obstacle")
+"""The safety rules that a simulated world judges, in the order in which reports name them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One maximal interval in which a rule was broken.
+
+    Attributes:
+        rule: one of `RULES`.
+        robots: ids of the robot, or of the pair.
+        start_s: fleet time.
+        end_s: fleet time; None if it lasted to the end.
+    """
+
+    rule: str
+    robots: tuple[int, ...]
+    start_s: float
+    end_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class TruthReport:
+    """What really happened, judged by the world at its own rate.
+
+    Attributes:
+        violations: every interval, oldest first.
+        min_margin: by rule, the least margin seen: metres, or charge from 0 to 1 for the battery.
+        contacts: number of times that bodies began to touch, a robot and a box or two robots.
+    """
+
+    violations: tuple[Violation, ...]
+    min_margin: Mapping[str, float] = field(default_factory=dict)
+    contacts: int = 0
+
+    def count(self, rule: str) -> int:
+        """Return the number of violations of one rule."""
+        return sum(violation.rule == rule for violation in self.violations)
+
+
+class Truth(Protocol):
+    """Ground truth of a simulated world, on a channel of its own, never through the adapter."""
+
+    def report(self) -> TruthReport:
+        """Return what has happened up to now."""
+
+    def pose(self, robot_id: int) -> tuple[float, float, float]:
+        """Return where a robot really is: x_m, y_m, heading_rad."""
+
+
+class BackendConfig(BaseModel):
+    """What every backend is told. A backend's own model adds its options, given in `[backends.NAME]`.
+
+    Attributes:
+        workspace: filled in by the runner; a simulated backend builds its world from it.
+        seed: filled in by the runner.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    workspace: InstanceOf[Workspace]
+    seed: int = 0
+
+
+class Fleet(ABC):
+    """The robots of an opened backend. A context manager: leaving it stops and closes every robot.
+
+    Args:
+        clock: fleet time.
+        robots: in the order in which they were asked for.
+        truth: of a simulated world, else None.
+    """
+
+    def __init__(self, clock: Clock, robots: Sequence[Robot], truth: Truth | None) -> None:
+        self.clock = clock
+        self.robots = tuple(robots)
+        self.truth = truth
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop and close every robot, then the rest, whatever fails on the way. Idempotent.
+
+        Raises:
+            Exception: the first failure, after everything else has been closed.
+        """
+        failures: list[Exception] = []
+        for robot in self.robots:
+            try:
+                robot.close(CLOSE_TIMEOUT_S)
+            except Exception as failure:
+                failures.append(failure)
+        try:
+            self._close()
+        except Exception as failure:
+            failures.append(failure)
+        if failures:
+            raise failures[0]
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Free what the robots share. Called after every robot is closed; must be idempotent."""
+
+
+class Backend(ABC):
+    """Opens robots of one kind. Registered under the entry-point group `soter.adapters`."""
+
+    interface_version: ClassVar[int]
+    config_model: ClassVar[type[BackendConfig]]
+    robot_class: ClassVar[type[Robot]]
+
+    @abstractmethod
+    def open(self, config: Any, robots: Sequence[RobotSpec]) -> Fleet:  # noqa: ANN401 - an instance of config_model
+        """Open the robots; they are not ready before `init()`.
+
+        Raises:
+            RobotUnavailable: they are not there.
+        """

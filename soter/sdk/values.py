@@ -1,0 +1,207 @@
+"""The values that cross the narrow interface. Frame: workspace, ENU, metres, radians counter-clockwise from east."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+MAX_COORDINATE_M = 10_000.0
+"""A coordinate beyond this is a mistake, not a place."""
+
+
+class Controller(Enum):
+    """Who drives: the advanced controller or the safe controller."""
+
+    AC = "AC"
+    SC = "SC"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+class Link(Enum):
+    """How alive the robot's link is, judged by the age of its latest sample."""
+
+    UP = "UP"
+    STALE = "STALE"
+    DOWN = "DOWN"
+
+
+class GoalStatus(Enum):
+    """A goal leaves ACTIVE once, for one of the others, and stays there."""
+
+    ACTIVE = "active"
+    REACHED = "reached"
+    SUPERSEDED = "superseded"
+    PREEMPTED = "preempted"
+    REJECTED = "rejected"
+    CANCELLED = "cancelled"
+    TIMED_OUT = "timed_out"
+    FAILED = "failed"
+
+
+class Waypoint(NamedTuple):
+    """A place to go to, with its own radius of arrival and time-out.
+
+    Attributes:
+        x_m: east.
+        y_m: north.
+        z_m: up; 0 for a ground robot.
+        heading_rad: the heading to arrive with, or None. A vehicle that can reverse drives the leg backwards
+            when that arrives with this heading.
+        speed_m_s: a cap on the speed on the way, or None for the vehicle's own.
+        radius_m: the goal is reached when the robot is at most this far from the place.
+        timeout_s: fleet time after which the goal is TIMED_OUT and the robot stops.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float = 0.0
+    heading_rad: float | None = None
+    speed_m_s: float | None = None
+    radius_m: float = 0.10
+    timeout_s: float = 120.0
+
+    def check(self, max_coordinate_m: float = MAX_COORDINATE_M) -> None:
+        """Refuse what no robot can mean.
+
+        Raises:
+            ValueError: a value is not finite or out of range; the message names it, and nothing was sent.
+        """
+        for name in ("x_m", "y_m", "z_m"):
+            value = getattr(self, name)
+            # Written so that NaN fails too.
+            if not -max_coordinate_m <= value <= max_coordinate_m:
+                raise ValueError(f"Waypoint.{name} is {value}, allowed: finite, at most +-{max_coordinate_m:g} m")
+        if self.heading_rad is not None and not math.isfinite(self.heading_rad):
+            raise ValueError(f"Waypoint.heading_rad is {self.heading_rad}, allowed: finite, or None")
+        if self.speed_m_s is not None and not 0.0 < self.speed_m_s < math.inf:
+            raise ValueError(f"Waypoint.speed_m_s is {self.speed_m_s}, allowed: above 0, or None")
+        if not 0.0 < self.radius_m < math.inf:
+            raise ValueError(f"Waypoint.radius_m is {self.radius_m}, allowed: above 0")
+        if not 0.0 < self.timeout_s < math.inf:
+            raise ValueError(f"Waypoint.timeout_s is {self.timeout_s}, allowed: above 0")
+
+
+class RobotState(NamedTuple):
+    """The latest sample of one robot.
+
+    Attributes:
+        robot_id: whose sample it is.
+        stamp_s: fleet time at which the vehicle was in this state.
+        vehicle_stamp_s: the same moment on the vehicle's own clock.
+        x_m: east.
+        y_m: north.
+        z_m: up.
+        heading_rad: body heading in (-pi, pi].
+        vx_m_s: velocity, east.
+        vy_m_s: velocity, north.
+        yaw_rate_rad_s: counter-clockwise.
+        battery: charge from 0 to 1, or None where it is unknown.
+        controller: who is in charge, as the robot itself reports it; None where it does not.
+        goal_id: the goal that the robot is working on, or None.
+        link: how alive the link is.
+    """
+
+    robot_id: int
+    stamp_s: float
+    vehicle_stamp_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    vx_m_s: float
+    vy_m_s: float
+    yaw_rate_rad_s: float
+    battery: float | None
+    controller: Controller | None
+    goal_id: int | None
+    link: Link
+
+    def age_s(self, now_s: float) -> float:
+        """Return how old the sample is at fleet time `now_s`, in seconds."""
+        return now_s - self.stamp_s
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What a robot promises. The proofs stand on these numbers and the conformance kit measures them.
+
+    Attributes:
+        in_process: the robot lives in this process, in virtual time.
+        deterministic: the same calls give the same samples, bit for bit.
+        reverses: it can drive backwards.
+        reports_battery: samples carry a charge.
+        reports_controller: samples carry the controller in charge.
+        v_max_m_s: top speed, clamped on the robot's side.
+        yaw_rate_max_rad_s: top turn rate.
+        brake_m_s2: deceleration that it never falls short of.
+        body_radius_m: a disc of this radius around the position holds the whole body.
+        latency_s: from a call to the moment the vehicle acts on it, at most.
+        sample_age_s: age of the latest sample when it is read, at most.
+        jitter_s: how late a tick may come, at most.
+        setpoint_period_s: the vehicle's own control period.
+        lease_s: without renewal for this long the vehicle stops by itself.
+        tube_m: how far the vehicle strays from the straight segment to its target, at most.
+        overshoot_m: how far it runs beyond a target, at most.
+        position_noise_m: error of a reported position, at most.
+        pivots_first: it turns in place before it drives.
+    """
+
+    in_process: bool
+    deterministic: bool
+    reverses: bool
+    reports_battery: bool
+    reports_controller: bool
+    v_max_m_s: float
+    yaw_rate_max_rad_s: float
+    brake_m_s2: float
+    body_radius_m: float
+    latency_s: float
+    sample_age_s: float
+    jitter_s: float
+    setpoint_period_s: float
+    lease_s: float
+    tube_m: float
+    overshoot_m: float
+    position_noise_m: float
+    pivots_first: bool
+
+    def widened_beyond(self, declared: Capabilities) -> str | None:
+        """Return the name of a promise that is larger than `declared` allows, or None."""
+        for name in ("in_process", "deterministic", "reverses", "reports_battery", "reports_controller",
+                     "pivots_first", "brake_m_s2", "yaw_rate_max_rad_s"):
+            if getattr(self, name) > getattr(declared, name):
+                return name
+        for name in ("v_max_m_s", "body_radius_m", "latency_s", "sample_age_s", "jitter_s", "setpoint_period_s",
+                     "lease_s", "tube_m", "overshoot_m", "position_noise_m"):
+            if getattr(self, name) > getattr(declared, name):
+                return name
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """One robot that a backend is asked to open.
+
+    Attributes:
+        id: its number, from 1; also the MAVLink system id.
+        x_m: where it is expected at the start, east (a simulated robot is put there).
+        y_m: the same, north.
+        heading_rad: the same, heading.
+        charger_x_m: centre of its charging station.
+        charger_y_m: centre of its charging station.
+        battery: charge from 0 to 1 that a simulated robot starts with; None for full.
+        name: the robot's name on a wire that has names.
+    """
+
+    id: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    charger_x_m: float
+    charger_y_m: float
+    battery: float | None = None
+    name: str = ""
