@@ -32,6 +32,11 @@ class Box:
             return math.hypot(dx, dy) if dy > 0.0 else dx
         return max(dx, dy)
 
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The middle, x and y in metres."""
+        return (self.low_x_m + self.high_x_m) / 2, (self.low_y_m + self.high_y_m) / 2
+
 
 @dataclass(frozen=True, slots=True)
 class RobotPlace:
@@ -41,16 +46,14 @@ class RobotPlace:
         id: the robot's number, from 1.
         x_m: start, east.
         y_m: start, north.
-        charger_x_m: centre of its charging station, east.
-        charger_y_m: centre of its charging station, north.
+        charger: its charging station, a flat patch; a robot charges while its centre is on one.
         heading_rad: start heading, counter-clockwise from east.
     """
 
     id: int
     x_m: float
     y_m: float
-    charger_x_m: float
-    charger_y_m: float
+    charger: Box
     heading_rad: float = 0.0
 
 

@@ -191,8 +191,6 @@ class RobotSpec:
         x_m: where it is expected at the start, east (a simulated robot is put there).
         y_m: the same, north.
         heading_rad: the same, heading.
-        charger_x_m: centre of its charging station.
-        charger_y_m: centre of its charging station.
         battery: charge from 0 to 1 that a simulated robot starts with; None for full.
         name: the robot's name on a wire that has names.
     """
@@ -201,7 +199,5 @@ class RobotSpec:
     x_m: float
     y_m: float
     heading_rad: float
-    charger_x_m: float
-    charger_y_m: float
     battery: float | None = None
     name: str = ""
