@@ -1,0 +1,164 @@
+"""The part of PyBullet that `soter_sim` uses (PyBullet ships no types). Quaternions are (x, y, z, w)."""
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+JointState: TypeAlias = tuple[float, float, tuple[float, float, float, float, float, float], float]
+# Flag, bodies A and B, links A and B, positions on A and B, normal on B, distance, normal force, then two
+# frictions: force and direction of each.
+ContactPoint: TypeAlias = tuple[
+    int, int, int, int, int, Vector, Vector, Vector, float, float, float, Vector, float, Vector
+]
+# Index, name, type, first position and velocity index, flags, damping, friction, lower and upper limit, top
+# force and velocity, link name, axis, position and orientation in the parent's frame, parent.
+JointInfo: TypeAlias = tuple[
+    *tuple[int, bytes, int, int, int, int],
+    *tuple[float, float, float, float, float, float],
+    *tuple[bytes, Vector, Vector, Quaternion, int],
+]
+
+DIRECT: int
+GEOM_BOX: int
+GEOM_CYLINDER: int
+GEOM_PLANE: int
+GEOM_SPHERE: int
+VELOCITY_CONTROL: int
+URDF_USE_SELF_COLLISION: int
+
+class error(Exception): ...
+
+def connect(method: int, key: int = ..., options: str = "") -> int: ...
+def disconnect(physicsClientId: int = 0) -> None: ...
+def isConnected(physicsClientId: int = 0) -> int: ...
+def resetSimulation(flags: int = 0, physicsClientId: int = 0) -> None: ...
+def setGravity(gravX: float, gravY: float, gravZ: float, physicsClientId: int = 0) -> None: ...
+def setTimeStep(timeStep: float, physicsClientId: int = 0) -> None: ...
+def setPhysicsEngineParameter(
+    *,
+    fixedTimeStep: float = ...,
+    numSolverIterations: int = ...,
+    numSubSteps: int = ...,
+    useSplitImpulse: int = ...,
+    splitImpulsePenetrationThreshold: float = ...,
+    collisionFilterMode: int = ...,
+    contactBreakingThreshold: float = ...,
+    enableFileCaching: int = ...,
+    restitutionVelocityThreshold: float = ...,
+    erp: float = ...,
+    contactERP: float = ...,
+    frictionERP: float = ...,
+    enableConeFriction: int = ...,
+    deterministicOverlappingPairs: int = ...,
+    solverResidualThreshold: float = ...,
+    physicsClientId: int = 0,
+) -> None: ...
+def stepSimulation(physicsClientId: int = 0) -> None: ...
+def performCollisionDetection(physicsClientId: int = 0) -> None: ...
+def setAdditionalSearchPath(path: str, physicsClientId: int = 0) -> None: ...
+def loadURDF(
+    fileName: str,
+    basePosition: Sequence[float] = ...,
+    baseOrientation: Sequence[float] = ...,
+    useMaximalCoordinates: int = 0,
+    useFixedBase: int = 0,
+    flags: int = 0,
+    globalScaling: float = 1.0,
+    physicsClientId: int = 0,
+) -> int: ...
+def createCollisionShape(
+    shapeType: int,
+    radius: float = ...,
+    halfExtents: Sequence[float] = ...,
+    height: float = ...,
+    planeNormal: Sequence[float] = ...,
+    physicsClientId: int = 0,
+) -> int: ...
+def createMultiBody(
+    baseMass: float = 0.0,
+    baseCollisionShapeIndex: int = -1,
+    baseVisualShapeIndex: int = -1,
+    basePosition: Sequence[float] = ...,
+    baseOrientation: Sequence[float] = ...,
+    physicsClientId: int = 0,
+) -> int: ...
+def removeBody(bodyUniqueId: int, physicsClientId: int = 0) -> None: ...
+def changeDynamics(
+    bodyUniqueId: int,
+    linkIndex: int,
+    *,
+    mass: float = ...,
+    lateralFriction: float = ...,
+    spinningFriction: float = ...,
+    rollingFriction: float = ...,
+    restitution: float = ...,
+    linearDamping: float = ...,
+    angularDamping: float = ...,
+    contactStiffness: float = ...,
+    contactDamping: float = ...,
+    ccdSweptSphereRadius: float = ...,
+    activationState: int = ...,
+    jointDamping: float = ...,
+    physicsClientId: int = 0,
+) -> None: ...
+def getNumJoints(bodyUniqueId: int, physicsClientId: int = 0) -> int: ...
+def getJointInfo(bodyUniqueId: int, jointIndex: int, physicsClientId: int = 0) -> JointInfo: ...
+def getJointState(bodyUniqueId: int, jointIndex: int, physicsClientId: int = 0) -> JointState: ...
+def getJointStates(
+    bodyUniqueId: int, jointIndices: Sequence[int], physicsClientId: int = 0
+) -> tuple[JointState, ...]: ...
+def resetJointState(
+    bodyUniqueId: int,
+    jointIndex: int,
+    targetValue: float,
+    targetVelocity: float = 0.0,
+    physicsClientId: int = 0,
+) -> None: ...
+def setJointMotorControl2(
+    bodyUniqueId: int,
+    jointIndex: int,
+    controlMode: int,
+    *,
+    targetPosition: float = ...,
+    targetVelocity: float = ...,
+    force: float = ...,
+    maxVelocity: float = ...,
+    physicsClientId: int = 0,
+) -> None: ...
+def setJointMotorControlArray(
+    bodyUniqueId: int,
+    jointIndices: Sequence[int],
+    controlMode: int,
+    *,
+    targetPositions: Sequence[float] = ...,
+    targetVelocities: Sequence[float] = ...,
+    forces: Sequence[float] = ...,
+    physicsClientId: int = 0,
+) -> None: ...
+def getBasePositionAndOrientation(
+    bodyUniqueId: int, physicsClientId: int = 0
+) -> tuple[Vector, Quaternion]: ...
+def resetBasePositionAndOrientation(
+    bodyUniqueId: int, posObj: Sequence[float], ornObj: Sequence[float], physicsClientId: int = 0
+) -> None: ...
+def getBaseVelocity(bodyUniqueId: int, physicsClientId: int = 0) -> tuple[Vector, Vector]: ...
+def resetBaseVelocity(
+    objectUniqueId: int,
+    linearVelocity: Sequence[float] = ...,
+    angularVelocity: Sequence[float] = ...,
+    physicsClientId: int = 0,
+) -> None: ...
+def getEulerFromQuaternion(quaternion: Sequence[float], physicsClientId: int = 0) -> Vector: ...
+def getQuaternionFromEuler(eulerAngles: Sequence[float], physicsClientId: int = 0) -> Quaternion: ...
+def getContactPoints(
+    bodyA: int = ..., bodyB: int = ..., linkIndexA: int = ..., linkIndexB: int = ..., physicsClientId: int = 0
+) -> tuple[ContactPoint, ...]: ...
+def getClosestPoints(
+    bodyA: int,
+    bodyB: int,
+    distance: float,
+    linkIndexA: int = ...,
+    linkIndexB: int = ...,
+    physicsClientId: int = 0,
+) -> tuple[ContactPoint, ...]: ...
