@@ -1,4 +1,4 @@
-"""Spaces, problems, objectives and termination. There is no `ScopedState`: states come from `allocState()`."""
+"""Spaces, problems, objectives and termination (no `ScopedState`: states come from `allocState()`)."""
 
 import enum
 from collections.abc import Callable
@@ -26,8 +26,8 @@ class RealVectorStateSpace(StateSpace):
     def getDimension(self) -> int: ...
     def setBounds(self, bounds: RealVectorBounds) -> None: ...
 
-# The callables receive the state type of the space: for a RealVectorStateSpace that is RealVectorStateType. They
-# must return a real bool; numpy.bool_ raises bad_cast inside the bindings.
+# The callables receive the state type of the space: for a RealVectorStateSpace that is RealVectorStateType.
+# They must return a real bool; numpy.bool_ raises bad_cast inside the bindings.
 class SpaceInformation:
     def __init__(self, space: StateSpace) -> None: ...
     def allocState(self) -> State: ...

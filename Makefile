@@ -1,0 +1,60 @@
+# Everything a contributor runs. Each target installs what it needs into .venv, and nothing outside this folder.
+
+.NOTPARALLEL:
+.DEFAULT_GOAL := help
+
+VENV := .venv/bin
+# Processes that run the tests; with 0 they run in the order of the files, in one process.
+WORKERS ?= 2
+PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
+
+.PHONY: help
+help: ## Say what there is
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
+
+.PHONY: demo
+demo: ## Ten simulated minutes of the surveillance mission, and a picture of them
+	@tools/demo.sh
+
+.PHONY: test
+test: ## Every deterministic test
+	@tools/env.sh test
+	$(VENV)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+
+.PHONY: check
+check: lint types wheel-check test ## Everything a change must pass: lint, types, wheel, tests (docs and imports too)
+
+.PHONY: accept
+accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped and resumed
+	@tools/env.sh test
+	$(VENV)/python tools/accept.py
+
+.PHONY: lint
+lint: ## Style and formatting
+	@tools/env.sh check
+	$(VENV)/ruff check
+	$(VENV)/ruff format --check
+
+.PHONY: types
+types: ## Static types, strict
+	@tools/env.sh check
+	$(VENV)/mypy $(PYTHON_FOLDERS)
+
+.PHONY: docs-check
+docs-check: ## Only the tests that run the code in README.md and docs/
+	@tools/env.sh test
+	$(VENV)/python -m pytest tests/project/test_docs.py
+
+.PHONY: wheel-check
+wheel-check: ## Build the wheel and try it in a clean environment
+	@tools/env.sh check
+	$(VENV)/python tools/wheel_check.py
+
+.PHONY: lock
+lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the newest versions)
+	@tools/lock.sh
+
+.PHONY: clean
+clean: ## Remove .venv and everything that tools and runs left behind
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Ten minutes of the surveillance mission, and a picture of them: `make demo`. Extra arguments go to `soter run`.
+#
+# It runs on PyBullet if there is a wheel of it or a compiler to build it with, else on the kinematic engine.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+python=.venv/bin/python
+picture=out/surveillance.png
+
+have_pybullet() {
+    "$python" -c 'import pybullet' >/dev/null 2>&1
+}
+
+can_build() { # a C++ compiler with its headers, and this Python's
+    local include
+    include=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
+    printf '#include <vector>\n#include <Python.h>\n' |
+        c++ -fsyntax-only -I "$include" -x c++ - >/dev/null 2>&1
+}
+
+tools/env.sh demo
+engine=pybullet
+missing=
+if ! have_pybullet; then
+    if ! can_build; then
+        missing="PyBullet has no wheel for $("$python" --version), and there is nothing to build it with."
+        missing+=$'\n'"To have it: apt-get install g++ python3-dev, then make demo again."
+    else
+        echo "PyBullet has no wheel for $("$python" --version): building it from source, once. It takes about six minutes."
+        if ! "$python" -m pip install --quiet --disable-pip-version-check -r requirements/pybullet.txt \
+            2>.venv/pybullet-build.log; then
+            missing="PyBullet could not be built; .venv/pybullet-build.log says why."
+        fi
+    fi
+    if [ -n "$missing" ]; then
+        engine=kinematic
+        missing+=$'\n'"So this demo runs on SOTER's own kinematic engine instead: the same mission, simpler physics."
+        printf '%s\n\n' "$missing"
+    fi
+fi
+
+mkdir -p "$(dirname "$picture")"
+status=0
+.venv/bin/soter run examples/surveillance.toml --engine "$engine" --duration 600 \
+    --picture "$picture" --json out/surveillance.json "$@" || status=$?
+if [ -n "$missing" ]; then
+    printf '\n%s\n' "$missing"
+fi
+exit "$status"

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Makes .venv hold what requirements/NAME.txt locks, and the project itself, editable: tools/env.sh NAME
+#
+# All locks agree on versions, so one environment serves the demo, the tests and the checks; each adds to it.
+# A stamp in .venv remembers what is installed, so that nothing happens when nothing has changed. PyBullet is
+# installed too if there is a wheel of it for this Python.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+name=$1
+lock=requirements/$name.txt
+stamp=.venv/stamp-$name
+pip=(.venv/bin/python -m pip --quiet --disable-pip-version-check)
+
+works() { # works PYTHON MODULES: it runs, is at least 3.11 and has the modules
+    "$1" -c "import sys; sys.version_info >= (3, 11) or sys.exit(1); import $2" >/dev/null 2>&1
+}
+
+# PyBullet has wheels for Python 3.11 only, so that version comes first wherever it is. A name on the PATH proves
+# nothing: it may be a version manager's shim for a Python that is not installed.
+find_python() {
+    local python without_venv=
+    while read -r python; do
+        if works "$python" "ensurepip, venv"; then
+            echo "$python"
+            return
+        elif works "$python" sys; then
+            without_venv=${without_venv:-$python}
+        fi
+    done < <(type -ap python3.11 python3 python3.13 python3.12 || true)
+    if [ -n "$without_venv" ]; then
+        echo "$without_venv cannot make virtual environments: its venv module is missing." >&2
+    else
+        echo "SOTER needs Python 3.11 or newer, and there is none on the PATH." >&2
+    fi
+    echo "On Debian or Ubuntu: apt-get install python3 python3-venv" >&2
+    return 1
+}
+
+up_to_date() {
+    [ -e "$stamp" ] && [ "$stamp" -nt "$lock" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt "$0" ]
+}
+
+if ! works .venv/bin/python pip; then
+    python=$(find_python)
+    echo "Creating .venv with $("$python" --version) ($python)"
+    "$python" -m venv --clear .venv
+fi
+if up_to_date; then
+    exit 0
+fi
+echo "Installing $lock and the project into .venv"
+"${pip[@]}" install -r "$lock"
+"${pip[@]}" install --no-deps --editable .
+if "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then
+    rm .venv/pybullet-wheel.log
+else
+    echo "There is no PyBullet wheel for this Python; going on without (see .venv/pybullet-wheel.log)."
+fi
+touch "$stamp"
