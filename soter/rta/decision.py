@@ -1,0 +1,150 @@
+"""The decision module that is synthesised from a declaration: AC -> SC before the rule can break, SC -> AC when safe.
+
+The switching logic is figure 2.7 of the thesis with the reading of its prose: from AC to SC when not all of
+Reach(s, any controller, 2 Delta) is inside phi_safe; from SC to AC when s is in phi_safer. The horizon also pays for
+latency, jitter and the age of the sample.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, Protocol
+
+from soter.rta.module import Region, RTAModule, Timing
+from soter.rta.situation import Mode, Situation
+
+
+class Permission(Protocol):
+    """Who else has a say in giving a robot back to its AC: the arbiter."""
+
+    def permits(self, module: str, situation: Situation) -> bool:
+        """Return whether this robot may go back to its AC now, as far as others are concerned."""
+
+
+class DecisionModule:
+    """One declared module, bound to one robot. Starts in SC.
+
+    Until it has given control to the AC for the first time, it does so wherever the AC could be trusted for a whole
+    horizon (margin >= R(H)), which is what P3 asks of phi_safer: phi_safer is a hysteresis for robots that have been
+    disengaged, such as "charged to 85 %", and a robot at its start has not been.
+
+    Attributes:
+        module: the declaration.
+        mode: AC or SC.
+        cause: why it is in SC, in words.
+        margin: as last judged.
+        reach: R(2 Delta + L + J + age) as last judged; 0 for a rule given by predicates.
+        since_s: fleet time of the last change of mode.
+    """
+
+    def __init__(
+        self, module: RTAModule, timing: Timing, base_tick_s: float, permission: Permission | None = None
+    ) -> None:
+        self.module: Final = module
+        self.name: Final = module.name
+        self.every_ticks: Final = max(1, round(module.delta_s / base_tick_s))
+        self.mode = Mode.SC
+        self.cause = "start"
+        self.margin = math.nan
+        self.reach = 0.0
+        self.since_s = 0.0
+        self.delta_s: Final = module.delta_s
+        self._permission = permission
+        self._judged_ok_since_s = math.nan
+        self._was_engaged = False
+        self._look_s = 2.0 * module.delta_s + timing.latency_s + timing.jitter_s
+        self._phi_safe = module.phi_safe
+        self._model = module.model
+        self._noise = module.phi_safe.noise(timing.noise_m) if module.phi_safe is not None else 0.0
+        self._fixed_reach = (
+            module.model.bound(self._look_s)
+            if module.model is not None and not module.model.depends_on_state
+            else math.nan
+        )
+        self._horizon_reach = (
+            module.model.bound(module.horizon_s(timing)) if module.model is not None else math.inf
+        )
+        self._safer_margin = module.edge_margin()
+
+    def decide(self, situation: Situation) -> bool:
+        """Judge the situation, as is done every Delta; return whether the mode changed."""
+        if self.mode is Mode.AC:
+            if self._in_danger(situation):
+                self.force(situation.now_s, self.cause)
+                return True
+            return False
+        self.observe(situation)
+        if not situation.now_s - self._judged_ok_since_s >= self.module.dwell_s - 1e-9:
+            return False
+        if self._permission is not None and not self._permission.permits(self.name, situation):
+            return False
+        self.mode = Mode.AC
+        self.cause = ""
+        self.since_s = situation.now_s
+        self._was_engaged = True
+        self._judged_ok_since_s = math.nan
+        return True
+
+    def observe(self, situation: Situation) -> None:
+        """Follow the margin between two decisions while in SC, so that a dwell may be shorter than Delta."""
+        if not self._fit_for_ac(situation):
+            self._judged_ok_since_s = math.nan
+        elif math.isnan(self._judged_ok_since_s):
+            self._judged_ok_since_s = situation.now_s
+
+    def force(self, now_s: float, cause: str) -> None:
+        """Go to SC, or stay there with the dwell begun anew, for a cause found outside the margin."""
+        if self.mode is Mode.AC:
+            self.mode = Mode.SC
+            self.since_s = now_s
+        self.cause = cause
+        self._judged_ok_since_s = math.nan
+
+    def _in_danger(self, situation: Situation) -> bool:
+        phi_safe, model = self._phi_safe, self._model
+        if phi_safe is None or model is None:
+            return self._predicted_to_fail(situation)
+        margin = phi_safe.margin(situation)
+        age_s = situation.age_s
+        if age_s == 0.0 and self._fixed_reach == self._fixed_reach:
+            reach = self._fixed_reach
+        else:
+            reach = model.reach(situation, self._look_s + age_s)
+        self.margin, self.reach = margin, reach
+        # Written so that a margin that is not a number counts as danger.
+        if margin - self._noise - reach >= 0.0:
+            return False
+        unit = phi_safe.unit
+        self.cause = f"margin {margin:.3f} {unit} < reach {reach + self._noise:.3f} {unit}"
+        return True
+
+    def _predicted_to_fail(self, situation: Situation) -> bool:
+        predicate = self.module.ttf_2delta
+        if predicate is None or predicate(situation) is False:
+            return False
+        self.cause = "may fail within 2 Delta"
+        return True
+
+    def _fit_for_ac(self, situation: Situation) -> bool:
+        phi_safe, model, safer = self._phi_safe, self._model, self.module.phi_safer
+        if phi_safe is None or model is None:
+            return self._inside(safer, situation) and not self._predicted_to_fail(situation)
+        margin = phi_safe.margin(situation)
+        self.margin = margin
+        reach = model.reach(situation, self._look_s + situation.age_s)
+        self.reach = reach
+        sure = margin - self._noise
+        if not sure - reach >= 0.0:
+            return False
+        if not self._was_engaged and sure >= self._horizon_reach:
+            return True
+        if isinstance(safer, Region):
+            aged = model.bound(situation.age_s) - model.bound(0.0)
+            return safer.margin(situation) - self._noise - aged >= 0.0
+        return safer(situation) is True
+
+    @staticmethod
+    def _inside(safer: object, situation: Situation) -> bool:
+        if isinstance(safer, Region):
+            return safer.margin(situation) >= 0.0
+        return callable(safer) and safer(situation) is True

@@ -1,0 +1,101 @@
+"""Reach models: the most that a margin can fall within a time, under any controller."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+from soter.rta.situation import Sample, Situation
+
+
+class ReachModel(ABC):
+    """R(T), and whether a new sample is one that the model allows.
+
+    A model whose bound depends on the state overrides `reach`; `bound` must then be its maximum over all states.
+    """
+
+    @abstractmethod
+    def bound(self, time_s: float) -> float:
+        """Return R(T) for the worst state, in the unit of the margin; it includes stopping afterwards."""
+
+    def reach(self, situation: Situation, time_s: float) -> float:
+        """Return R(T) from this very state, never more than `bound(time_s)`."""
+        return self.bound(time_s)
+
+    @property
+    def depends_on_state(self) -> bool:
+        """Whether `reach` may be less than `bound`."""
+        return type(self).reach is not ReachModel.reach
+
+    @abstractmethod
+    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
+        """Return whether `after` lies in the reach set of `before`; if not, the model is wrong about this robot."""
+
+
+class SpeedBound(ReachModel):
+    """No more than v_max, and a brake of at least brake_m_s2: R(T) = v_max T + v_max^2 / (2 brake).
+
+    Args:
+        v_max_m_s: top speed.
+        brake_m_s2: guaranteed deceleration; what is needed to stop after T is part of the bound, because no
+            controller can keep a vehicle with inertia from crossing an edge that it is about to cross.
+    """
+
+    def __init__(self, v_max_m_s: float, brake_m_s2: float) -> None:
+        if not 0.0 < v_max_m_s < math.inf:
+            raise ValueError(f"v_max_m_s is {v_max_m_s}, allowed: above 0")
+        if not 0.0 < brake_m_s2 < math.inf:
+            raise ValueError(f"brake_m_s2 is {brake_m_s2}, allowed: above 0")
+        self.v_max_m_s = v_max_m_s
+        self.brake_m_s2 = brake_m_s2
+        self.stop_m = v_max_m_s * v_max_m_s / (2.0 * brake_m_s2)
+
+    def bound(self, time_s: float) -> float:
+        return self.v_max_m_s * time_s + self.stop_m
+
+    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
+        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m
+        dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
+        return dx * dx + dy * dy <= allowed_m * allowed_m
+
+
+class PairBound(ReachModel):
+    """The distance of two robots falls by at most what both cover: the sum of their speed bounds.
+
+    Args:
+        own: this robot's bound.
+        other: the bound that every peer is assumed to respect.
+    """
+
+    def __init__(self, own: SpeedBound, other: SpeedBound) -> None:
+        self.own = own
+        self.other = other
+
+    def bound(self, time_s: float) -> float:
+        return self.own.bound(time_s) + self.other.bound(time_s)
+
+    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
+        return self.own.admits(before, after, noise_m)
+
+
+class DischargeBound(ReachModel):
+    """The charge falls no faster than at driving power, and the way home grows no faster than the robot drives.
+
+    Args:
+        drive_per_s: charge used per second at driving power.
+        v_max_m_s: top speed.
+        cost_per_m: charge that one metre of the way home is accounted for.
+    """
+
+    def __init__(self, drive_per_s: float, v_max_m_s: float, cost_per_m: float) -> None:
+        self.drive_per_s = drive_per_s
+        self.rate_per_s = drive_per_s + v_max_m_s * cost_per_m
+
+    def bound(self, time_s: float) -> float:
+        return self.rate_per_s * time_s
+
+    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
+        if before.battery is None or after.battery is None:
+            return before.battery is after.battery
+        # One part in a million is rounding, not a charge that falls faster than the model.
+        return before.battery - after.battery <= self.drive_per_s * (after.stamp_s - before.stamp_s) + 1e-6

@@ -1,0 +1,169 @@
+"""The declaration of a safety module, and the conditions under which its promise holds."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from soter.errors import IllFormedModule
+from soter.rta.models import ReachModel
+from soter.rta.situation import Situation
+from soter.rta.topics import Node
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """What the robot's side adds to every horizon.
+
+    Attributes:
+        latency_s: from a decision to the vehicle acting on it, at most (L).
+        sample_age_s: age of a sample when it is judged, at most (A_max).
+        jitter_s: how late a tick may come, at most (J).
+        noise_m: error of a reported position, at most.
+    """
+
+    latency_s: float = 0.0
+    sample_age_s: float = 0.0
+    jitter_s: float = 0.0
+    noise_m: float = 0.0
+
+
+class Region(ABC):
+    """A set of situations with a signed distance to its edge: a margin, at least 0 inside."""
+
+    unit: str = "m"
+    """What margins are measured in."""
+
+    @abstractmethod
+    def margin(self, situation: Situation) -> float:
+        """Return the margin. A value that is not a number counts as outside."""
+
+    @abstractmethod
+    def edge_margin(self, safer: Region) -> float:
+        """Return the least margin that any situation of the region `safer` has in this one."""
+
+    def noise(self, noise_m: float) -> float:
+        """Return by how much the margin may be wrong when a position is wrong by `noise_m`."""
+        return noise_m
+
+
+@dataclass(frozen=True, slots=True)
+class RTAModule:
+    """A safety module: who drives, who rescues, when to look, what to keep.
+
+    It is a template: a supervisor binds it to one robot, or to one robot and the others. Declaring it is all
+    there is to do; the decision module, its monitor and its metrics are made from it.
+
+    Attributes:
+        name: for causes and reports.
+        ac: the advanced controller's node.
+        sc: the safe controller's node.
+        delta_s: period of the decision module (Delta).
+        phi_safe: the rule, with its margin; None when the rule is given by predicates.
+        phi_safer: where control may go back to the AC: a region, or a predicate.
+        model: R(T) of the margin; None when the rule is given by predicates.
+        ttf_2delta: predicate "may fail within two Delta", instead of phi_safe and model. The proof is then the
+            author's assumption, and only falsification stands behind it.
+        dwell_s: how long phi_safer must hold before control goes back.
+    """
+
+    name: str
+    ac: Node
+    sc: Node
+    delta_s: float
+    phi_safe: Region | None
+    phi_safer: Region | Callable[[Situation], bool]
+    model: ReachModel | None = None
+    ttf_2delta: Callable[[Situation], bool] | None = None
+    dwell_s: float = 0.3
+
+    def horizon_s(self, timing: Timing) -> float:
+        """Return H = 2 Delta + L + A_max + J, the time that no controller may be able to use up."""
+        return 2.0 * self.delta_s + timing.latency_s + timing.sample_age_s + timing.jitter_s
+
+    def edge_margin(self) -> float:
+        """Return the margin at the edge of phi_safer, or NaN for a rule given by predicates."""
+        if self.phi_safe is None or not isinstance(self.phi_safer, Region):
+            return math.nan
+        return self.phi_safe.edge_margin(self.phi_safer)
+
+    def check(self, timing: Timing, base_tick_s: float) -> None:
+        """Check P1 and P3 against the numbers of a real robot.
+
+        Args:
+            timing: the robot's latency, sample age, jitter and noise.
+            base_tick_s: period of the supervisor, of which Delta must be a multiple.
+
+        Raises:
+            IllFormedModule: names the condition, the numbers and a value that would do.
+        """
+        self._check_declaration()
+        self._check_periods(base_tick_s)
+        if self.phi_safe is not None and self.model is not None:
+            self._check_reach(self.phi_safe, self.model, timing, base_tick_s)
+
+    def _check_declaration(self) -> None:
+        if not 0.0 < self.delta_s < math.inf:
+            raise IllFormedModule(self.name, "P1a", f"delta_s is {self.delta_s}, allowed: above 0")
+        if not 0.0 <= self.dwell_s < math.inf:
+            raise IllFormedModule(self.name, "P1a", f"dwell_s is {self.dwell_s}, allowed: 0 or more")
+        by_margin = self.phi_safe is not None and self.model is not None
+        by_predicate = self.ttf_2delta is not None
+        if by_margin == by_predicate:
+            raise IllFormedModule(
+                self.name, "P3", "give either phi_safe with a model, or the predicate ttf_2delta, and not both"
+            )
+
+    def _check_periods(self, base_tick_s: float) -> None:
+        for role, node in (("AC", self.ac), ("SC", self.sc)):
+            if node.period_s > self.delta_s + _ROUNDING:
+                raise IllFormedModule(
+                    self.name, "P1a",
+                    f"the {role} '{node.name}' has a period of {node.period_s:g} s, longer than Delta = "
+                    f"{self.delta_s:g} s; a period of {self.delta_s:g} s or a Delta of {node.period_s:g} s would do",
+                )
+        ticks = self.delta_s / base_tick_s
+        if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
+            fits = max(1, round(ticks)) * base_tick_s
+            raise IllFormedModule(
+                self.name, "P1a",
+                f"Delta = {self.delta_s:g} s is no multiple of the base tick of {base_tick_s:g} s; {fits:g} s would do",
+            )
+        if set(self.ac.publishes) != set(self.sc.publishes) or not self.ac.publishes:
+            raise IllFormedModule(
+                self.name, "P1b",
+                f"the AC publishes {sorted(self.ac.publishes)}, the SC {sorted(self.sc.publishes)}; "
+                "both must publish the same topics, at least one",
+            )
+
+    def _check_reach(self, phi_safe: Region, model: ReachModel, timing: Timing, base_tick_s: float) -> None:
+        if not isinstance(self.phi_safer, Region):
+            return
+        edge = phi_safe.edge_margin(self.phi_safer)
+        horizon_s = self.horizon_s(timing)
+        reach = model.bound(horizon_s)
+        if reach <= edge + _ROUNDING:
+            return
+        unit = phi_safe.unit
+        remedy = f"a phi_safer whose edge has a margin of {reach:.3f} {unit}"
+        fits_s = self._largest_delta_s(model, edge, timing, base_tick_s)
+        if fits_s is not None:
+            remedy += f", or Delta = {fits_s:g} s,"
+        raise IllFormedModule(
+            self.name, "P3",
+            f"within 2 Delta + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}, "
+            f"but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do",
+        )
+
+    def _largest_delta_s(
+        self, model: ReachModel, edge: float, timing: Timing, base_tick_s: float
+    ) -> float | None:
+        extra_s = self.horizon_s(timing) - 2.0 * self.delta_s
+        for ticks in range(round(self.delta_s / base_tick_s) - 1, 0, -1):
+            if model.bound(2.0 * ticks * base_tick_s + extra_s) <= edge + _ROUNDING:
+                return ticks * base_tick_s
+        return None

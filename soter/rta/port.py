@@ -1,0 +1,107 @@
+"""The port: one untrusted controller's rights on one robot, and the only object here that threads may share."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Generic, NamedTuple, TypeVar
+
+C = TypeVar("C")
+
+
+class Request(NamedTuple, Generic[C]):
+    """A command in the mailbox.
+
+    Attributes:
+        goal_id: the port's number for it, by which its end will be reported.
+        command: what is asked for.
+        upcoming: what the controller intends after it; used for statistics only, never for safety.
+    """
+
+    goal_id: int
+    command: C
+    upcoming: tuple[C, ...] = ()
+
+
+class GoalReport(NamedTuple):
+    """How a goal that was asked for through a port ended.
+
+    Attributes:
+        robot_id: whose port.
+        goal_id: which goal.
+        status: the interface's word for it: reached, superseded, preempted, rejected, cancelled, timed_out, failed.
+    """
+
+    robot_id: int
+    goal_id: int
+    status: str
+
+
+class ControlReport(NamedTuple):
+    """The robot changed hands.
+
+    Attributes:
+        robot_id: whose port.
+        engaged: True when the AC has got control, False when it has lost it.
+        module: the safety module that took control, or gave it back last.
+        cause: in words.
+    """
+
+    robot_id: int
+    engaged: bool
+    module: str
+    cause: str
+
+
+Report = GoalReport | ControlReport
+
+
+class Port(Generic[C]):
+    """A mailbox of one slot: a newer command replaces one that was not yet taken, so a flood costs nothing.
+
+    `goto` may be called from any thread. `take`, `report` and `engaged` belong to the supervisor's thread.
+
+    Args:
+        robot_id: whose port.
+        listener: told of ended goals and of control lost and regained, in the supervisor's thread; it must only
+            pass the report on.
+    """
+
+    def __init__(self, robot_id: int, listener: Callable[[Report], None]) -> None:
+        self.robot_id = robot_id
+        self.engaged = False
+        self._listener = listener
+        self._lock = threading.Lock()
+        self._slot: Request[C] | None = None
+        self._replaced: list[int] = []
+        self._last_goal_id = 0
+
+    def goto(self, command: C, upcoming: tuple[C, ...] = ()) -> int:
+        """Ask for a place; return the goal's number at once. Whether it moves anything is reported later."""
+        with self._lock:
+            self._last_goal_id += 1
+            # A flood must not grow anything: only the newest replaced goal is worth a report.
+            if self._slot is not None:
+                self._replaced = [self._slot.goal_id]
+            self._slot = Request(self._last_goal_id, command, upcoming)
+            return self._last_goal_id
+
+    def take(self) -> Request[C] | None:
+        """Empty the mailbox; tells the owner of a command that was replaced in it."""
+        if self._slot is None:
+            return None
+        with self._lock:
+            request, self._slot = self._slot, None
+            replaced, self._replaced = self._replaced, []
+        for goal_id in replaced:
+            self._listener(GoalReport(self.robot_id, goal_id, "superseded"))
+        return request
+
+    def report(self, goal_id: int, status: str) -> None:
+        """Tell the owner how a goal ended."""
+        self._listener(GoalReport(self.robot_id, goal_id, status))
+
+    def control(self, engaged: bool, module: str, cause: str) -> None:
+        """Tell the owner that control was lost or has come back."""
+        self.engaged = engaged
+        self._listener(ControlReport(self.robot_id, engaged, module, cause))

@@ -1,0 +1,276 @@
+"""The supervisor: every tick it senses, lets the due decision modules judge, and drives through whoever is in charge."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple, Protocol
+
+from soter.rta.decision import DecisionModule
+from soter.rta.models import ReachModel
+from soter.rta.module import Timing
+from soter.rta.neighbours import Neighbours
+from soter.rta.situation import Mode, Sample, Situation
+from soter.rta.topics import Node, Topic
+
+logger = logging.getLogger(__name__)
+
+SUPERVISOR = "supervisor"
+"""Named as the module when a disengagement comes from an assumption that failed, not from a module's margin."""
+
+
+class Actuator(Protocol):
+    """The robot as the supervisor needs it. Used from the supervisor's thread only."""
+
+    def read(self) -> Sample:
+        """Return the latest sample without waiting."""
+
+    def drive(self, command: Any, mode: Mode) -> None:  # noqa: ANN401 - the commands are the stack's business
+        """Pass on a command of the controller in charge; None means stop."""
+
+    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+        """Put another controller in charge; flush what the one before had in flight."""
+
+    def renew(self) -> None:
+        """Let the robot move on for another lease."""
+
+
+class SwitchRecord(NamedTuple):
+    """One change of control of a robot, or of the module that drives.
+
+    Attributes:
+        time_s: fleet time.
+        robot_id: which robot.
+        before: module that drove, or None for the AC.
+        after: module that drives now, or None for the AC.
+        module: the one that caused the change: the first that fired, or the last that released.
+        cause: in words.
+        joined: further modules that fired in the same tick.
+    """
+
+    time_s: float
+    robot_id: int
+    before: str | None
+    after: str | None
+    module: str
+    cause: str
+    joined: tuple[str, ...]
+
+
+class Watch(Protocol):
+    """Somebody who is told of every tick and every switch; may not change anything."""
+
+    def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
+        """Called when a robot changed hands, before its new driver's first command."""
+
+
+class RobotSupervisor:
+    """All decision modules, safe controllers and the hand-over of one robot.
+
+    Args:
+        robot_id: which robot.
+        actuator: its narrow interface.
+        modules: in the order of their right to drive; the first that is in SC drives.
+        ac: the forwarder of the AC's port.
+        waypoint: the topic that AC and SCs publish.
+        model: speed bound against which every sample is tested; None for no test.
+        timing: the robot's declared timing.
+        watches: told of switches.
+    """
+
+    def __init__(
+        self,
+        robot_id: int,
+        actuator: Actuator,
+        modules: Sequence[DecisionModule],
+        ac: Node,
+        waypoint: Topic[Any],
+        models: Sequence[ReachModel],
+        timing: Timing,
+        watches: Sequence[Watch] = (),
+    ) -> None:
+        self.robot_id: Final = robot_id
+        self.modules: Final = tuple(modules)
+        self.actuator: Final = actuator
+        self.mode = Mode.SC if modules else Mode.AC
+        self.driver: DecisionModule | None = self.modules[0] if modules else None
+        self.situation = Situation(robot_id, actuator.read(), 0.0)
+        self.decide_s: list[float] = []
+        self._ac: Final = ac
+        self._waypoint: Final = waypoint
+        self._sent = waypoint.count
+        self._models: Final = tuple(models)
+        self._timing: Final = timing
+        self._watches: Final = tuple(watches)
+        self._alarm = ""
+        self._announced_ac = False
+
+    # --- one tick, in three passes over all robots -----------------------------------------------------------
+
+    def sense(self, now_s: float) -> Sample:
+        """Read the sample and test it against what the models allow."""
+        situation = self.situation
+        before = situation.own
+        self._alarm = ""
+        try:
+            sample = self.actuator.read()
+        except Exception as failure:
+            self._alarm = f"no state: {failure}"
+            situation.now_s = now_s
+            situation.age_s = now_s - before.stamp_s
+            return before
+        situation.own = sample
+        situation.now_s = now_s
+        age_s = now_s - sample.stamp_s
+        situation.age_s = age_s
+        if age_s > self._timing.sample_age_s + 1e-9:
+            self._alarm = f"sample is {age_s:.3f} s old, declared at most {self._timing.sample_age_s:.3f} s"
+        elif sample is not before:
+            for model in self._models:
+                if not model.admits(before, sample, self._timing.noise_m):
+                    self._alarm = f"sample outside the reach set of {type(model).__name__}"
+                    break
+        return sample
+
+    def decide(self, tick: int) -> None:
+        """Let every due decision module judge, settle who drives, and hand over if that changed."""
+        situation = self.situation
+        fired: list[DecisionModule] = []
+        released: DecisionModule | None = None
+        driver: DecisionModule | None = None
+        for module in self.modules:
+            try:
+                if tick % module.every_ticks == 0:
+                    if module.decide(situation):
+                        if module.mode is Mode.SC:
+                            fired.append(module)
+                        else:
+                            released = module
+                elif module.mode is Mode.SC:
+                    module.observe(situation)
+                if self._alarm:
+                    if module.mode is Mode.AC:
+                        fired.append(module)
+                    module.force(situation.now_s, self._alarm)
+            except Exception as failure:
+                logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
+                if module.mode is Mode.AC:
+                    fired.append(module)
+                module.force(situation.now_s, f"decision module failed: {failure!r}")
+            if driver is None and module.mode is Mode.SC:
+                driver = module
+        if driver is not self.driver or (driver is None and self.mode is Mode.SC):
+            self._change_driver(driver, fired, released)
+        elif driver is None and not self._announced_ac:
+            self._announced_ac = True
+            self.actuator.hand_over(Mode.AC, "", "no safety module is enabled")
+
+    def act(self) -> None:
+        """Let the controller in charge take its step, send what it published, renew the lease."""
+        situation = self.situation
+        driver = self.driver
+        node = self._ac if driver is None else driver.module.sc
+        waypoint = self._waypoint
+        try:
+            node.step(situation)
+            if waypoint.count != self._sent:
+                self._sent = waypoint.count
+                self.actuator.drive(waypoint.value, self.mode)
+        except Exception as failure:
+            self._isolate(node, failure)
+        self.actuator.renew()
+
+    # --- changes of hands ------------------------------------------------------------------------------------
+
+    def _change_driver(
+        self, driver: DecisionModule | None, fired: Sequence[DecisionModule], released: DecisionModule | None
+    ) -> None:
+        before = self.driver
+        was = self.mode
+        self.driver = driver
+        self.mode = Mode.AC if driver is None else Mode.SC
+        first = fired[0] if fired else released or driver or before
+        name = first.name if first is not None else ""
+        cause = first.cause if first is not None else ""
+        if self._alarm and fired:
+            name = SUPERVISOR
+        if self.mode is not was or before is not driver:
+            # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
+            if self.mode is was:
+                self.actuator.drive(None, self.mode)
+            else:
+                self._announced_ac = True
+                self.actuator.hand_over(self.mode, name, cause)
+        record = SwitchRecord(
+            self.situation.now_s,
+            self.robot_id,
+            before.name if before is not None and was is Mode.SC else None,
+            driver.name if driver is not None else None,
+            name,
+            cause,
+            tuple(module.name for module in fired[1:]),
+        )
+        for watch in self._watches:
+            watch.on_switch(record, self)
+        self._sent = self._waypoint.count
+        if driver is not None:
+            try:
+                driver.module.sc.engage(self.situation)
+            except Exception as failure:
+                self._isolate(driver.module.sc, failure)
+
+    def _isolate(self, node: Node, failure: Exception) -> None:
+        logger.exception("robot %d: node '%s' failed", self.robot_id, node.name)
+        self.actuator.drive(None, self.mode)
+        if self.mode is Mode.AC:
+            for module in self.modules:
+                module.force(self.situation.now_s, f"AC failed: {failure!r}")
+            if self.modules:
+                self._change_driver(self.modules[0], self.modules[:1], None)
+
+
+class Supervisor:
+    """The supervisors of all robots of a fleet, ticked together.
+
+    Args:
+        robots: one supervisor a robot.
+        base_tick_s: period of the tick.
+        neighbour_radius_m: peers farther away than this are left out of a robot's situation; must exceed every
+            distance at which a module or safe controller takes notice of a peer.
+        before_decisions: called once a tick, after all robots were sensed and before any decides: the arbiter.
+    """
+
+    def __init__(
+        self,
+        robots: Sequence[RobotSupervisor],
+        base_tick_s: float,
+        neighbour_radius_m: float,
+        before_decisions: Callable[[float, Mapping[int, RobotSupervisor]], None] | None = None,
+    ) -> None:
+        self.robots: Final = {robot.robot_id: robot for robot in robots}
+        self.base_tick_s: Final = base_tick_s
+        self.tick_s = 0.0
+        self._list: Final = tuple(robots)
+        self._neighbours = Neighbours(neighbour_radius_m)
+        self._before_decisions = before_decisions
+        self._tick = 0
+        self.slowest_s = -math.inf
+
+    def tick(self, now_s: float) -> None:
+        """Do one tick at fleet time `now_s`; call it every `base_tick_s`."""
+        robots = self._list
+        samples = [robot.sense(now_s) for robot in robots]
+        self._neighbours.assign(robots, samples)
+        if self._before_decisions is not None:
+            self._before_decisions(now_s, self.robots)
+        tick = self._tick
+        counter = time.perf_counter
+        for robot in robots:
+            start_s = counter()
+            robot.decide(tick)
+            robot.decide_s.append(counter() - start_s)
+        for robot in robots:
+            robot.act()
+        self._tick = tick + 1

@@ -1,0 +1,55 @@
+"""Topics and periodic nodes, as in figure 2.4 of the thesis: latest-value channels, read and written by steps."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Generic, TypeVar
+
+from soter.rta.situation import Situation
+
+T = TypeVar("T")
+
+
+class Topic(Generic[T]):
+    """A named channel that keeps its newest value and counts what was published.
+
+    Attributes:
+        name: unique within one robot.
+        value: the newest value, or None before the first.
+        count: how many values were published; a reader that remembers it knows whether a value is new to it.
+    """
+
+    __slots__ = ("count", "name", "value")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.value: T | None = None
+        self.count = 0
+
+    def publish(self, value: T | None) -> None:
+        """Replace the value."""
+        self.value = value
+        self.count += 1
+
+
+class Node(ABC):
+    """A periodic process: at each step it reads topics and the situation, and publishes.
+
+    Attributes:
+        name: for messages and recordings.
+        period_s: time between two steps.
+        subscribes: names of the topics that it reads.
+        publishes: names of the topics that it writes.
+    """
+
+    name: str
+    period_s: float
+    subscribes: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+
+    @abstractmethod
+    def step(self, situation: Situation) -> None:
+        """Do one period's work; never wait."""
+
+    def engage(self, situation: Situation) -> None:
+        """Forget what an earlier time in charge has left behind; called when this node takes charge."""
