@@ -1,0 +1,37 @@
+"""Run-time assurance: topics, nodes, declared safety modules, decision modules, ports, the supervisor."""
+
+from soter.rta.decision import DecisionModule, Permission
+from soter.rta.models import DischargeBound, PairBound, ReachModel, SpeedBound
+from soter.rta.module import Region, RTAModule, Timing
+from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
+from soter.rta.situation import Mode, Sample, Situation
+from soter.rta.supervisor import SUPERVISOR, Actuator, RobotSupervisor, Supervisor, SwitchRecord, Watch
+from soter.rta.topics import Node, Topic
+
+__all__ = [
+    "SUPERVISOR",
+    "Actuator",
+    "ControlReport",
+    "DecisionModule",
+    "DischargeBound",
+    "GoalReport",
+    "Mode",
+    "Node",
+    "PairBound",
+    "Permission",
+    "Port",
+    "RTAModule",
+    "ReachModel",
+    "Region",
+    "Report",
+    "Request",
+    "RobotSupervisor",
+    "Sample",
+    "Situation",
+    "SpeedBound",
+    "Supervisor",
+    "SwitchRecord",
+    "Timing",
+    "Topic",
+    "Watch",
+]

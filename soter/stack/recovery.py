@@ -1,0 +1,225 @@
+"""The certified recovery planner: the only source of motions that safe controllers make.
+
+A motion is a turn in place and a straight leg of at most the length that the robot may cover before its safe
+controller looks again, stopping included. The leg, inflated by the robot's tracking error, is tested against every
+enabled rule; whatever is driving, all rules hold at its end and all along. A static margin that is negative already may
+only rise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from soter.rta import Sample, Situation
+from soter.sdk import Capabilities, Waypoint
+from soter.stack.terrain import Point, Terrain
+
+PAIR_NEAR_M: Final = 0.6
+"""Peers nearer than this limit every motion of a safe controller."""
+
+SEPARATION_M: Final = 0.3
+_ARRIVED_M: Final = 0.02
+_MOVING_M_S: Final = 0.02
+_ALIGNED_COS: Final = math.cos(0.35)
+_DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryRules:
+    """Which rules a motion must keep.
+
+    Attributes:
+        fence: stay inside the fence.
+        boxes: keep the body clear of boxes.
+        pairs: keep the centres of robots apart.
+        separation_m: how far apart.
+    """
+
+    fence: bool = True
+    boxes: bool = True
+    pairs: bool = True
+    separation_m: float = SEPARATION_M
+
+
+class RecoveryPlanner:
+    """Certifies motions for one robot, and makes the next leg towards a place.
+
+    Args:
+        terrain: what does not move.
+        capabilities: of the robot: top speed, brake, latency, tracking error.
+        rules: the enabled ones.
+        period_s: how often a safe controller looks (T_sc).
+    """
+
+    def __init__(
+        self, terrain: Terrain, capabilities: Capabilities, rules: RecoveryRules, period_s: float
+    ) -> None:
+        self.terrain: Final = terrain
+        self.rules: Final = rules
+        self._v_max = capabilities.v_max_m_s
+        self._tube = capabilities.tube_m + capabilities.position_noise_m
+        self._blind_s = period_s + capabilities.latency_s
+        self._stop_m = self._v_max * self._v_max / (2.0 * capabilities.brake_m_s2)
+        self._reverses = capabilities.reverses
+        self.no_certified_motion = 0
+        """Ticks at which neither any motion nor holding kept every rule."""
+
+    # --- certificates ----------------------------------------------------------------------------------------
+
+    def certify(self, situation: Situation, bx_m: float, by_m: float) -> float:
+        """Return the worst margin of the straight leg from the robot to b, in metres; negative if it is not allowed.
+
+        A static margin that is negative at the start counts as zero if the leg makes it rise all the way.
+        """
+        own = situation.own
+        ax, ay = own.x_m, own.y_m
+        worst = math.inf
+        rules, terrain, tube = self.rules, self.terrain, self._tube
+        if rules.fence:
+            # Concave along a line: the least margin is at one of its ends.
+            start, end = terrain.fence_m(ax, ay), terrain.fence_m(bx_m, by_m)
+            worst = 0.0 if start < tube and start < end < tube else end - tube
+        if rules.boxes:
+            start = terrain.clearance_m(ax, ay)
+            least = start - math.hypot(bx_m - ax, by_m - ay) - tube
+            if least < 0.0:
+                least = terrain.segment_clearance_m(ax, ay, bx_m, by_m) - tube
+                if least < 0.0 and start < tube and self._leaves_boxes(ax, ay, bx_m, by_m):
+                    least = 0.0
+            if least < worst:
+                worst = least
+        if rules.pairs and situation.peers:
+            spare = self._pair_spare_m(situation, bx_m - ax, by_m - ay)
+            if spare < worst:
+                worst = spare
+        return worst
+
+    def hold_margin(self, situation: Situation) -> float:
+        """Return the worst margin of staying where the robot is."""
+        own = situation.own
+        worst = math.inf
+        if self.rules.fence:
+            worst = self.terrain.fence_m(own.x_m, own.y_m)
+        if self.rules.boxes:
+            worst = min(worst, self.terrain.clearance_m(own.x_m, own.y_m))
+        if self.rules.pairs:
+            for peer in situation.peers:
+                gap = math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) - self.rules.separation_m
+                worst = min(worst, gap)
+        return worst
+
+    def _leaves_boxes(self, ax: float, ay: float, bx: float, by: float) -> bool:
+        """Whether the clearance rises along the leg: it is convex, so rising at its start is rising throughout."""
+        clearance = self.terrain.clearance_m
+        start = clearance(ax, ay)
+        nearby = clearance(ax + 0.05 * (bx - ax), ay + 0.05 * (by - ay))
+        return nearby > start and clearance(bx, by) > nearby
+
+    def _pair_spare_m(self, situation: Situation, dx: float, dy: float) -> float:
+        """Return by how much the motion stays below each robot's half of the gap, along the line to each near peer.
+
+        Both robots of a pair keep to their half, so the projections on that line never come nearer than the
+        separation, however each moves sideways. Balls of half the gap would not do: both may sidestep to one point.
+        """
+        own = situation.own
+        spare = math.inf
+        separation = self.rules.separation_m
+        for peer in situation.peers:
+            px, py = peer.x_m - own.x_m, peer.y_m - own.y_m
+            distance = math.sqrt(px * px + py * py)
+            age_s = situation.age_s + max(0.0, situation.now_s - peer.stamp_s)
+            if distance >= PAIR_NEAR_M + self._v_max * age_s:
+                continue
+            if distance == 0.0:
+                return -1.0
+            along = (dx * px + dy * py) / distance
+            half = (distance - separation) / 2.0 - self._v_max * (self._blind_s + age_s)
+            if along <= 0.0:
+                # Away, or at rest: always at least as good as anything else.
+                half = max(half, 0.0)
+            left = half - along
+            if left < spare:
+                spare = left
+        return spare
+
+    # --- motions ---------------------------------------------------------------------------------------------
+
+    def towards(self, situation: Situation, legs: Sequence[Point]) -> Waypoint | None:
+        """Return the next certified leg along a way, or None to brake and hold.
+
+        The way's first corner is where to go next. The leg is only as long as the robot may be blind, stopping
+        included, so that a safe controller that dies leaves the robot at rest inside what was certified.
+        """
+        own = situation.own
+        goal = legs[0] if legs else None
+        if goal is None:
+            return self._hold(situation)
+        gx, gy = goal[0] - own.x_m, goal[1] - own.y_m
+        distance = math.sqrt(gx * gx + gy * gy)
+        if distance < _ARRIVED_M:
+            return None
+        ux, uy = gx / distance, gy / distance
+        if self._must_stop_first(own, ux, uy):
+            return None
+        # Never less than braking from top speed takes, else the vehicle would have to slow down for every leg.
+        length = min(distance, self._v_max * (self._blind_s + situation.age_s) + self._stop_m)
+        while length >= _ARRIVED_M:
+            bx, by = own.x_m + ux * length, own.y_m + uy * length
+            if self.certify(situation, bx, by) >= 0.0:
+                return self._leg(own, bx, by, ux, uy)
+            length *= 0.5
+        return self._hold(situation)
+
+    def away(self, situation: Situation, score_x: float, score_y: float) -> Waypoint | None:
+        """Return the certified leg that gets farthest along a direction, or None to hold."""
+        own = situation.own
+        length = self._v_max * (self._blind_s + situation.age_s) + self._stop_m
+        best, chosen = 0.1, None
+        for ux, uy in _DIRECTIONS:
+            score = ux * score_x + uy * score_y
+            if score > best and self.certify(situation, own.x_m + ux * length, own.y_m + uy * length) >= 0.0:
+                best, chosen = score, (ux, uy)
+        if chosen is None:
+            return self._hold(situation)
+        if self._must_stop_first(own, *chosen):
+            return None
+        return self._leg(own, own.x_m + chosen[0] * length, own.y_m + chosen[1] * length, *chosen)
+
+    def sees(self, situation: Situation, bx_m: float, by_m: float, clearance_m: float) -> bool:
+        """Return whether a straight way to b keeps `clearance_m` from boxes, or as much as the robot has now."""
+        own = situation.own
+        needed = min(clearance_m, self.terrain.clearance_m(own.x_m, own.y_m)) - 1e-9
+        return self.terrain.segment_clearance_m(own.x_m, own.y_m, bx_m, by_m) >= needed
+
+    def _must_stop_first(self, own: Sample, ux: float, uy: float) -> bool:
+        """Whether the robot moves in a direction that does not lie along the leg: it would brake somewhere else."""
+        vx, vy = own.vx_m_s, own.vy_m_s
+        speed = math.sqrt(vx * vx + vy * vy)
+        return speed > _MOVING_M_S and (vx * ux + vy * uy) < _ALIGNED_COS * speed
+
+    def _hold(self, situation: Situation) -> Waypoint | None:
+        """Hold; where even that breaks a rule, take the motion with the largest worst margin, and count it."""
+        best = self.hold_margin(situation)
+        if best >= 0.0:
+            return None
+        self.no_certified_motion += 1
+        own = situation.own
+        length = self._v_max * self._blind_s + self._stop_m
+        chosen: Waypoint | None = None
+        for ux, uy in _DIRECTIONS:
+            bx, by = own.x_m + ux * length, own.y_m + uy * length
+            margin = self.certify(situation, bx, by)
+            if margin > best and not self._must_stop_first(own, ux, uy):
+                best, chosen = margin, self._leg(own, bx, by, ux, uy)
+        return chosen
+
+    def _leg(self, own: Sample, bx: float, by: float, ux: float, uy: float) -> Waypoint:
+        bearing = math.atan2(uy, ux)
+        heading: float | None = None
+        if self._reverses:
+            backwards = math.cos(bearing - own.heading_rad) < 0.0
+            heading = math.remainder(bearing + math.pi, math.tau) if backwards else bearing
+        return Waypoint(bx, by, 0.0, heading, None, 0.005, 30.0)

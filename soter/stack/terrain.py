@@ -1,0 +1,138 @@
+"""The static workspace as safe controllers see it: clearances, straight segments, cells to retreat to.
+
+Everything here is exact plane geometry over the known boxes and the fence; nothing is learned, sampled or timed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soter.workspace import Box, Workspace
+
+CELL_M: Final = 0.1
+"""Side of the cells among which a place to retreat to is chosen."""
+
+Point = tuple[float, float]
+
+
+class Terrain:
+    """Distances to what does not move.
+
+    Args:
+        workspace: fence and boxes.
+        body_radius_m: radius of the disc that holds the robot's body.
+    """
+
+    def __init__(self, workspace: Workspace, body_radius_m: float) -> None:
+        self.workspace: Final = workspace
+        self.width_m: Final = workspace.width_m
+        self.depth_m: Final = workspace.depth_m
+        self.body_radius_m: Final = body_radius_m
+        self.boxes: Final = workspace.boxes
+        self._edges: Final = tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in workspace.boxes)
+        columns = max(1, round(self.width_m / CELL_M))
+        rows = max(1, round(self.depth_m / CELL_M))
+        self._columns, self._rows = columns, rows
+        xs = (np.arange(columns) + 0.5) * (self.width_m / columns)
+        ys = (np.arange(rows) + 0.5) * (self.depth_m / rows)
+        self.cell_x: Final[NDArray[np.float64]] = np.repeat(xs[:, None], rows, axis=1)
+        self.cell_y: Final[NDArray[np.float64]] = np.repeat(ys[None, :], columns, axis=0)
+        self.cell_fence: Final[NDArray[np.float64]] = np.minimum(
+            np.minimum(self.cell_x, self.width_m - self.cell_x), np.minimum(self.cell_y, self.depth_m - self.cell_y)
+        )
+        clearance = np.full((columns, rows), math.inf)
+        for low_x, low_y, high_x, high_y in self._edges:
+            dx = np.maximum(np.maximum(low_x - self.cell_x, self.cell_x - high_x), 0.0)
+            dy = np.maximum(np.maximum(low_y - self.cell_y, self.cell_y - high_y), 0.0)
+            np.minimum(clearance, np.hypot(dx, dy), out=clearance)
+        self.cell_clearance: Final[NDArray[np.float64]] = clearance - body_radius_m
+
+    def fence_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance of a point to the fence; negative outside."""
+        return min(x_m, self.width_m - x_m, y_m, self.depth_m - y_m)
+
+    def clearance_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance of a body at a point to the nearest box; negative where they overlap."""
+        least = math.inf
+        for low_x, low_y, high_x, high_y in self._edges:
+            dx = low_x - x_m if x_m < low_x else x_m - high_x
+            dy = low_y - y_m if y_m < low_y else y_m - high_y
+            if dx > 0.0:
+                distance = math.sqrt(dx * dx + dy * dy) if dy > 0.0 else dx
+            else:
+                distance = dy if dy > dx else dx
+            if distance < least:
+                least = distance
+        return least - self.body_radius_m
+
+    def segment_clearance_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> float:
+        """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact."""
+        least = math.inf
+        for edges in self._edges:
+            distance = _segment_to_box(ax_m, ay_m, bx_m, by_m, edges)
+            if distance < least:
+                least = distance
+        return least - self.body_radius_m
+
+    def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
+        """Return the index ranges of the cells within a square of half-width `reach_m` around a point."""
+        per_x, per_y = self._columns / self.width_m, self._rows / self.depth_m
+        left = min(max(int((x_m - reach_m) * per_x), 0), self._columns - 1)
+        right = min(max(int((x_m + reach_m) * per_x) + 1, left + 1), self._columns)
+        low = min(max(int((y_m - reach_m) * per_y), 0), self._rows - 1)
+        high = min(max(int((y_m + reach_m) * per_y) + 1, low + 1), self._rows)
+        return slice(left, right), slice(low, high)
+
+
+def _segment_to_box(ax: float, ay: float, bx: float, by: float, edges: tuple[float, float, float, float]) -> float:
+    low_x, low_y, high_x, high_y = edges
+    if crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
+        return 0.0
+    # Apart: the least distance is from an end of the segment to the box, or from a corner to the segment.
+    least = min(_point_to_box(ax, ay, edges), _point_to_box(bx, by, edges))
+    dx, dy = bx - ax, by - ay
+    length_sq = dx * dx + dy * dy
+    if length_sq == 0.0:
+        return least
+    for cx, cy in ((low_x, low_y), (low_x, high_y), (high_x, low_y), (high_x, high_y)):
+        along = ((cx - ax) * dx + (cy - ay) * dy) / length_sq
+        if 0.0 < along < 1.0:
+            away = abs((cx - ax) * dy - (cy - ay) * dx) / math.sqrt(length_sq)
+            if away < least:
+                least = away
+    return least
+
+
+def _point_to_box(x: float, y: float, edges: tuple[float, float, float, float]) -> float:
+    low_x, low_y, high_x, high_y = edges
+    dx = max(low_x - x, x - high_x, 0.0)
+    dy = max(low_y - y, y - high_y, 0.0)
+    return math.hypot(dx, dy)
+
+
+def crosses(
+    ax: float, ay: float, bx: float, by: float, low_x: float, low_y: float, high_x: float, high_y: float
+) -> bool:
+    """Return whether the segment from a to b meets the inside of a rectangle (slab method); touching does not count."""
+    enter, leave = 0.0, 1.0
+    for start, delta, low, high in ((ax, bx - ax, low_x, high_x), (ay, by - ay, low_y, high_y)):
+        if delta == 0.0:
+            if not low < start < high:
+                return False
+            continue
+        first, second = (low - start) / delta, (high - start) / delta
+        if first > second:
+            first, second = second, first
+        enter, leave = max(enter, first), min(leave, second)
+        if enter >= leave:
+            return False
+    return True
+
+
+def grown(box: Box, by_m: float) -> tuple[float, float, float, float]:
+    """Return the edges of a box grown by `by_m` on every side: low x, low y, high x, high y."""
+    return box.low_x_m - by_m, box.low_y_m - by_m, box.high_x_m + by_m, box.high_y_m + by_m
