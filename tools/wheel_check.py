@@ -1,7 +1,7 @@
 """Builds the wheel and tries it as a user would get it: `make wheel-check`.
 
-The wheel goes into a new environment outside the work tree, with the locked core dependencies and no extras, so a
-file that is not packaged or a library that only an extra brings shows up here.
+The wheel goes into a new environment outside the work tree, with the locked core dependencies and no extras.
+There a file that is not packaged, or an import of a library that only an extra brings, shows up.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"soter": ROOT / "soter", "soter_sim": ROOT / "sim" / "soter_sim"}
-DATA_SUFFIXES = {".json", ".toml", ".urdf", ".xml"}
+PIP = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+SUFFIXES = {".py", ".typed", ".json", ".toml", ".urdf", ".xml"}
 
 
 def run(*command: str | Path, cwd: Path) -> str:
@@ -42,11 +43,7 @@ def complaints(wheel: Path) -> list[str]:
     with zipfile.ZipFile(wheel) as archive:
         files = {name for name in archive.namelist() if ".dist-info/" not in name}
     wanted = packaged_files()
-    unwanted = {
-        name
-        for name in files
-        if not (name.endswith((".py", "/py.typed")) or Path(name).suffix in DATA_SUFFIXES)
-    }
+    unwanted = {name for name in files if Path(name).suffix not in SUFFIXES}
     return (
         [f"{name} is missing from the wheel" for name in sorted(wanted - files)]
         + [f"{name} is in the wheel but not in a package" for name in sorted(files - wanted)]
@@ -59,8 +56,7 @@ def main() -> None:
     """Builds, inspects, installs and runs the wheel."""
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
-        pip = (sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check")
-        run(*pip, "wheel", "--no-deps", "--wheel-dir", scratch, ROOT, cwd=scratch)
+        run(sys.executable, *PIP, "wheel", "--no-deps", "--wheel-dir", scratch, ROOT, cwd=scratch)
         wheel = next(scratch.glob("soter_rta-*.whl"))
         found = complaints(wheel)
         if found:
@@ -68,15 +64,15 @@ def main() -> None:
 
         venv.create(scratch / "venv", with_pip=True)
         bin_folder = scratch / "venv" / "bin"
-        pip = (bin_folder / "python", "-m", "pip", "--quiet", "--disable-pip-version-check")
-        run(*pip, "install", "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
-        run(*pip, "install", "--no-deps", wheel, cwd=scratch)
-        run(*pip, "check", cwd=scratch)
-        run(bin_folder / "python", "-W", "error", "-c", "import soter, soter_sim", cwd=scratch)
-        for arguments in (["--version"], ["backends"]):
-            print(
-                f"$ soter {' '.join(arguments)}\n{run(bin_folder / 'soter', *arguments, cwd=scratch)}", end=""
-            )
+        python = bin_folder / "python"
+        run(python, *PIP, "install", "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
+        run(python, *PIP, "install", "--no-deps", wheel, cwd=scratch)
+        run(python, *PIP, "check", cwd=scratch)
+        run(python, "-W", "error", "-c", "import soter, soter_sim", cwd=scratch)
+        soter = bin_folder / "soter"
+        if wheel.name.split("-")[1] not in (said := run(soter, "--version", cwd=scratch)):
+            sys.exit(f"wheel check: `soter --version` of {wheel.name} says {said!r}")
+        print(run(soter, "backends", cwd=scratch), end="")
         print(f"wheel check: {wheel.name} is complete and runs without extras")
 
 

@@ -1,0 +1,31 @@
+"""Skips the tests of a library that is not installed, and says at the top which libraries are."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+
+OPTIONAL_LIBRARIES = ("pybullet", "ompl")
+
+
+def is_installed(library: str) -> bool:
+    """Whether a library can be imported, without importing it."""
+    return importlib.util.find_spec(library) is not None
+
+
+def pytest_report_header() -> str:
+    """One line on what will be skipped."""
+    states = (f"{name} {'installed' if is_installed(name) else 'missing'}" for name in OPTIONAL_LIBRARIES)
+    return "optional libraries: " + ", ".join(states)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A test marked with a library's name is skipped where the library is missing."""
+    for name in OPTIONAL_LIBRARIES:
+        if is_installed(name):
+            continue
+        skip = pytest.mark.skip(reason=f"{name} is not installed")
+        for item in items:
+            if item.get_closest_marker(name):
+                item.add_marker(skip)

@@ -1,0 +1,36 @@
+"""Finds the code blocks and links of a Markdown page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+_FENCE = re.compile(r"^```(?P<info>[^`\n]*)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r"\]\((?P<target>[^)\s]+)\)")
+
+
+class Block(NamedTuple):
+    """A fenced code block: its language, the words after it, its text and the page's line where it starts."""
+
+    language: str
+    marks: frozenset[str]
+    code: str
+    line: int
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    """All fenced code blocks of a page, in order."""
+    text = page.read_text(encoding="utf-8")
+    for fence in _FENCE.finditer(text):
+        language, *marks = fence["info"].split() or [""]
+        yield Block(language, frozenset(marks), fence["code"], text.count("\n", 0, fence.start()) + 1)
+
+
+def links(page: Path) -> Iterator[str]:
+    """The targets of all links and pictures of a page that lead to another file."""
+    text = _FENCE.sub("", page.read_text(encoding="utf-8"))
+    for link in _LINK.finditer(text):
+        if not re.match(r"[a-z]+:|#", link["target"]):
+            yield link["target"].partition("#")[0]

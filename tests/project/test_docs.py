@@ -1,0 +1,108 @@
+"""The documentation's code runs, its commands exist and its links lead somewhere.
+
+A block marked ```python runs in a process of its own, in an empty folder with the examples beside it. Words after
+the language change that: `continued` puts the page's earlier blocks in front of it, `no-run` only compiles it, for
+code that needs a robot.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.project.markdown import Block, blocks, links
+from tests.project.source import ROOT
+
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+SHELLS = {"sh", "bash", "shell", "console"}
+
+
+def programs() -> list[object]:
+    """Every Python block of every page, whole: as it has to run."""
+    found: list[object] = []
+    for page in PAGES:
+        code = ""
+        for block in blocks(page):
+            if block.language == "python":
+                code = code + "\n" + block.code if "continued" in block.marks else block.code
+                name = f"{page.relative_to(ROOT)}:{block.line}"
+                found.append(pytest.param(name, code, "no-run" in block.marks, id=name))
+    return found
+
+
+def commands() -> list[tuple[str, list[str]]]:
+    """Every `soter …` and `make …` line of every shell block, with its place."""
+    found = []
+    for page in PAGES:
+        for block in blocks(page):
+            if block.language in SHELLS:
+                found += [(f"{page.relative_to(ROOT)}:{block.line}", words) for words in words_of(block)]
+    return found
+
+
+def words_of(block: Block) -> list[list[str]]:
+    """The commands of a shell block that are this project's, split into words."""
+    lines = block.code.replace("\\\n", " ").splitlines()
+    split = [shlex.split(line.removeprefix("$ "), comments=True) for line in lines]
+    return [words for words in split if words and words[0] in {"soter", "make"}]
+
+
+@cache
+def help_text(*subcommand: str) -> str:
+    """What `soter SUBCOMMAND --help` prints."""
+    # Wide enough that no option's name is cut or wrapped.
+    environment = {**os.environ, "COLUMNS": "400", "TERM": "dumb", "NO_COLOR": "1"}
+    program = "from soter.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", program, *subcommand, "--help"],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, f"soter {' '.join(subcommand)} --help: {done.stderr}"
+    return done.stdout
+
+
+@pytest.mark.parametrize(("name", "code", "only_compiles"), programs())
+def test_python_blocks_run(name: str, code: str, only_compiles: bool, tmp_path: Path) -> None:
+    compile(code, name, "exec")
+    if only_compiles:
+        return
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    program = tmp_path / "block.py"
+    program.write_text(code, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "sim")))}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", program],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, f"{name}\n{done.stdout}{done.stderr}"
+
+
+def test_commands_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for place, (program, *words) in commands():
+        if program == "make":
+            assert words, f"{place}: make without a target"
+            assert {word for word in words if "=" not in word} <= targets, f"{place}: make {words}"
+            continue
+        subcommand = [words[0]] if words and not words[0].startswith("-") else []
+        options = {word.partition("=")[0] for word in words if word.startswith("--")}
+        known = set(re.findall(r"--[a-z][a-z0-9-]*", help_text(*subcommand)))
+        assert options <= known, f"{place}: soter {' '.join(subcommand)} knows no {sorted(options - known)}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files(page: Path) -> None:
+    assert [target for target in links(page) if not (page.parent / target).exists()] == []

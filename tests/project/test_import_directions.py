@@ -1,0 +1,215 @@
+"""Which part of SOTER may import which: the picture of the house in docs/design.md, as a test.
+
+A part may import what its line here lists, the base and itself. Local imports and those for type checking
+count as much as the others: a type that a part may not know is a dependency too.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from tests.project import imports
+from tests.project.source import PACKAGES, ROOT, module_name, python_files
+
+# Every part, and what it may import besides the base and itself. A name covers the modules below it.
+ALLOWED: dict[str, set[str]] = {
+    "soter.clock": set(),
+    "soter.errors": set(),
+    "soter.problems": set(),
+    "soter.workspace": set(),
+    "soter.workspace_xml": set(),
+    "soter.config": set(),
+    "soter.sdk": set(),
+    "soter.drive": set(),
+    "soter.mux": set(),
+    "soter.machine": set(),
+    "soter.rta": {"soter.machine"},
+    "soter.registry": {"soter.sdk"},
+    "soter.faults": {"soter.sdk"},
+    "soter.link": {"soter.machine", "soter.sdk"},
+    "soter.adapters": set(),
+    "soter.adapters.pybullet": {"soter.sdk", "soter.drive", "soter.mux", "soter_sim"},
+    "soter.adapters.mavlink": {"soter.sdk", "soter.drive", "soter.mux"},
+    "soter.adapters.ros2": {"soter.sdk", "soter.drive", "soter.mux"},
+    "soter.adapters.zenoh": {"soter.sdk", "soter.drive", "soter.mux"},
+    "soter.stack": {"soter.machine", "soter.rta", "soter.sdk"},
+    "soter.check": {"soter.machine", "soter.rta"},
+    "soter.conformance": {"soter.sdk", "soter.registry", "soter.faults"},
+    "soter.record": {"soter.rta", "soter.machine", "soter.sdk"},
+    "soter.report": {"soter.record"},
+    "soter.lang": {"soter.machine", "soter.rta", "soter.check", "soter.stack", "soter.sdk"},
+    "soter.apps": {"soter.stack", "soter.rta", "soter.machine", "soter.sdk"},
+    "soter.runner": {"soter.apps", "soter.record", "soter.faults", "soter.registry", "soter.link"},
+    "soter.campaign": {"soter.runner", "soter.record", "soter.report"},
+    "soter.gym": {"soter.runner"},
+    "soter.cli": {"soter", "soter_sim"},
+    "soter": {"soter"},
+    "soter_sim": {"soter.sdk.values", "soter.drive", "soter.mux"},
+}
+BASE = {
+    "soter.clock",
+    "soter.errors",
+    "soter.problems",
+    "soter.workspace",
+    "soter.workspace_xml",
+    "soter.config",
+}
+# These run where nothing is installed, or must stay easy to argue about; what they import must be so as well.
+STDLIB_ONLY = {"soter.clock", "soter.errors", "soter.drive", "soter.mux", "soter.machine"}
+
+# Where a library may be imported that is not Python's own; `None` is anywhere but in STDLIB_ONLY.
+LIBRARIES: dict[str, set[str] | None] = {
+    "numpy": None,
+    "scipy": None,
+    "pydantic": None,
+    "typing_extensions": None,
+    "defusedxml": {"soter.workspace_xml"},
+    "typer": {"soter.cli"},
+    "rich": {"soter.cli"},
+    "pybullet": {"soter.adapters.pybullet", "soter_sim"},
+    "ompl": {"soter.stack.planners"},
+    "matplotlib": {"soter.report"},
+}
+# Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is known
+# to one module only.
+VENDORS = {"pybullet", "ompl", "matplotlib"}
+MANY_MODULES = {"soter.adapters", "soter_sim"}
+
+
+def below(module: str, names: set[str]) -> bool:
+    """Whether a module is one of the named ones or inside one of them."""
+    return any(module == name or module.startswith(f"{name}.") for name in names)
+
+
+def part_of(module: str) -> str | None:
+    """The part of the table that a module belongs to: the longest name that covers it.
+
+    `soter` itself is the facade; it covers no other module, so that a new folder has to enter the table.
+    """
+    covering = [part for part in ALLOWED if module == part or (part != "soter" and below(module, {part}))]
+    return max(covering, key=len, default=None)
+
+
+def allowed_within(part: str) -> set[str]:
+    """The SOTER modules that a part may import."""
+    base = BASE & STDLIB_ONLY if part in STDLIB_ONLY else BASE
+    return ALLOWED[part] | base | {part}
+
+
+def verdict(module: str, target: str) -> str | None:
+    """Why a module of a part may not import a target, or None if it may."""
+    part = part_of(module)
+    assert part is not None
+    root = target.partition(".")[0]
+    if root in PACKAGES:
+        # The facade leads everywhere, so it is no name for a part to import by; only the command line may.
+        hidden = target == "soter" and part not in {"soter.cli", "soter"}
+        return None if below(target, allowed_within(part)) and not hidden else f"may not import {target}"
+    if root in sys.stdlib_module_names:
+        return None
+    if part in STDLIB_ONLY:
+        return f"may import the standard library only, not {target}"
+    if root not in LIBRARIES:
+        return f"imports {target}, a library that LIBRARIES does not know"
+    homes = LIBRARIES[root]
+    return (
+        None
+        if homes is None or below(module, homes)
+        else f"may not import {target}; only {sorted(homes)} may"
+    )
+
+
+def everything() -> list[tuple[Path, str, imports.Import]]:
+    """Every import of both packages, with its file and module."""
+    return [
+        (path.relative_to(ROOT), module_name(path), found)
+        for path in python_files(*PACKAGES.values())
+        for found in imports.read(path)
+    ]
+
+
+def test_every_module_belongs_to_a_part() -> None:
+    homeless = [name for path in python_files(*PACKAGES.values()) if not part_of(name := module_name(path))]
+    assert not homeless, f"enter {homeless} into ALLOWED here and into docs/design.md"
+
+
+def test_every_import_follows_the_arrows() -> None:
+    wrong = [
+        f"{path}:{found.line}: {module} {why}"
+        for path, module, found in everything()
+        if part_of(module) and (why := verdict(module, found.target))
+    ]
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+def test_a_vendor_library_is_known_to_one_module() -> None:
+    known: defaultdict[str, set[str]] = defaultdict(set)
+    for _, module, found in everything():
+        root = found.target.partition(".")[0]
+        if root in VENDORS and not below(module, MANY_MODULES):
+            known[root].add(module)
+    crowded = {library: sorted(modules) for library, modules in known.items() if len(modules) > 1}
+    assert not crowded
+
+
+@pytest.mark.parametrize(
+    ("module", "target", "passes"),
+    [
+        ("soter.rta.monitor", "soter.machine.core", True),
+        ("soter.rta.monitor", "soter.sdk", False),
+        ("soter.machine.core", "soter.errors", True),
+        ("soter.machine.core", "soter.workspace", False),
+        ("soter.machine.core", "numpy", False),
+        ("soter.rta.monitor", "soter", False),
+        ("soter.adapters.zenoh.robot", "soter_sim.world", False),
+        ("soter.adapters.pybullet.robot", "soter_sim.world", True),
+        ("soter.adapters.mavlink.robot", "soter.adapters.zenoh", False),
+        ("soter_sim.world", "soter.sdk.values", True),
+        ("soter_sim.world", "soter.sdk.robot", False),
+        ("soter.stack.agent", "ompl.base", False),
+        ("soter.stack.agent", "requests", False),
+    ],
+)
+def test_the_table_forbids_what_it_should(module: str, target: str, passes: bool) -> None:
+    assert (verdict(module, target) is None) == passes
+
+
+def test_every_way_to_import_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PACKAGES, "soter", tmp_path)
+    (tmp_path / "sdk").mkdir()
+    (tmp_path / "sdk" / "values.py").touch()
+    (tmp_path / "sdk" / "robot.py").write_text(
+        "import os.path as p\n"
+        "from soter.sdk import values, Robot\n"
+        "from . import values\n"
+        "from ..clock import Clock\n"
+        "if TYPE_CHECKING:\n"
+        "    import rclpy\n"
+        "def f():\n"
+        "    import zenoh\n"
+        "    importlib.import_module('pybullet')\n"
+    )
+    found = sorted(imports.read(tmp_path / "sdk" / "robot.py"), key=lambda each: each.line)
+    assert [each.target for each in found] == [
+        "os.path",
+        "soter.sdk.values",
+        "soter.sdk",
+        "soter.sdk.values",
+        "soter.clock",
+        "rclpy",
+        "zenoh",
+        "pybullet",
+    ]
+
+
+def test_importing_soter_loads_no_library_of_a_vendor() -> None:
+    program = "import sys, soter; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+    loaded = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert not VENDORS & set(loaded.stdout.split())
