@@ -75,8 +75,8 @@ LIBRARIES: dict[str, set[str] | None] = {
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
 }
-# Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is known
-# to one module only.
+# Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
+# known to one module only.
 VENDORS = {"pybullet", "ompl", "matplotlib"}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 

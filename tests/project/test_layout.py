@@ -73,9 +73,7 @@ def test_packages_say_that_they_are_typed(package: str) -> None:
 
 
 @pytest.mark.parametrize("adapter", entry_points(group="soter.adapters"), ids=lambda each: each.name)
-def test_registered_adapters_are_there_without_their_libraries(
-    adapter: EntryPoint,
-) -> None:
+def test_registered_adapters_are_there_without_their_libraries(adapter: EntryPoint) -> None:
     assert isinstance(adapter.load(), type)
 
 
