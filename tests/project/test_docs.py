@@ -1,8 +1,8 @@
 """The documentation's code runs, its commands exist and its links lead somewhere.
 
 A block marked ```python runs in a process of its own, in an empty folder with the examples beside it. Words
-after the language change that: `continued` puts the page's earlier blocks in front of it, and `no-run`, for code
-that needs a robot, only compiles it.
+behind the language change that: `continued` puts the earlier blocks of the page in front of it, `no-run` only
+compiles it, for code that needs a robot.
 """
 
 from __future__ import annotations
