@@ -117,11 +117,7 @@ def verdict(module: str, target: str) -> str | None:
     if root not in LIBRARIES:
         return f"imports {target}, a library that LIBRARIES does not know"
     homes = LIBRARIES[root]
-    return (
-        None
-        if homes is None or below(module, homes)
-        else f"may not import {target}; only {sorted(homes)} may"
-    )
+    return None if homes is None or below(module, homes) else f"may not import {target}; only {sorted(homes)} may"
 
 
 def everything() -> list[tuple[Path, str, imports.Import]]:

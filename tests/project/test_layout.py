@@ -51,9 +51,7 @@ def test_modules_are_small() -> None:
 
 def test_lines_of_code_leaves_out_comments_and_docstrings(tmp_path: Path) -> None:
     file = tmp_path / "file.py"
-    file.write_text(
-        '"""Summary.\n\nMore.\n"""\n\n# Why.\nx = (\n    "a"\n    "b"\n)\n\n\ndef f():\n    """Doc."""\n'
-    )
+    file.write_text('"""Summary.\n\nMore.\n"""\n\n# Why.\nx = (\n    "a"\n    "b"\n)\n\n\ndef f():\n    """Doc."""\n')
     assert lines_of_code(file) == 5
 
 
