@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
+
+from soter.errors import ConfigError
+
+_ROUNDING_M = 1e-9
+"""A point constructed to lie on an edge counts as on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,3 +75,58 @@ class Workspace:
     def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
         """Return the distance from a round body at a point to the nearest box; negative where they overlap."""
         return min((box.distance_m(x_m, y_m) for box in self.boxes), default=math.inf) - body_radius_m
+
+    def contains(self, x_m: float, y_m: float) -> bool:
+        """Return whether a point is inside the fence or on it."""
+        return 0.0 <= x_m <= self.width_m and 0.0 <= y_m <= self.depth_m
+
+    def with_robots(self, count: int) -> Workspace:
+        """Return the same workspace with only its first `count` robots and their chargers.
+
+        Raises:
+            ConfigError: it has fewer, or `count` is below 1.
+        """
+        if not 1 <= count <= len(self.robots):
+            raise ConfigError(
+                f"{count} robots were asked for, the workspace has {len(self.robots)}; allowed: 1 to "
+                f"{len(self.robots)}; for more, add robots and charging stations to the workspace file",
+                key="robots",
+            )
+        return replace(self, robots=self.robots[:count])
+
+    def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> tuple[float, float] | None:
+        """Return the nearest point inside the fence that is at least `clearance_m` from every box.
+
+        The distance counts from the point itself: for a round body, add its radius. The point is exact, except where
+        the rounded outlines of two boxes cross: there it may lie a little further away than need be, never too
+        close to a box.
+
+        Returns:
+            x and y in metres, the point itself if it is free; None if there is no such place.
+        """
+        if self._free(x_m, y_m, clearance_m):
+            return x_m, y_m
+        # The nearest point of a free region lies straight across an edge, on a corner of two edges, or on the arc
+        # around the corner of a box; nowhere else.
+        inside_x_m, inside_y_m = min(max(x_m, 0.0), self.width_m), min(max(y_m, 0.0), self.depth_m)
+        xs_m, ys_m = {inside_x_m}, {inside_y_m}
+        arcs: list[tuple[float, float]] = []
+        for box in self.boxes:
+            xs_m |= {box.low_x_m - clearance_m, box.high_x_m + clearance_m}
+            ys_m |= {box.low_y_m - clearance_m, box.high_y_m + clearance_m}
+            for corner_x_m, corner_y_m in product((box.low_x_m, box.high_x_m), (box.low_y_m, box.high_y_m)):
+                away_m = math.hypot(inside_x_m - corner_x_m, inside_y_m - corner_y_m)
+                if away_m > 0.0:
+                    scale = clearance_m / away_m
+                    arcs.append((
+                        corner_x_m + scale * (inside_x_m - corner_x_m),
+                        corner_y_m + scale * (inside_y_m - corner_y_m),
+                    ))
+        xs_m |= {0.0, self.width_m}
+        ys_m |= {0.0, self.depth_m}
+        # Ties are broken by the coordinates: the answer must not depend on the order of a set.
+        candidates = sorted([*product(xs_m, ys_m), *arcs], key=lambda at: (math.dist(at, (x_m, y_m)), at))
+        return next((at for at in candidates if self._free(*at, clearance_m)), None)
+
+    def _free(self, x_m: float, y_m: float, clearance_m: float) -> bool:
+        return self.contains(x_m, y_m) and self.clearance_m(x_m, y_m, 0.0) >= clearance_m - _ROUNDING_M
