@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
 
 C = TypeVar("C")
+S = TypeVar("S")
 
 
 class Request(NamedTuple, Generic[C]):
@@ -56,7 +57,7 @@ class ControlReport(NamedTuple):
 Report = GoalReport | ControlReport
 
 
-class Port(Generic[C]):
+class Port(Generic[C, S]):
     """A mailbox of one slot: a newer command replaces one that was not yet taken, so a flood costs nothing.
 
     `goto` may be called from any thread. `take`, `report` and `engaged` belong to the supervisor's thread.
@@ -65,11 +66,16 @@ class Port(Generic[C]):
         robot_id: whose port.
         listener: told of ended goals and of control lost and regained, in the supervisor's thread; it must only
             pass the report on.
+
+    Attributes:
+        engaged: whether the AC has control.
+        state: the robot's latest sample; an immutable value, replaced at every tick.
     """
 
     def __init__(self, robot_id: int, listener: Callable[[Report], None]) -> None:
         self.robot_id = robot_id
         self.engaged = False
+        self.state: S | None = None
         self._listener = listener
         self._lock = threading.Lock()
         self._slot: Request[C] | None = None
@@ -96,6 +102,12 @@ class Port(Generic[C]):
         for goal_id in replaced:
             self._listener(GoalReport(self.robot_id, goal_id, "superseded"))
         return request
+
+    def refuse(self) -> None:
+        """Empty the mailbox while the AC has no control: what was asked for then must never move anything later."""
+        request = self.take()
+        if request is not None:
+            self._listener(GoalReport(self.robot_id, request.goal_id, "rejected"))
 
     def report(self, goal_id: int, status: str) -> None:
         """Tell the owner how a goal ended."""

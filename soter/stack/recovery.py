@@ -156,7 +156,7 @@ class RecoveryPlanner:
         own = situation.own
         goal = legs[0] if legs else None
         if goal is None:
-            return self._hold(situation)
+            return self.hold(situation)
         gx, gy = goal[0] - own.x_m, goal[1] - own.y_m
         distance = math.sqrt(gx * gx + gy * gy)
         if distance < _ARRIVED_M:
@@ -171,7 +171,7 @@ class RecoveryPlanner:
             if self.certify(situation, bx, by) >= 0.0:
                 return self._leg(own, bx, by, ux, uy)
             length *= 0.5
-        return self._hold(situation)
+        return self.hold(situation)
 
     def away(self, situation: Situation, score_x: float, score_y: float) -> Waypoint | None:
         """Return the certified leg that gets farthest along a direction, or None to hold."""
@@ -183,7 +183,7 @@ class RecoveryPlanner:
             if score > best and self.certify(situation, own.x_m + ux * length, own.y_m + uy * length) >= 0.0:
                 best, chosen = score, (ux, uy)
         if chosen is None:
-            return self._hold(situation)
+            return self.hold(situation)
         if self._must_stop_first(own, *chosen):
             return None
         return self._leg(own, own.x_m + chosen[0] * length, own.y_m + chosen[1] * length, *chosen)
@@ -200,7 +200,7 @@ class RecoveryPlanner:
         speed = math.sqrt(vx * vx + vy * vy)
         return speed > _MOVING_M_S and (vx * ux + vy * uy) < _ALIGNED_COS * speed
 
-    def _hold(self, situation: Situation) -> Waypoint | None:
+    def hold(self, situation: Situation) -> Waypoint | None:
         """Hold; where even that breaks a rule, take the motion with the largest worst margin, and count it."""
         best = self.hold_margin(situation)
         if best >= 0.0:

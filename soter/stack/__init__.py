@@ -1,0 +1,1 @@
+"""The application stack: task planner, robot agent, motion planner, plan executor and the safety modules."""

@@ -1,0 +1,112 @@
+"""The robot's narrow interface as the supervisor sees it, and the AC's forwarder."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from soter.rta import Mode, Node, Port, Request, Situation, Topic
+from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState, Waypoint
+from soter.stack.safe_controller import WAYPOINT
+
+
+class RobotActuator:
+    """Drives one `Robot` for the supervisor and tells the AC's port how its goals end. One thread: the supervisor's.
+
+    Args:
+        robot: a robot that is ready.
+        port: the AC's.
+    """
+
+    def __init__(self, robot: Robot, port: Port[Waypoint, RobotState]) -> None:
+        self.robot: Final = robot
+        self.port: Final = port
+        self._goal: Goal | None = None
+        self._port_goal_id: int | None = None
+
+    def read(self) -> RobotState:
+        """Return the latest sample."""
+        state = self.robot.read_state()
+        port = self.port
+        port.state = state
+        if not port.engaged:
+            port.refuse()
+        goal = self._goal
+        if goal is not None and goal.status is not GoalStatus.ACTIVE:
+            self._ended(goal)
+        return state
+
+    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Mode) -> None:
+        """Send a goal of the controller in charge; None stops the robot."""
+        if command is None:
+            goal = self._goal
+            if goal is not None:
+                goal.cancel()
+                self._ended(goal)
+            return
+        if isinstance(command, Request):
+            self._drive_for_ac(command)
+        else:
+            self._goal = self.robot.goto(command, Controller.SC)
+            self._port_goal_id = None
+
+    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+        """Switch the robot and tell the AC."""
+        engaged = mode is Mode.AC
+        self.robot.switch_ac_sc(Controller.AC if engaged else Controller.SC, f"{module}: {cause}")
+        if self._goal is not None:
+            self._ended(self._goal)
+        self.port.control(engaged, module, cause)
+
+    def renew(self) -> None:
+        """Renew the lease."""
+        self.robot.renew_lease()
+
+    def _drive_for_ac(self, request: Request[Waypoint]) -> None:
+        before = self._goal
+        try:
+            goal = self.robot.goto(request.command, Controller.AC)
+        except (ValueError, TypeError, AttributeError):
+            # The AC is untrusted: what is no waypoint is refused, and what it was doing goes on.
+            self.port.report(request.goal_id, GoalStatus.REJECTED.value)
+            return
+        if before is not None:
+            self._ended(before)
+        self._goal = goal
+        self._port_goal_id = request.goal_id
+
+    def _ended(self, goal: Goal) -> None:
+        self._goal = None
+        if self._port_goal_id is not None:
+            self.port.report(self._port_goal_id, goal.status.value)
+            self._port_goal_id = None
+
+
+class PortForwarder(Node):
+    """The AC as a node: at every step it publishes what lies in the port's mailbox.
+
+    Args:
+        port: the AC's.
+        waypoint: the topic that it shares with the safe controllers.
+        period_s: the base tick.
+    """
+
+    name = "ac-port"
+    subscribes = ("port",)
+    publishes = (WAYPOINT,)
+
+    def __init__(
+        self, port: Port[Waypoint, RobotState], waypoint: Topic[Waypoint | Request[Waypoint]], period_s: float
+    ) -> None:
+        self.period_s = period_s
+        self.request: Request[Waypoint] | None = None
+        self._port: Final = port
+        self._waypoint: Final = waypoint
+
+    def engage(self, situation: Situation) -> None:
+        self.request = None
+
+    def step(self, situation: Situation) -> None:
+        request = self._port.take()
+        if request is not None:
+            self.request = request
+            self._waypoint.publish(request)

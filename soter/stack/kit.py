@@ -1,0 +1,40 @@
+"""What the machines of one robot work with: its port, the others' ports, the planner."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from soter.machine import MachineRef
+from soter.rta import Port
+from soter.sdk import RobotState, Waypoint
+from soter.stack.planners import PlanRequest
+
+RobotPort = Port[Waypoint, RobotState]
+
+
+@dataclass(frozen=True)
+class RobotKit:
+    """Handed to a robot's machines when they are created.
+
+    Attributes:
+        robot_id: whose.
+        port: the AC's rights on this robot.
+        peers: the ports of the other robots, read for where they are.
+        submit: asks the planner; the answer comes as `PathPlanned` to the machine named.
+        subscribe: names the machines that are told what the port reports: goals, control.
+        seed: of the run.
+        disc_m: distance that plans keep from robots that stand in the way.
+        target_timeout_s: time with the AC in control after which a target is given up.
+        arrival_radius_m: how near is reached.
+    """
+
+    robot_id: int
+    port: RobotPort
+    peers: Mapping[int, RobotPort]
+    submit: Callable[[PlanRequest, MachineRef], None]
+    subscribe: Callable[[int, MachineRef, MachineRef], None]
+    seed: int
+    disc_m: float
+    target_timeout_s: float
+    arrival_radius_m: float

@@ -1,0 +1,155 @@
+"""The robot agent: one robot of the mission. Takes targets one at a time and reports how each ended."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from soter.machine import Goto, Machine, MachineRef, Next, State, Stay, Timer
+from soter.stack.events import (
+    AbandonPath,
+    Disengaged,
+    Outcome,
+    PathCompleted,
+    PathFailed,
+    PlanAndGo,
+    Reengaged,
+    RobotJoined,
+    TargetEnded,
+    TargetTimeout,
+    TryAgain,
+    VisitTarget,
+)
+from soter.stack.kit import RobotKit
+from soter.stack.motion_planner import MotionPlanner
+
+TRIES: Final = 3
+RETRY_S: Final = 1.0
+UNSAFE_MODULES: Final = frozenset({"geofence", "obstacle"})
+"""A target on whose way one of these had to step in is unsafe; after the others it is tried again."""
+
+
+class RobotAgent(Machine):
+    """Visits targets. The clock of a target stands still while the AC has no control."""
+
+    Starting: State[tuple[RobotKit, MachineRef]] = State(start=True)
+    Idle: State[None] = State(ignore=(PathCompleted, PathFailed, TargetTimeout, TryAgain))
+    Visiting: State[VisitTarget] = State()
+
+    kit: RobotKit
+    task_planner: MachineRef
+    motion_planner: MachineRef
+    target: VisitTarget
+
+    @Starting.entry
+    def _start(self, given: tuple[RobotKit, MachineRef]) -> Next:
+        self.kit, self.task_planner = given
+        self.others: dict[int, MachineRef] = {}
+        self.engaged = False
+        self.request_id = 0
+        self.left_s = 0.0
+        self.tries = 0
+        self.running_since_s = 0.0
+        self.timer: Timer | None = None
+        self.motion_planner = self.create(MotionPlanner, self.kit)
+        return Goto(self.Idle)
+
+    @Idle.on(RobotJoined)
+    @Visiting.on(RobotJoined)
+    def _joined(self, e: RobotJoined) -> Next:
+        self.others[e.robot_id] = e.agent
+        return Stay()
+
+    @Idle.on(VisitTarget)
+    def _accept(self, e: VisitTarget) -> Next:
+        return Goto(self.Visiting, e)
+
+    @Idle.on(Disengaged)
+    def _lost_idle(self, e: Disengaged) -> Next:
+        self.engaged = False
+        return Stay()
+
+    @Idle.on(Reengaged)
+    def _regained_idle(self, e: Reengaged) -> Next:
+        self.engaged = True
+        return Stay()
+
+    @Visiting.entry
+    def _visit(self, e: VisitTarget) -> Next:
+        self.target = e
+        self.tries = 0
+        self.left_s = self.kit.target_timeout_s
+        if self.engaged:
+            self._go()
+        return Stay()
+
+    @Visiting.on(Reengaged)
+    def _regained(self, e: Reengaged) -> Next:
+        self.engaged = True
+        self._go()
+        return Stay()
+
+    @Visiting.on(Disengaged)
+    def _lost(self, e: Disengaged) -> Next:
+        self.engaged = False
+        self._stop_clock()
+        self.send(self.motion_planner, AbandonPath(self.request_id))
+        if e.module in UNSAFE_MODULES:
+            return self._end(Outcome.UNSAFE)
+        return self._count_failure()
+
+    @Visiting.on(PathCompleted)
+    def _completed(self, e: PathCompleted) -> Next:
+        if e.request_id != self.request_id:
+            return Stay()
+        if e.at_target:
+            return self._end(Outcome.REACHED)
+        return self._retry()
+
+    @Visiting.on(PathFailed)
+    def _failed(self, e: PathFailed) -> Next:
+        return self._retry() if e.request_id == self.request_id else Stay()
+
+    @Visiting.on(TryAgain)
+    def _try_again(self, e: TryAgain) -> Next:
+        if e.target_id == self.target.target_id and self.engaged and self.timer is None:
+            self._go()
+        return Stay()
+
+    @Visiting.on(TargetTimeout)
+    def _timed_out(self, e: TargetTimeout) -> Next:
+        if e.target_id != self.target.target_id:
+            return Stay()
+        self.send(self.motion_planner, AbandonPath(self.request_id))
+        return self._end(Outcome.TIMED_OUT)
+
+    def _go(self) -> None:
+        self._stop_clock()
+        self.request_id += 1
+        self.running_since_s = self.now()
+        self.timer = self.after(self.left_s, TargetTimeout(self.target.target_id))
+        self.send(
+            self.motion_planner, PlanAndGo(self.request_id, self.target.place, self.kit.target_timeout_s, self.ref)
+        )
+
+    def _retry(self) -> Next:
+        """A path that came to nothing: another one a little later, as the others may have moved by then."""
+        self._stop_clock()
+        ended = self._count_failure()
+        if isinstance(ended, Stay):
+            self.after(RETRY_S, TryAgain(self.target.target_id))
+        return ended
+
+    def _count_failure(self) -> Next:
+        self.tries += 1
+        return self._end(Outcome.BLOCKED) if self.tries >= TRIES else Stay()
+
+    def _stop_clock(self) -> None:
+        if self.timer is not None:
+            self.left_s -= self.now() - self.running_since_s
+            self.timer.cancel()
+            self.timer = None
+
+    def _end(self, outcome: Outcome) -> Next:
+        self._stop_clock()
+        self.send(self.task_planner, TargetEnded(self.kit.robot_id, self.target.target_id, outcome))
+        return Goto(self.Idle)

@@ -1,0 +1,108 @@
+"""What all safe controllers share: they publish certified legs, or a hold, on the topic `waypoint`."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Final
+
+from soter.rta import Node, Situation, Topic
+from soter.sdk import Waypoint
+from soter.stack.recovery import RecoveryPlanner
+from soter.stack.refuge import RefugeFinder
+from soter.stack.terrain import Point
+
+WAYPOINT: Final = "waypoint"
+_CORNER_M: Final = 0.03
+_LOOK_AGAIN_S: Final = 1.0
+
+
+class SafeController(Node):
+    """A node that drives by certified legs only.
+
+    Args:
+        name: for recordings.
+        period_s: how often it looks (T_sc).
+        waypoint: where it publishes; None published means: brake and hold.
+        recovery: makes and certifies its legs.
+    """
+
+    publishes = (WAYPOINT,)
+    subscribes = ("state", "peers")
+
+    def __init__(self, name: str, period_s: float, waypoint: Topic[Waypoint], recovery: RecoveryPlanner) -> None:
+        self.name = name
+        self.period_s = period_s
+        self.recovery: Final = recovery
+        self._waypoint: Final = waypoint
+        self._holding = False
+
+    def engage(self, situation: Situation) -> None:
+        self._holding = False
+
+    def step(self, situation: Situation) -> None:
+        leg = self.motion(situation)
+        if leg is not None:
+            self._holding = False
+            self._waypoint.publish(leg)
+        elif not self._holding:
+            self._holding = True
+            self._waypoint.publish(None)
+
+    @abstractmethod
+    def motion(self, situation: Situation) -> Waypoint | None:
+        """Return the next certified leg, or None to hold."""
+
+    def follow(self, situation: Situation, legs: list[Point]) -> Waypoint | None:
+        """Go along a way; corners that are passed are taken off it."""
+        own = situation.own
+        while len(legs) > 1 and math.hypot(legs[0][0] - own.x_m, legs[0][1] - own.y_m) < _CORNER_M:
+            legs.pop(0)
+        return self.recovery.towards(situation, legs) if legs else None
+
+
+class Retreat(SafeController):
+    """Moves to the nearest refuge and waits there; looks for another when a peer comes near it.
+
+    Args:
+        name: for recordings.
+        period_s: how often it looks.
+        waypoint: where it publishes.
+        recovery: makes and certifies its legs.
+        refuges: finds where to go.
+        peer_m: distance from every peer that a refuge has at least.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        period_s: float,
+        waypoint: Topic[Waypoint],
+        recovery: RecoveryPlanner,
+        refuges: RefugeFinder,
+        peer_m: float,
+    ) -> None:
+        super().__init__(name, period_s, waypoint, recovery)
+        self._refuges: Final = refuges
+        self._peer_m: Final = peer_m
+        self._legs: list[Point] = []
+        self._looked_s = -math.inf
+
+    def engage(self, situation: Situation) -> None:
+        super().engage(situation)
+        self._legs = []
+        self._looked_s = -math.inf
+
+    def motion(self, situation: Situation) -> Waypoint | None:
+        if situation.now_s - self._looked_s >= _LOOK_AGAIN_S and not self._settled(situation):
+            self._looked_s = situation.now_s
+            self._legs = self._refuges.way(situation, self._peer_m)
+        return self.follow(situation, self._legs)
+
+    def _settled(self, situation: Situation) -> bool:
+        """Whether the way is still good: it leads somewhere, no peer is near its end, and the robot gets along it."""
+        if not self._legs or not self._refuges.good(situation, self._legs[-1], self._peer_m):
+            return False
+        own = situation.own
+        moving = own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > 1e-4
+        return moving or math.hypot(self._legs[-1][0] - own.x_m, self._legs[-1][1] - own.y_m) < _CORNER_M
