@@ -1,0 +1,42 @@
+"""Motion planners by name, and the service that runs them where they can do no harm."""
+
+from soter.stack.planners.base import (
+    CHECK_COST_S,
+    MAX_COST_S,
+    MAX_WAYPOINTS,
+    Planner,
+    PlannerOptions,
+    PlanRequest,
+    PlanResult,
+    Point,
+)
+from soter.stack.planners.names import (
+    BUILT_IN,
+    DEFAULT_PLANNER,
+    PlannerUnavailable,
+    build_planner,
+    check_name,
+    check_options,
+    planner_class,
+)
+from soter.stack.planners.service import PlanService, Ticket
+
+__all__ = [
+    "BUILT_IN",
+    "CHECK_COST_S",
+    "DEFAULT_PLANNER",
+    "MAX_COST_S",
+    "MAX_WAYPOINTS",
+    "PlanRequest",
+    "PlanResult",
+    "PlanService",
+    "Planner",
+    "PlannerOptions",
+    "PlannerUnavailable",
+    "Point",
+    "Ticket",
+    "build_planner",
+    "check_name",
+    "check_options",
+    "planner_class",
+]

@@ -1,0 +1,121 @@
+"""The main function of a worker process: builds one planner and answers requests until its parent is gone."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import pickle
+import resource
+import select
+import signal
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, BinaryIO, NoReturn
+
+from soter.errors import ConfigError
+from soter.stack.planners.base import Planner, PlanResult
+from soter.stack.planners.names import PlannerUnavailable, build_planner
+from soter.stack.planners.wire import Garbage, checked, describe, encode_result, encode_start, garbage
+from soter.workspace import Workspace
+
+MAX_REQUEST_BYTES = 1 << 18
+
+BOOTSTRAP = """\
+import pickle, sys
+sys.path[:] = pickle.load(sys.stdin.buffer)
+from soter.stack.planners.worker import main
+main(sys.stdin.buffer, int(sys.argv[1]), int(sys.argv[2]))
+"""
+"""What the interpreter of a worker runs. Its standard input holds the parent's sys.path, then a `WorkerSpec`."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerSpec:
+    """What a worker is told when it starts.
+
+    Attributes:
+        planner: name of the planner.
+        workspace: the known fence and boxes.
+        body_radius_m: radius of the robot's round body.
+        options: the raw table of the planner.
+        memory_limit_bytes: address space that the planner may add to what the bare worker has.
+    """
+
+    planner: str
+    workspace: Workspace
+    body_radius_m: float
+    options: Mapping[str, Any]
+    memory_limit_bytes: int
+
+
+def die_with_parent(lifeline_fd: int) -> None:
+    """Have the kernel kill this process when the other end of a pipe is closed, which the parent's death does.
+
+    It works while a planner holds the interpreter in an endless loop of C, which a watching thread would not; and
+    unlike PR_SET_PDEATHSIG it does not fire when merely the thread ends that started this process.
+    """
+    fcntl.fcntl(lifeline_fd, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(lifeline_fd, fcntl.F_SETSIG, signal.SIGKILL)
+    fcntl.fcntl(lifeline_fd, fcntl.F_SETFL, fcntl.fcntl(lifeline_fd, fcntl.F_GETFL) | os.O_ASYNC)
+    poll = select.poll()
+    poll.register(lifeline_fd)
+    if poll.poll(0):  # closed before the kernel was asked to watch
+        os._exit(1)
+
+
+def limit_memory(extra_bytes: int) -> None:
+    """Limit the address space of this process to what it has now and `extra_bytes` more."""
+    with open("/proc/self/statm", encoding="ascii") as file:
+        now = int(file.read().split()[0]) * resource.getpagesize()
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    wanted = now + extra_bytes
+    resource.setrlimit(resource.RLIMIT_AS, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
+
+
+def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
+    """Serve the parent. Never returns, and skips exit handlers: untrusted code may have left some.
+
+    Args:
+        stdin: holds a pickled `WorkerSpec`.
+        socket_fd: a Unix socket of packets: pickled requests in, JSON answers out.
+        lifeline_fd: read end of a pipe that the parent holds open and never writes to.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(lifeline_fd)
+    spec: WorkerSpec = pickle.load(stdin)
+    channel = socket.socket(fileno=socket_fd)
+    # A planner that runs wild must not starve a supervisor on the same host.
+    with contextlib.suppress(OSError):
+        os.nice(5)
+    limit_memory(spec.memory_limit_bytes)
+    planner = _build(spec, channel)
+    channel.send(encode_start("ready"))
+    while data := channel.recv(MAX_REQUEST_BYTES):
+        number, request = pickle.loads(data)
+        channel.send(encode_result(number, _plan(planner, request)))
+    os._exit(0)
+
+
+def _build(spec: WorkerSpec, channel: socket.socket) -> Planner:
+    try:
+        return build_planner(spec.planner, spec.workspace, spec.body_radius_m, spec.options)
+    except ConfigError as error:
+        # The key is sent apart, for the parent to raise the same error.
+        text = str(error).removeprefix(f"{error.key}: ") if error.key else str(error)
+        channel.send(encode_start("config", text, error.key))
+    except PlannerUnavailable as error:
+        channel.send(encode_start("unavailable", str(error)))
+    except BaseException as error:
+        channel.send(encode_start("config", f"planner '{spec.planner}' cannot be built ({describe(error)})"))
+    os._exit(1)
+
+
+def _plan(planner: Planner, request: Any) -> PlanResult:
+    try:
+        return checked(request.request_id, planner.plan(request))
+    except Garbage as error:
+        return garbage(request.request_id, error)
+    except BaseException as error:  # SystemExit and KeyboardInterrupt are just as unwelcome
+        return PlanResult.failed(request.request_id, f"the planner raised {describe(error)}")
