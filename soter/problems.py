@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from soter.errors import ConfigError, nearest
 
@@ -91,3 +95,121 @@ def _beside(path: Path) -> list[str]:
         return sorted(other.name for other in path.parent.iterdir() if other.suffix == path.suffix)
     except OSError:
         return []
+
+
+# --- TOML: where a key stands ------------------------------------------------------------------------------
+
+_KEY_PART = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
+_KEY = rf"{_KEY_PART}(?:[ \t]*\.[ \t]*{_KEY_PART})*"
+_HEADER = re.compile(rf"\s*\[\[?\s*({_KEY})\s*\]")
+_PAIR = re.compile(rf"\s*({_KEY})[ \t]*=")
+
+
+def split_key(key: str) -> tuple[str, ...]:
+    """Split a dotted key as TOML does: dots inside quotes do not count."""
+    return tuple(part.strip("\"'") for part in re.findall(rf"{_KEY_PART}|[^.\s]+", key))
+
+
+def key_lines(text: str) -> dict[tuple[str, ...], int]:
+    """Return the line of every table and key in the text of a TOML file, from 1.
+
+    A line of a multi-line string that looks like a key is taken for one; what comes first wins, so this only ever
+    misplaces an error message.
+    """
+    lines: dict[tuple[str, ...], int] = {}
+    table: tuple[str, ...] = ()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := _HEADER.match(line):
+            table = split_key(header[1])
+            lines.setdefault(table, number)
+        elif pair := _PAIR.match(line):
+            lines.setdefault(table + split_key(pair[1]), number)
+    return lines
+
+
+# --- pydantic's errors in our words ------------------------------------------------------------------------
+
+_ALLOWED = {
+    "greater_than": "above {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "below {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "string_type": "a text in quotes",
+    "string_too_short": "a text that is not empty",
+    "string_pattern_mismatch": "a text that matches {pattern}",
+    "path_type": "a path in quotes",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "mapping_type": "a table",
+    "list_type": "a list",
+    "tuple_type": "a list",
+}
+
+
+def pydantic_problems(
+    failure: ValidationError,
+    model: type[BaseModel],
+    *,
+    prefix: tuple[str, ...] = (),
+    lines: Mapping[tuple[str, ...], int] | None = None,
+    elsewhere: Mapping[tuple[str, ...], str] | None = None,
+    hidden: Collection[str] = (),
+) -> list[Problem]:
+    """Translate what pydantic found.
+
+    Args:
+        failure: its error.
+        model: the model that refused; its fields are the valid names of unknown keys.
+        prefix: the table that was validated.
+        lines: from `key_lines`, or None for input without lines.
+        elsewhere: keys that do not come from the file, and where they come from instead.
+        hidden: fields of the model that are not for the user to give.
+    """
+    problems = []
+    for error in failure.errors(include_url=False):
+        inner = tuple(str(part) for part in error["loc"] if part != "[key]")
+        where = prefix + inner
+        origin = next((name for key, name in (elsewhere or {}).items() if key == where[: len(key)]), None)
+        line = _line_of(where, lines or {}) if origin is None else None
+        problems.append(Problem(_message(error, model, inner, hidden), ".".join(where), line, origin))
+    return problems
+
+
+def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...], hidden: Collection[str]) -> str:
+    kind, context, value = error["type"], error.get("ctx", {}), shown_value(error["input"])
+    if kind == "extra_forbidden":
+        allowed = [name for name in _fields_at(model, where[:-1]) if name not in hidden]
+        return f"unknown key{nearest(where[-1], allowed)}; allowed: {', '.join(allowed) or 'none'}"
+    if kind == "missing":
+        return "it is missing"
+    if kind in ("literal_error", "enum"):
+        expected = str(context["expected"])
+        hint = nearest(error["input"], re.findall("'([^']*)'", expected)) if isinstance(error["input"], str) else ""
+        return f"it is {value}, allowed: {expected}{hint}"
+    if kind in _ALLOWED:
+        return f"it is {value}, allowed: {_ALLOWED[kind].format(**context)}"
+    return f"it is {value}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _fields_at(model: type[BaseModel], where: tuple[str, ...]) -> list[str]:
+    """Return the names of the fields of the model that sits at a key."""
+    for part in where:
+        field = model.model_fields.get(part)
+        if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+            return []
+        model = field.annotation
+    return list(model.model_fields)
+
+
+def _line_of(where: tuple[str, ...], lines: Mapping[tuple[str, ...], int]) -> int | None:
+    """Return the line of a key, or of the nearest table around it that has one."""
+    found = (lines.get(where[:length]) for length in range(len(where), 0, -1))
+    return next((line for line in found if line is not None), None)

@@ -1,0 +1,410 @@
+"""The mission file: what is to be done, where, by whom, and what the safety modules promise.
+
+A mission says nothing about the robots behind it: the same file runs on every backend. Options of one backend or
+planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from soter.errors import ConfigError, nearest
+from soter.problems import Problem, config_error, key_lines, pydantic_problems, read_limited, split_key
+from soter.workspace import Workspace
+from soter.workspace_xml import MAX_ROBOT_ID, read_workspace
+
+MODULES: Final = ("collision", "obstacle", "geofence", "battery")
+"""The safety modules, in the order in which they take the actuator: the first of them in SC drives."""
+
+INITIAL_CHARGE: Final = (0.60, 1.00)
+"""The charge that a robot starts with is drawn from this range unless the mission gives one."""
+
+COMMAND_LINE: Final = "command line"
+
+Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
+Period = Annotated[float, Field(gt=0.0, le=60.0, allow_inf_nan=False)]
+Charge = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1)]
+RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
+RawTables = dict[str, dict[str, Any]]
+
+
+class _Table(BaseModel):
+    # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def _wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
+    """Return an error on a key below the model that is being validated."""
+    kind = PydanticCustomError("not_allowed", "{allowed}", {"allowed": f"allowed: {allowed}"})
+    return ValidationError.from_exception_data("mission", [InitErrorDetails(type=kind, loc=key, input=value)])
+
+
+class ModuleTable(_Table):
+    """What every safety module is told.
+
+    Attributes:
+        delta_s: how often its decision module looks; a multiple of the base tick.
+        dwell_s: how long the robot must have been inside phi_safer before it is given back.
+    """
+
+    delta_s: Period
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0, allow_inf_nan=False)] = 0.3
+
+
+class DistanceTable(ModuleTable):
+    """A module that keeps a distance.
+
+    Attributes:
+        phi_safe_m: the distance that must never be undercut.
+        phi_safer_m: the distance from which the robot may be given back.
+    """
+
+    phi_safe_m: Metres
+    phi_safer_m: Metres
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.phi_safer_m <= self.phi_safe_m:
+            raise _wrong(("phi_safer_m",), self.phi_safer_m, f"above phi_safe_m, which is {self.phi_safe_m:g}")
+        return self
+
+
+class CollisionTable(DistanceTable):
+    """Distance between the centres of two robots."""
+
+    delta_s: Period = 0.1
+    phi_safe_m: Metres = 0.3
+    phi_safer_m: Metres = 0.5
+
+
+class ObstacleTable(DistanceTable):
+    """Clearance between the body and the nearest box."""
+
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.0
+    phi_safer_m: Metres = 0.1
+
+
+class GeofenceTable(ModuleTable):
+    """The fence: phi_safe is the workspace itself.
+
+    Attributes:
+        phi_safer_inset_m: how far inside the fence phi_safer lies, on every side.
+    """
+
+    delta_s: Period = 0.5
+    phi_safer_inset_m: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)] = 0.5
+
+
+class BatteryModuleTable(ModuleTable):
+    """Enough charge for the way home.
+
+    Attributes:
+        phi_safer: charge from 0 to 1 from which a robot may be given back.
+        reserve_factor: the reserve, as a multiple of the cost of the longest way home.
+    """
+
+    delta_s: Period = 1.0
+    phi_safer: Charge = 0.85
+    reserve_factor: Annotated[float, Field(ge=1.0, le=100.0, allow_inf_nan=False)] = 4.0
+
+
+def _in_fixed_order(modules: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(modules)) != len(modules):
+        twice = next(name for name in modules if modules.count(name) > 1)
+        raise PydanticCustomError("not_allowed", "allowed: each module once, '{name}' is there twice", {"name": twice})
+    return tuple(name for name in MODULES if name in modules)
+
+
+class RtaTable(_Table):
+    """The safety modules.
+
+    Attributes:
+        enabled: False removes the decision modules and nothing else.
+        modules: those that are on; whatever order they are given in, theirs is that of `MODULES`.
+        collision: distance to other robots.
+        obstacle: clearance to boxes.
+        geofence: the fence.
+        battery: the way home.
+    """
+
+    enabled: bool = True
+    modules: Annotated[
+        tuple[Literal["collision", "obstacle", "geofence", "battery"], ...],
+        Field(strict=False),
+        AfterValidator(_in_fixed_order),
+    ] = MODULES
+    collision: CollisionTable = CollisionTable()
+    obstacle: ObstacleTable = ObstacleTable()
+    geofence: GeofenceTable = GeofenceTable()
+    battery: BatteryModuleTable = BatteryModuleTable()
+
+
+def _by_robot(value: object) -> object:
+    """Accept a list, by robot id from 1, or a table; keys of TOML tables are texts."""
+    if isinstance(value, list | tuple):
+        return dict(enumerate(value, start=1))
+    if isinstance(value, Mapping):
+        return {
+            int(key) if isinstance(key, str) and re.fullmatch(r"\d{1,3}", key, re.ASCII) else key: charge
+            for key, charge in value.items()
+        }
+    return value
+
+
+class BatteryTable(_Table):
+    """The batteries of simulated robots.
+
+    Attributes:
+        drive_s: from full to empty when driving.
+        idle_s: the same when standing still.
+        charge_s: from empty to full at the charger.
+        initial: charge from 0 to 1 at the start, by robot id; whoever is not in it has one drawn from the seed.
+    """
+
+    drive_s: Positive = 1800.0
+    idle_s: Positive = 7200.0
+    charge_s: Positive = 60.0
+    initial: Annotated[dict[RobotId, Charge] | None, BeforeValidator(_by_robot)] = None
+
+
+class Mission(_Table):
+    """A mission, the same for every backend.
+
+    Attributes:
+        app: what is done.
+        workspace: the XML file; `load_mission` makes it relative to the mission file.
+        backend: which robots.
+        duration_s: how long.
+        seed: everything that is drawn, is drawn from it.
+        targets: where the robots are sent: the integer points, anywhere a body fits, or up to 1 m outside the fence.
+        robots: only the first so many of the workspace, or None for all.
+        planner: its name.
+        target_timeout_s: a target that takes longer is given up.
+        base_tick_s: how often controllers publish and supervisors tick.
+        battery: the batteries.
+        rta: the safety modules.
+        backends: raw options, by backend.
+        planners: raw options, by planner.
+    """
+
+    app: Literal["surveillance"] = "surveillance"
+    workspace: Annotated[Path, Field(strict=False)]
+    backend: Name = "pybullet"
+    duration_s: Annotated[float, Field(gt=0.0, le=1e7, allow_inf_nan=False)] = 600.0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    targets: Literal["grid", "uniform", "hostile"] = "grid"
+    robots: RobotId | None = None
+    planner: Name = "ompl-bitstar"
+    target_timeout_s: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)] = 120.0
+    base_tick_s: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = 0.05
+    battery: BatteryTable = BatteryTable()
+    rta: RtaTable = RtaTable()
+    backends: RawTables = Field(default_factory=dict)
+    planners: RawTables = Field(default_factory=dict)
+
+    _source: str | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _whole_ticks(self) -> Self:
+        for name in MODULES:
+            delta_s = getattr(self.rta, name).delta_s
+            ticks = round(delta_s / self.base_tick_s)
+            # Both are decimals: 0.15 is three ticks of 0.05 although not in binary.
+            if ticks < 1 or not math.isclose(ticks * self.base_tick_s, delta_s, rel_tol=1e-9):
+                nearest_s = max(1, ticks) * self.base_tick_s
+                allowed = f"a multiple of base_tick_s, which is {self.base_tick_s:g}; the nearest is {nearest_s:g}"
+                raise _wrong(("rta", name, "delta_s"), delta_s, allowed)
+        return self
+
+    @property
+    def source(self) -> str | None:
+        """The file that the mission was read from, for error messages; None if it was made in code."""
+        return self._source
+
+    def initial_charge(self, robot_id: int) -> float:
+        """Return the charge from 0 to 1 that a robot starts with: the given one, or one drawn from the seed."""
+        given = (self.battery.initial or {}).get(robot_id)
+        return draw_charge(self.seed, robot_id) if given is None else given
+
+    def read_workspace(self) -> Workspace:
+        """Read the workspace, check the mission against it, and keep the robots that the mission wants.
+
+        Raises:
+            ConfigError: the workspace file is not allowed, or the mission wants what is not in it.
+        """
+        workspace = read_workspace(
+            self.workspace,
+            phi_safer_m=self.rta.obstacle.phi_safer_m,
+            spacing_m=self.rta.collision.phi_safer_m,
+        )
+        problems = []
+        ids = [place.id for place in workspace.robots]
+        for robot_id, charge in (self.battery.initial or {}).items():
+            if robot_id not in ids:
+                problems.append(Problem(
+                    f"it is {charge:g}, but {self.workspace} has no robot {robot_id}; allowed: "
+                    f"{', '.join(map(str, ids))}",
+                    f"battery.initial.{robot_id}",
+                ))
+        inset_m, least_m = self.rta.geofence.phi_safer_inset_m, min(workspace.width_m, workspace.depth_m)
+        if 2.0 * inset_m >= least_m:
+            problems.append(Problem(
+                f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide; allowed: below "
+                f"{least_m / 2.0:g}",
+                "rta.geofence.phi_safer_inset_m",
+            ))
+        if problems:
+            raise config_error(problems, self.source)
+        if self.robots is None:
+            return workspace
+        try:
+            return workspace.with_robots(self.robots)
+        except ConfigError as failure:
+            raise ConfigError(f"{failure} ({self.workspace})", source=self.source) from failure
+
+
+def draw_charge(seed: int, robot_id: int) -> float:
+    """Return the charge that a robot starts with, uniform in `INITIAL_CHARGE`; the same for the same arguments."""
+    # Seeding from a text goes through SHA-512: neighbouring seeds and ids give unrelated draws, on every platform.
+    return random.Random(f"initial charge, seed {seed}, robot {robot_id}").uniform(*INITIAL_CHARGE)
+
+
+def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None) -> Mission:
+    """Read a mission file.
+
+    Args:
+        path: the TOML file.
+        overrides: values that take the place of the file's, by dotted key such as "rta.collision.delta_s"; they come
+            from the command line. None as a value means not given.
+
+    Raises:
+        ConfigError: the file cannot be read, or something in it is not allowed; all that is wrong is listed, with
+            line, dotted key, value and what is allowed.
+    """
+    path = Path(path)
+    data = read_limited(path, "mission file")
+    mission = parse_mission(data, str(path), overrides)
+    # model_copy() would forget the private source.
+    placed = mission.model_copy(update={"workspace": path.parent / mission.workspace})
+    placed._source = str(path)
+    return placed
+
+
+def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> Mission:
+    """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
+    try:
+        text = data.decode()
+        raw = tomllib.loads(text)
+    except UnicodeDecodeError as failure:
+        line = data[: failure.start].count(b"\n") + 1
+        raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
+    except ValueError as failure:
+        message, line = _syntax_error(str(failure))
+        raise ConfigError(f"not valid TOML: {message}", source=source, line=line) from failure
+    except RecursionError as failure:
+        raise ConfigError("not valid TOML: it is nested too deeply", source=source) from failure
+    given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
+    for key, value in given.items():
+        _override(raw, key, value)
+    try:
+        mission = Mission.model_validate(raw)
+    except ValidationError as failure:
+        problems = pydantic_problems(
+            failure, Mission, lines=key_lines(text), elsewhere=dict.fromkeys(given, COMMAND_LINE)
+        )
+        raise config_error(problems, source) from failure
+    mission._source = source
+    return mission
+
+
+def _syntax_error(message: str) -> tuple[str, int | None]:
+    """Split what tomllib says into the message and the line; it has the line only in its text."""
+    found = re.search(r" \(at line (\d+), column (\d+)\)$", message)
+    if found is None:
+        return message, None
+    return f"{message[: found.start()]} (column {found[2]})", int(found[1])
+
+
+def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
+    table: object = raw
+    for part in key[:-1]:
+        table = table.setdefault(part, {}) if isinstance(table, dict) else None
+    if not isinstance(table, dict) or not key:
+        raise ConfigError(
+            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=".".join(key) or "''"
+        )
+    table[key[-1]] = value
+
+
+Options = TypeVar("Options", bound=BaseModel)
+
+
+def validate_options(
+    model: type[Options],
+    raw: Mapping[str, object],
+    source: str | None,
+    key: str,
+    filled: Mapping[str, object] | None = None,
+) -> Options:
+    """Check a raw table of options with the model of the class that it is for.
+
+    Args:
+        model: the class's own model.
+        raw: the table, such as `mission.backends.get("pybullet", {})`.
+        source: the mission file, or None.
+        key: the table's dotted key, such as "backends.pybullet".
+        filled: what the program itself fills in; the table may not name it.
+
+    Raises:
+        ConfigError: an option is unknown or not allowed; all that is wrong is listed.
+    """
+    filled = filled or {}
+    prefix = split_key(key)
+    lines = _lines_in(source)
+    allowed = [name for name in model.model_fields if name not in filled]
+    problems = [
+        Problem(
+            f"unknown key{nearest(name, allowed)}; allowed: {', '.join(allowed) or 'none'}",
+            f"{key}.{name}",
+            lines.get((*prefix, name)),
+        )
+        for name in raw
+        if name in filled
+    ]
+    try:
+        options = model.model_validate({**raw, **filled})
+    except ValidationError as failure:
+        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, hidden=filled)
+        raise config_error(problems, source) from failure
+    if problems:
+        raise config_error(problems, source)
+    return options
+
+
+def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:
+    """Return the lines of the keys of a mission file, or nothing where it cannot be read again."""
+    try:
+        return key_lines(read_limited(Path(source), "mission file").decode()) if source else {}
+    except (ConfigError, UnicodeDecodeError):
+        return {}
