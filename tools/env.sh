@@ -55,6 +55,6 @@ echo "Installing $lock and the project into .venv"
 if "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then
     rm .venv/pybullet-wheel.log
 else
-    echo "There is no PyBullet wheel for this Python; going on without (see .venv/pybullet-wheel.log)."
+    echo "PyBullet has no wheel for this Python; going on without it (see .venv/pybullet-wheel.log)."
 fi
 touch "$stamp"

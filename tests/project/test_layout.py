@@ -78,7 +78,9 @@ def test_registered_adapters_are_there_without_their_libraries(adapter: EntryPoi
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda path: path.name)
 def test_locks_name_versions_and_no_index(lock: Path) -> None:
     pinned = re.compile(r"[a-z0-9._-]+==[^ ;]+( ; [^#]+)?")
-    requirements = [line for line in lock.read_text().splitlines() if not line.lstrip().startswith("#")]
+    text = lock.read_text()
+    assert "://" not in text
+    requirements = [line for line in text.splitlines() if not line.startswith("#")]
     assert requirements
     assert [line for line in requirements if not pinned.fullmatch(line)] == []
 
