@@ -6,11 +6,12 @@ planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, a
 
 from __future__ import annotations
 
+import copy
 import math
 import random
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self, TypeVar
 
@@ -24,10 +25,20 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import InitErrorDetails
 
 from soter.errors import ConfigError, nearest
-from soter.problems import Problem, config_error, key_lines, pydantic_problems, read_limited, split_key
+from soter.problems import (
+    Problem,
+    config_error,
+    cut,
+    key_lines,
+    line_of,
+    not_allowed,
+    pydantic_problems,
+    read_limited,
+    split_key,
+)
 from soter.workspace import Workspace
 from soter.workspace_xml import MAX_ROBOT_ID, read_workspace
 
@@ -55,8 +66,8 @@ class _Table(BaseModel):
 
 def _wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
     """Return an error on a key below the model that is being validated."""
-    kind = PydanticCustomError("not_allowed", "{allowed}", {"allowed": f"allowed: {allowed}"})
-    return ValidationError.from_exception_data("mission", [InitErrorDetails(type=kind, loc=key, input=value)])
+    details = InitErrorDetails(type=not_allowed(allowed), loc=key, input=value)
+    return ValidationError.from_exception_data("mission", [details])
 
 
 class ModuleTable(_Table):
@@ -132,7 +143,7 @@ class BatteryModuleTable(ModuleTable):
 def _in_fixed_order(modules: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(modules)) != len(modules):
         twice = next(name for name in modules if modules.count(name) > 1)
-        raise PydanticCustomError("not_allowed", "allowed: each module once, '{name}' is there twice", {"name": twice})
+        raise not_allowed(f"each module once, '{twice}' is there twice")
     return tuple(name for name in MODULES if name in modules)
 
 
@@ -224,6 +235,8 @@ class Mission(_Table):
     planners: RawTables = Field(default_factory=dict)
 
     _source: str | None = PrivateAttr(default=None)
+    _lines: dict[tuple[str, ...], int] = PrivateAttr(default_factory=dict)
+    _overridden: tuple[tuple[str, ...], ...] = PrivateAttr(default=())
 
     @model_validator(mode="after")
     def _whole_ticks(self) -> Self:
@@ -262,26 +275,31 @@ class Mission(_Table):
         ids = [place.id for place in workspace.robots]
         for robot_id, charge in (self.battery.initial or {}).items():
             if robot_id not in ids:
-                problems.append(Problem(
-                    f"it is {charge:g}, but {self.workspace} has no robot {robot_id}; allowed: "
-                    f"{', '.join(map(str, ids))}",
-                    f"battery.initial.{robot_id}",
-                ))
+                message = f"it is {charge:g}, but {self.workspace} has no robot {robot_id}"
+                problems.append(self._problem(f"battery.initial.{robot_id}", f"{message}; allowed: {_listed(ids)}"))
         inset_m, least_m = self.rta.geofence.phi_safer_inset_m, min(workspace.width_m, workspace.depth_m)
         if 2.0 * inset_m >= least_m:
-            problems.append(Problem(
-                f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide; allowed: below "
-                f"{least_m / 2.0:g}",
-                "rta.geofence.phi_safer_inset_m",
-            ))
+            message = f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide"
+            allowed = f"allowed: below {least_m / 2.0:g}"
+            problems.append(self._problem("rta.geofence.phi_safer_inset_m", f"{message}; {allowed}"))
+        if self.robots is not None and self.robots > len(ids):
+            message = f"it is {self.robots}, but {self.workspace} has {len(ids)}"
+            advice = "for more, add robots and charging stations to the workspace file"
+            problems.append(self._problem("robots", f"{message}; allowed: 1 to {len(ids)}; {advice}"))
         if problems:
             raise config_error(problems, self.source)
-        if self.robots is None:
-            return workspace
-        try:
-            return workspace.with_robots(self.robots)
-        except ConfigError as failure:
-            raise ConfigError(f"{failure} ({self.workspace})", source=self.source) from failure
+        return workspace if self.robots is None else workspace.with_robots(self.robots)
+
+    def _problem(self, key: str, message: str) -> Problem:
+        """Return a problem of one key, with the place that its value came from."""
+        parts = split_key(key)
+        if any(parts[: len(given)] == given for given in self._overridden):
+            return Problem(message, key, source=COMMAND_LINE)
+        return Problem(message, key, line_of(parts, self._lines))
+
+
+def _listed(ids: Sequence[int]) -> str:
+    return ", ".join(map(str, ids))
 
 
 def draw_charge(seed: int, robot_id: int) -> float:
@@ -305,10 +323,7 @@ def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None
     path = Path(path)
     data = read_limited(path, "mission file")
     mission = parse_mission(data, str(path), overrides)
-    # model_copy() would forget the private source.
-    placed = mission.model_copy(update={"workspace": path.parent / mission.workspace})
-    placed._source = str(path)
-    return placed
+    return mission.model_copy(update={"workspace": path.parent / mission.workspace})
 
 
 def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> Mission:
@@ -320,21 +335,20 @@ def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | No
         line = data[: failure.start].count(b"\n") + 1
         raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
     except ValueError as failure:
-        message, line = _syntax_error(str(failure))
-        raise ConfigError(f"not valid TOML: {message}", source=source, line=line) from failure
+        message, at = _syntax_error(str(failure))
+        raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
     except RecursionError as failure:
         raise ConfigError("not valid TOML: it is nested too deeply", source=source) from failure
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     for key, value in given.items():
-        _override(raw, key, value)
+        _override(raw, key, copy.deepcopy(value))
+    lines = key_lines(text)
     try:
         mission = Mission.model_validate(raw)
     except ValidationError as failure:
-        problems = pydantic_problems(
-            failure, Mission, lines=key_lines(text), elsewhere=dict.fromkeys(given, COMMAND_LINE)
-        )
+        problems = pydantic_problems(failure, Mission, lines=lines, elsewhere=dict.fromkeys(given, COMMAND_LINE))
         raise config_error(problems, source) from failure
-    mission._source = source
+    mission._source, mission._lines, mission._overridden = source, lines, tuple(given)
     return mission
 
 
@@ -352,7 +366,7 @@ def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
         table = table.setdefault(part, {}) if isinstance(table, dict) else None
     if not isinstance(table, dict) or not key:
         raise ConfigError(
-            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=".".join(key) or "''"
+            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=cut(".".join(key)) or "''"
         )
     table[key[-1]] = value
 

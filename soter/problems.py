@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from soter.errors import ConfigError, nearest
 
@@ -61,6 +61,11 @@ def shown_value(value: object) -> str:
         text = repr(value)
     except ValueError:  # an integer with more digits than Python converts
         text = "a huge number"
+    return cut(text)
+
+
+def cut(text: str) -> str:
+    """Return a text, without its tail if it is long."""
     return text if len(text) <= _MAX_VALUE_CHARS else f"{text[: _MAX_VALUE_CHARS - 3]}..."
 
 
@@ -118,7 +123,8 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
     """
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
-    for number, line in enumerate(text.splitlines(), start=1):
+    # splitlines() would count form feeds and the like as well.
+    for number, line in enumerate(text.split("\n"), start=1):
         if header := _HEADER.match(line):
             table = split_key(header[1])
             lines.setdefault(table, number)
@@ -128,6 +134,14 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
 
 
 # --- pydantic's errors in our words ------------------------------------------------------------------------
+
+NOT_ALLOWED = "not_allowed"
+
+
+def not_allowed(allowed: str) -> PydanticCustomError:
+    """Return what a validator raises; `allowed` says what it would have taken."""
+    return PydanticCustomError(NOT_ALLOWED, "allowed: {allowed}", {"allowed": allowed})
+
 
 _ALLOWED = {
     "greater_than": "above {gt:g}",
@@ -178,8 +192,11 @@ def pydantic_problems(
         inner = tuple(str(part) for part in error["loc"] if part != "[key]")
         where = prefix + inner
         origin = next((name for key, name in (elsewhere or {}).items() if key == where[: len(key)]), None)
-        line = _line_of(where, lines or {}) if origin is None else None
-        problems.append(Problem(_message(error, model, inner, hidden), ".".join(where), line, origin))
+        line = line_of(where, lines or {}) if origin is None else None
+        message = _message(error, model, inner, hidden)
+        if "[key]" in error["loc"]:
+            message = f"of its name: {message}"
+        problems.append(Problem(message, cut(".".join(where)), line, origin))
     return problems
 
 
@@ -189,11 +206,13 @@ def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...]
         allowed = [name for name in _fields_at(model, where[:-1]) if name not in hidden]
         return f"unknown key{nearest(where[-1], allowed)}; allowed: {', '.join(allowed) or 'none'}"
     if kind == "missing":
-        return "it is missing"
+        return "it is missing, and has no default"
     if kind in ("literal_error", "enum"):
         expected = str(context["expected"])
         hint = nearest(error["input"], re.findall("'([^']*)'", expected)) if isinstance(error["input"], str) else ""
         return f"it is {value}, allowed: {expected}{hint}"
+    if kind == NOT_ALLOWED:
+        return f"it is {value}, allowed: {context['allowed']}"
     if kind in _ALLOWED:
         return f"it is {value}, allowed: {_ALLOWED[kind].format(**context)}"
     return f"it is {value}: {error['msg'][:1].lower()}{error['msg'][1:]}"
@@ -209,7 +228,7 @@ def _fields_at(model: type[BaseModel], where: tuple[str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
-def _line_of(where: tuple[str, ...], lines: Mapping[tuple[str, ...], int]) -> int | None:
+def line_of(where: tuple[str, ...], lines: Mapping[tuple[str, ...], int]) -> int | None:
     """Return the line of a key, or of the nearest table around it that has one."""
     found = (lines.get(where[:length]) for length in range(len(where), 0, -1))
     return next((line for line in found if line is not None), None)

@@ -14,7 +14,7 @@ import defusedxml.sax
 from defusedxml.common import DefusedXmlException
 
 from soter.errors import ConfigError, nearest
-from soter.problems import MAX_FILE_BYTES, Problem, config_error, read_limited, shown_value
+from soter.problems import MAX_FILE_BYTES, Problem, config_error, cut, read_limited, shown_value
 from soter.workspace import Box, RobotPlace, Workspace
 
 BODY_RADIUS_M = 0.105
@@ -123,7 +123,7 @@ class _TreeBuilder(ContentHandler):
     def characters(self, content: str) -> None:
         if content.strip():
             message = f"text {shown_value(content.strip())} is not allowed here; values stand in attributes"
-            self.problems.append(Problem(message, f"<{self._open[-1].tag}>", self._line()))
+            self.problems.append(Problem(message, f"<{cut(self._open[-1].tag)}>", self._line()))
 
     def _line(self) -> int | None:
         return self._locator.getLineNumber() if self._locator is not None else None
@@ -168,7 +168,7 @@ class _Reader:
 
     def read(self) -> Workspace | None:
         if self.root.tag != _ROOT:
-            self._note(self.root, f"<{self.root.tag}>", f"the outermost element must be <{_ROOT}>")
+            self._note(self.root, f"<{cut(self.root.tag)}>", f"the outermost element must be <{_ROOT}>")
             return None
         self._check_names(self.root)
         if self.problems:
@@ -224,7 +224,7 @@ class _Reader:
                 self._check_names(child)
             else:
                 allowed = ", ".join(f"<{name}>" for name in children) or "none"
-                self._note(child, here, f"unknown element <{child.tag}>"
+                self._note(child, here, f"unknown element <{cut(child.tag)}>"
                                         f"{nearest(child.tag, list(children))}; allowed here: {allowed}")
         if element.tag in ("robot", "box"):
             for name in children:
