@@ -67,6 +67,7 @@ LIBRARIES: dict[str, set[str] | None] = {
     "numpy": None,
     "scipy": None,
     "pydantic": None,
+    "pydantic_core": None,  # a part of pydantic: the details of its errors
     "typing_extensions": None,
     "defusedxml": {"soter.workspace_xml"},
     "typer": {"soter.cli"},
