@@ -1,0 +1,244 @@
+"""Backends by name: built in, registered by an installed distribution, or a class as `module:Class`.
+
+Nothing is imported before it is asked for, and nothing of a vendor before a backend is opened or its adapter needs it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Final
+
+from soter.errors import BackendError, BackendUnavailable, UnknownBackend, nearest
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Robot
+
+ENTRY_POINT_GROUP: Final = "soter.adapters"
+DISTRIBUTION: Final = "soter-rta"
+
+BUILT_IN: Final[Mapping[str, str]] = {
+    "pybullet": "soter.adapters.pybullet:PyBulletBackend",
+    "kinematic": "soter.adapters.pybullet:KinematicBackend",
+}
+"""The backends of this distribution. They are found without it being installed, and nobody can take their names."""
+
+LIBRARIES: Final[Mapping[str, str]] = {"pybullet": "pybullet"}
+"""Built-in backends that import a vendor library only when they are opened, and that library."""
+
+INSTALL_HINTS: Final[Mapping[str, str]] = {
+    "pybullet": "pybullet",
+    "ompl": "ompl",
+    "matplotlib": "report",
+}
+"""Vendor libraries, and the extra of this distribution that brings each of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class BackendRow:
+    """One line of `soter backends`.
+
+    Attributes:
+        name: what `--backend` takes.
+        origin: "built in", or the distribution that registered it.
+        target: where its class is, as `module:Class`.
+        available: whether it can be opened here.
+        problem: why not, and what to do about it; empty if it is available.
+        capabilities: what its robots promise, in a few words; empty if that is not known without the library.
+    """
+
+    name: str
+    origin: str
+    target: str
+    available: bool
+    problem: str
+    capabilities: str
+
+
+def install_hint(library: str) -> str | None:
+    """Return the command that installs a vendor library, or None for one that is not ours to install."""
+    extra = INSTALL_HINTS.get(library.partition(".")[0])
+    return f'pip install "{DISTRIBUTION}[{extra}]"' if extra else None
+
+
+def load_backend(name: str) -> type[Backend]:
+    """Import the class of a backend.
+
+    Args:
+        name: a built-in name, one that an installed distribution registered, or `module:Class`.
+
+    Raises:
+        UnknownBackend: there is none of that name; the message lists those there are.
+        BackendUnavailable: a library that it needs is missing; the message says what to install.
+        BackendError: what was found there is no backend for this version of the interface.
+    """
+    target, origin = _find(name)
+    library = LIBRARIES.get(name)
+    if library is not None and not _importable(library):
+        raise _unavailable(name, library, f"the library '{library}' is not installed")
+    return _checked(name, origin, target, _import(name, origin, target))
+
+
+def backend_names() -> list[str]:
+    """Return the names of all registered backends, the built-in ones first."""
+    return [*BUILT_IN, *sorted(_registered())]
+
+
+def list_backends() -> list[BackendRow]:
+    """Return every registered backend and whether it can be opened here. A broken one costs its own line only."""
+    rows = []
+    for name in backend_names():
+        target, origin = BUILT_IN.get(name, ""), "built in"
+        try:
+            target, origin = _find(name)
+            backend, problem = load_backend(name), ""
+        except BackendError as failure:
+            backend, problem = None, str(failure)
+            others = _registered().get(name, [])
+            if not target and others:
+                target, origin = others[0].value, ", ".join(_distribution(each) for each in others)
+        rows.append(BackendRow(
+            name, origin, target, backend is not None, problem, _summary(backend) if backend else ""
+        ))
+    return rows
+
+
+def missing_library(name: str, failure: ImportError) -> BackendUnavailable:
+    """Return what to raise when a backend fails to import a library while it is opened."""
+    library = (failure.name or "").partition(".")[0]
+    return _unavailable(name, library, f"{failure}")
+
+
+# --- name -> where -----------------------------------------------------------------------------------------
+
+
+def _registered() -> dict[str, list[EntryPoint]]:
+    """Return the registrations by name, without ours."""
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        # Ours are registered as well, so that others can see them; and their names stay ours.
+        if entry.name not in BUILT_IN and entry not in found.get(entry.name, []):
+            found.setdefault(entry.name, []).append(entry)
+    return found
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else "an unknown distribution"
+
+
+def _find(name: str) -> tuple[str, str]:
+    """Return the target and the origin of a name."""
+    if name in BUILT_IN:
+        return BUILT_IN[name], "built in"
+    registered = _registered()
+    if entries := registered.get(name):
+        if len({entry.value for entry in entries}) > 1:
+            targets = " and ".join(f"'{entry.value}' ({_distribution(entry)})" for entry in entries)
+            raise BackendError(
+                f"backend '{name}' is registered more than once: {targets}; uninstall one of them, or name the class "
+                "itself"
+            )
+        return entries[0].value, _distribution(entries[0])
+    if ":" in name:
+        return name, "given as a class"
+    known = [*BUILT_IN, *sorted(registered)]
+    raise UnknownBackend(
+        f"unknown backend '{name}'{nearest(name, known)}; known are {', '.join(known)}, or a class as 'module:Class'"
+    )
+
+
+# --- where -> class ----------------------------------------------------------------------------------------
+
+
+def _importable(library: str) -> bool:
+    try:
+        return importlib.util.find_spec(library) is not None
+    except (ImportError, ValueError):
+        return False
+
+
+def _import(name: str, origin: str, target: str) -> object:
+    # An entry point may carry extras behind its class: "module:Class [extra]".
+    module_name, _, class_name = (part.strip() for part in target.partition("[")[0].partition(":"))
+    parts = module_name.split(".")
+    if not class_name.isidentifier() or not all(part.isidentifier() for part in parts):
+        raise UnknownBackend(f"backend '{name}': '{target}' does not name a class; write it as 'module:Class'")
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as failure:
+        missing = failure.name or ""
+        if missing == module_name or module_name.startswith(f"{missing}."):
+            raise UnknownBackend(
+                f"backend '{name}' ({origin}): there is no module '{missing}'; check its spelling, and that its "
+                "distribution is installed in this environment"
+            ) from failure
+        raise _unavailable(name, missing, f"the library '{missing}' is not installed") from failure
+    except ImportError as failure:
+        raise _unavailable(name, failure.name or "", f"it cannot be imported: {failure}") from failure
+    except Exception as failure:  # foreign code may fail in any way while it is imported
+        raise BackendError(
+            f"backend '{name}' ({origin}): importing '{module_name}' failed with {type(failure).__name__}: {failure}; "
+            "this is a fault of that module"
+        ) from failure
+    found: object = getattr(module, class_name, None)
+    if found is None:
+        classes = [key for key, value in vars(module).items() if isinstance(value, type)]
+        raise UnknownBackend(
+            f"backend '{name}' ({origin}): module '{module_name}' has no '{class_name}'{nearest(class_name, classes)}"
+        )
+    return found
+
+
+def _unavailable(name: str, library: str, problem: str) -> BackendUnavailable:
+    hint = install_hint(library)
+    if hint is not None:
+        advice = f"install it with: {hint}"
+    elif library:
+        advice = f"install '{library}' into this environment"
+    else:
+        advice = "install its distribution again"
+    return BackendUnavailable(f"backend '{name}' is not available: {problem}; {advice}")
+
+
+def _checked(name: str, origin: str, target: str, found: object) -> type[Backend]:
+    """Return what was found if it is a backend for this interface."""
+    who = f"backend '{name}' ({origin}): '{target}'"
+    if not (isinstance(found, type) and issubclass(found, Backend)):
+        raise BackendError(f"{who} is not a subclass of soter.sdk.Backend; name the backend's class")
+    # Before all else: a class made for another interface may well lack the rest.
+    version = getattr(found, "interface_version", None)
+    if version != INTERFACE_VERSION:
+        older = isinstance(version, int) and version < INTERFACE_VERSION
+        advice = "the adapter" if older or not isinstance(version, int) else DISTRIBUTION
+        raise BackendError(
+            f"{who} is made for version {version} of the interface, this is version {INTERFACE_VERSION}; "
+            f"upgrade {advice}"
+        )
+    # isabstract() also sees hooks that are misspelt, at a time when nothing has been opened yet.
+    if inspect.isabstract(found):
+        missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
+        raise BackendError(f"{who} is not complete: it does not define {missing}")
+    for attribute, base in (("config_model", BackendConfig), ("robot_class", Robot)):
+        value = getattr(found, attribute, None)
+        if not (isinstance(value, type) and issubclass(value, base)):
+            raise BackendError(f"{who} needs a '{attribute}' that is a subclass of soter.sdk.{base.__name__}")
+    return found
+
+
+def _summary(backend: type[Backend]) -> str:
+    """Return what the robots of a backend promise, in a few words."""
+    declared = getattr(backend.robot_class, "declared", None)
+    if declared is None:
+        return "declares nothing"
+    words = [
+        "in process, virtual time" if declared.in_process else "on a wire",
+        "repeatable" if declared.deterministic else "not repeatable",
+        f"at most {declared.v_max_m_s:g} m/s",
+        f"latency {declared.latency_s:g} s",
+        f"lease {declared.lease_s:g} s",
+    ]
+    optional = {"reverses": declared.reverses, "battery": declared.reports_battery,
+                "reports who is in charge": declared.reports_controller}
+    return ", ".join([*words, *(word for word, has in optional.items() if has)])
