@@ -1,0 +1,31 @@
+"""A simulated world of ground robots, for every backend: in process, or behind a wire."""
+
+from soter_sim.bodies import (
+    BODY_RADIUS_M,
+    CHARGE_PER_S,
+    DRIVE_PER_S,
+    IDLE_PER_S,
+    LIMITS,
+    Bodies,
+    Control,
+    stand_still,
+)
+from soter_sim.engine import Engine, EngineFactory
+from soter_sim.truth import WorldTruth
+from soter_sim.world import ENGINES, World
+
+__all__ = [
+    "BODY_RADIUS_M",
+    "CHARGE_PER_S",
+    "DRIVE_PER_S",
+    "ENGINES",
+    "IDLE_PER_S",
+    "LIMITS",
+    "Bodies",
+    "Control",
+    "Engine",
+    "EngineFactory",
+    "World",
+    "WorldTruth",
+    "stand_still",
+]

@@ -1,0 +1,41 @@
+"""What a world needs of an engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+from soter_sim.bodies import Bodies
+from soter_sim.truth import Record
+
+
+class Engine(Protocol):
+    """Moves bodies in control periods of fixed length.
+
+    Attributes:
+        bodies: the robots, as they are after the periods run so far.
+        period_s: the control period, in seconds.
+        record: what really happened.
+    """
+
+    bodies: Bodies
+    period_s: float
+    record: Record
+
+    def run(self, until_period: int) -> None:
+        """Run until so many periods have passed since the start; nothing if they have already.
+
+        At the beginning of each period every robot's control is called, in order.
+        """
+
+    def velocity(self, index: int) -> tuple[float, float]:
+        """Return a robot's velocity east and north in m/s."""
+
+    def close(self) -> None:
+        """Free what the engine holds. Idempotent; it cannot run afterwards."""
+
+
+EngineFactory = Callable[[Workspace, Sequence[RobotSpec]], Engine]
+"""Makes the engine of one world."""

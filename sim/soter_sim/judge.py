@@ -1,0 +1,332 @@
+"""Judges what the robots of a world do: exactly, and only when something can have changed.
+
+Both engines move robots along straight chords, one a step. From each look the judge works out how many steps the
+robots need at least, at top speed, before a margin can fall below its least value so far or a rule can change
+sides. Until then there is nothing to see, so nothing is missed and most steps cost one comparison.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import Final
+
+from soter.workspace import Workspace
+from soter_sim.bodies import BODY_RADIUS_M, Bodies
+from soter_sim.sweep import (
+    BoxEdges,
+    chord_to_box,
+    cross_rectangle,
+    inside_disc,
+    nearest_to_origin,
+    point_to_box,
+)
+from soter_sim.truth import COLLISION_M, FENCE_TOLERANCE_M, PENETRATION_M, TOUCH_M, Record
+
+REBUILD_STEPS: Final = 32
+"""The list of pairs that are near enough to be judged is made anew after so many steps."""
+
+_CONTACT_M: Final = 2.0 * BODY_RADIUS_M
+_FEW_BOXES: Final = 8
+_CELL_M: Final = 1.0
+_CELL_REACH_M: Final = 2.0
+
+Stops = dict[int, float]
+"""By robot, the part of the step after which it was stopped by what it ran into."""
+
+
+class Pair:
+    """Two robots that are, or soon may be, near each other.
+
+    Attributes:
+        i: the first robot's index.
+        j: the second's, larger.
+        due: the step in which to judge them next.
+    """
+
+    __slots__ = ("due", "i", "j")
+
+    def __init__(self, i: int, j: int, due: int) -> None:
+        self.i, self.j, self.due = i, j, due
+
+
+class Judge:
+    """Applies the rules of `soter_sim.truth` to chords.
+
+    Args:
+        workspace: fence, boxes and chargers.
+        bodies: the robots, at their places at time 0.
+        step_s: duration of a step.
+        speed_m_s: no robot is faster.
+
+    Attributes:
+        due: no look is needed before this step.
+        box_due: by robot, it touches no box before this step.
+        on_charger: by robot, whether its centre is on a charger.
+        pairs: the pairs that may come near each other before the list is made anew.
+        record: what was found.
+    """
+
+    def __init__(self, workspace: Workspace, bodies: Bodies, step_s: float, speed_m_s: float) -> None:
+        self._x, self._y, self._ids = bodies.x, bodies.y, bodies.ids
+        self._count = len(bodies.ids)
+        self._step_s = step_s
+        # A hair more than the longest chord, so that rounding cannot make a look come late.
+        self._reach_m = speed_m_s * step_s * (1.0 + 1e-9)
+        self._fence = (0.0, 0.0, workspace.width_m, workspace.depth_m)
+        self.boxes: tuple[BoxEdges, ...] = tuple(
+            (box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m) for box in workspace.boxes
+        )
+        self._chargers = tuple(
+            (place.charger.low_x_m, place.charger.low_y_m, place.charger.high_x_m, place.charger.high_y_m)
+            for place in workspace.robots
+        )
+        self._cells: dict[tuple[int, int], tuple[BoxEdges, ...]] = {}
+        self._touches_box = [False] * self._count
+        self._touching: set[tuple[int, int]] = set()
+        self._static_due = [0] * self._count
+        self._rebuild = 0
+        self.box_due = [0] * self._count
+        self.pairs: list[Pair] = []
+        self.on_charger = [False] * self._count
+        self.record = Record([], {}, {"battery": inf, "geofence": inf, "collision": inf, "obstacle": inf})
+        self.due = 0
+        self._begin(bodies)
+
+    # --- what engines report -------------------------------------------------------------------------------
+
+    def flat(self, index: int, at_s: float) -> None:
+        """A robot's charge is 0 at `at_s`, away from a charger."""
+        self.record.begin("battery", (self._ids[index],), at_s)
+
+    def charged(self, index: int, at_s: float) -> None:
+        """A robot that was flat stands on a charger."""
+        self.record.end("battery", (self._ids[index],), at_s)
+
+    def hit_box(self, index: int, at_s: float) -> None:
+        """A robot was stopped by a box, or presses against one."""
+        if not self._touches_box[index]:
+            self._touches_box[index] = True
+            self.record.box_contacts += 1
+            self.record.begin("obstacle", (self._ids[index],), at_s)
+
+    def hit_robot(self, first: int, second: int) -> None:
+        """A robot was stopped by another, or they press against each other."""
+        pair = (first, second)
+        if pair not in self._touching:
+            self._touching.add(pair)
+            self.record.robot_contacts += 1
+
+    # --- looking -------------------------------------------------------------------------------------------
+
+    def boxes_near(self, x: float, y: float) -> tuple[BoxEdges, ...]:
+        """Return the boxes that matter around a place: all that are within 2 m, maybe more."""
+        if len(self.boxes) <= _FEW_BOXES:
+            return self.boxes
+        cell = (int(x // _CELL_M), int(y // _CELL_M))
+        found = self._cells.get(cell)
+        if found is None:
+            middle_x, middle_y = (cell[0] + 0.5) * _CELL_M, (cell[1] + 0.5) * _CELL_M
+            reach_m = _CELL_REACH_M + _CELL_M
+            found = tuple(box for box in self.boxes if point_to_box(middle_x, middle_y, box) <= reach_m)
+            self._cells[cell] = found
+        return found
+
+    def look(self, step: int, to_x: list[float], to_y: list[float], stops: Stops | None = None) -> None:
+        """Judge one step, in which each robot moved from `bodies` to (`to_x`, `to_y`); called before `bodies` moves.
+
+        Args:
+            step: its number; it began at `step * step_s`.
+            to_x: where each robot is at its end.
+            to_y: the same.
+            stops: the robots that were stopped on the way.
+        """
+        static_due = self._static_due
+        for index in range(self._count):
+            if static_due[index] <= step:
+                self._look_at_place(index, step, to_x[index], to_y[index], stops)
+        for pair in self.pairs:
+            if pair.due <= step:
+                self._look_at_pair(pair, step, to_x, to_y, stops)
+        if self._rebuild <= step + 1:
+            self._find_pairs(step + 1, to_x, to_y)
+        due = min(static_due)
+        if self._rebuild <= due:
+            due = self._rebuild - 1
+        for pair in self.pairs:
+            if pair.due < due:
+                due = pair.due
+        self.due = due
+
+    def _look_at_place(self, index: int, step: int, x1: float, y1: float, stops: Stops | None) -> None:
+        x0, y0 = self._x[index], self._y[index]
+        reach = self._reach_m
+        least = self.record.min_margin
+        _, _, width, depth = self._fence
+        margin = min(x1, width - x1, y1, depth - y1)
+        if margin < least["geofence"]:
+            least["geofence"] = margin
+        if margin < -FENCE_TOLERANCE_M or (self.record.open and ("geofence", (self._ids[index],)) in self.record.open):
+            self._look_at_fence(index, step, x0, y0, x1, y1, 1.0 if stops is None else stops.get(index, 1.0))
+        slack = max(margin - max(least["geofence"], -FENCE_TOLERANCE_M), 0.0)
+
+        # Far boxes may be left out only while they cannot hold the least clearance.
+        care = max(least["obstacle"], TOUCH_M)
+        boxes = self.boxes_near(x1, y1) if care + 2.0 * reach < _CELL_REACH_M - BODY_RADIUS_M else self.boxes
+        near = inf if boxes is self.boxes else _CELL_REACH_M
+        for box in boxes:
+            gap = point_to_box(x1, y1, box)
+            if gap < near:
+                near = gap
+        clearance = near - BODY_RADIUS_M
+        if clearance - reach < care or self._touches_box[index]:
+            self._look_at_boxes(index, step, x0, y0, x1 - x0, y1 - y0, boxes, clearance)
+            care = max(least["obstacle"], TOUCH_M)
+        slack = min(slack, max(clearance - care, 0.0))
+        self.box_due[index] = step + 1 + int(max(min(clearance, _CELL_REACH_M), 0.0) / reach)
+
+        on_charger = False
+        for charger in self._chargers:
+            gap = point_to_box(x1, y1, charger)
+            if gap <= 0.0:
+                on_charger = True
+            slack = min(slack, abs(gap))
+        self.on_charger[index] = on_charger
+        self._static_due[index] = min(step + 1 + int(slack / reach), self.box_due[index])
+
+    def _look_at_fence(self, index: int, step: int, x0: float, y0: float, x1: float, y1: float, stop: float) -> None:
+        _, _, width, depth = self._fence
+        edge = FENCE_TOLERANCE_M
+        grown = (-edge, -edge, width + edge, depth + edge)
+        first, last = cross_rectangle(x0, y0, x1 - x0, y1 - y0, grown)
+        robots = (self._ids[index],)
+        at_s, step_s = step * self._step_s, self._step_s
+        # A robot that was stopped drove its chord within the first part of the step.
+        if first > 1.0 or last < 0.0 or first > last:
+            self.record.begin("geofence", robots, at_s)
+            return
+        if first > 0.0:
+            self.record.begin("geofence", robots, at_s)
+        self.record.end("geofence", robots, at_s + max(first, 0.0) * stop * step_s)
+        if last < 1.0:
+            self.record.begin("geofence", robots, at_s + last * stop * step_s)
+
+    def _look_at_boxes(
+        self, index: int, step: int, x0: float, y0: float, dx: float, dy: float,
+        boxes: tuple[BoxEdges, ...], clearance: float,
+    ) -> None:  # fmt: skip
+        swept = min((chord_to_box(x0, y0, dx, dy, box) for box in boxes), default=inf) - BODY_RADIUS_M
+        least = self.record.min_margin
+        if swept < least["obstacle"]:
+            least["obstacle"] = swept
+        if swept < -PENETRATION_M:
+            self.hit_box(index, step * self._step_s)
+        if self._touches_box[index] and clearance > TOUCH_M:
+            self._touches_box[index] = False
+            self.record.end("obstacle", (self._ids[index],), (step + 1) * self._step_s)
+
+    def _find_pairs(self, step: int, x: list[float], y: list[float]) -> None:
+        """List the pairs that, until the next time, can come into contact, into collision or to the least margin."""
+        self._rebuild = step + REBUILD_STEPS
+        if self._count < 2:
+            return
+        reach = 2.0 * self._reach_m
+        wanted = COLLISION_M + max(self.record.min_margin["collision"], 0.0)
+        near = wanted + REBUILD_STEPS * reach
+        near_sq = near * near
+        order = sorted(range(self._count), key=x.__getitem__)
+        pairs: list[Pair] = []
+        for place, first in enumerate(order):
+            x_first, y_first = x[first], y[first]
+            for other in range(place + 1, len(order)):
+                second = order[other]
+                dx = x[second] - x_first
+                if dx > near:
+                    break
+                dy = y[second] - y_first
+                distance_sq = dx * dx + dy * dy
+                if distance_sq <= near_sq:
+                    due = step + int(max(sqrt(distance_sq) - wanted, 0.0) / reach)
+                    pairs.append(Pair(first, second, due) if first < second else Pair(second, first, due))
+        # Sorted, so that what is found in one step is found in the same order whatever the robots' places.
+        pairs.sort(key=lambda pair: (pair.i, pair.j))
+        self.pairs = pairs
+
+    def _look_at_pair(self, pair: Pair, step: int, to_x: list[float], to_y: list[float], stops: Stops | None) -> None:
+        i, j = pair.i, pair.j
+        x, y = self._x, self._y
+        rx, ry = x[j] - x[i], y[j] - y[i]
+        end_x, end_y = to_x[j] - to_x[i], to_y[j] - to_y[i]
+        least = self.record.min_margin
+        if stops is None or (i not in stops and j not in stops):
+            nearest = nearest_to_origin(rx, ry, end_x - rx, end_y - ry)
+            if nearest < COLLISION_M or self.record.open:
+                self._look_at_piece(pair, step, 0.0, 1.0, rx, ry, end_x, end_y)
+        else:
+            nearest = inf
+            stop_i, stop_j = stops.get(i, 1.0), stops.get(j, 1.0)
+            was, was_x, was_y = 0.0, rx, ry
+            for at in sorted({stop_i, stop_j, 1.0}):
+                if at <= was:
+                    continue
+                part_i = min(at / stop_i, 1.0) if stop_i > 0.0 else 1.0
+                part_j = min(at / stop_j, 1.0) if stop_j > 0.0 else 1.0
+                now_x = rx + (to_x[j] - x[j]) * part_j - (to_x[i] - x[i]) * part_i
+                now_y = ry + (to_y[j] - y[j]) * part_j - (to_y[i] - y[i]) * part_i
+                nearest = min(nearest, nearest_to_origin(was_x, was_y, now_x - was_x, now_y - was_y))
+                self._look_at_piece(pair, step, was, at, was_x, was_y, now_x, now_y)
+                was, was_x, was_y = at, now_x, now_y
+        margin = nearest - COLLISION_M
+        if margin < least["collision"]:
+            least["collision"] = margin
+        distance = sqrt(end_x * end_x + end_y * end_y)
+        if self._touching and (i, j) in self._touching and distance > _CONTACT_M + TOUCH_M:
+            self._touching.discard((i, j))
+        slack = max(distance - COLLISION_M - max(least["collision"], 0.0), 0.0)
+        pair.due = step + 1 + int(slack / (2.0 * self._reach_m))
+
+    def _look_at_piece(
+        self, pair: Pair, step: int, since: float, until: float, rx: float, ry: float, end_x: float, end_y: float
+    ) -> None:
+        """Note when, between two parts of a step, a pair comes into collision and out of it."""
+        robots = (self._ids[pair.i], self._ids[pair.j])
+        at_s, step_s = step * self._step_s, self._step_s
+        inside = inside_disc(rx, ry, end_x - rx, end_y - ry, COLLISION_M)
+        if inside is None:
+            self.record.end("collision", robots, at_s + since * step_s)
+            return
+        first, last = inside
+        if first > 0.0:
+            self.record.end("collision", robots, at_s + since * step_s)
+        self.record.begin("collision", robots, at_s + (since + first * (until - since)) * step_s)
+        if last < 1.0:
+            self.record.end("collision", robots, at_s + (since + last * (until - since)) * step_s)
+
+    # --- time 0 --------------------------------------------------------------------------------------------
+
+    def _begin(self, bodies: Bodies) -> None:
+        """Judge where the robots stand before anything moves."""
+        x, y, least = bodies.x, bodies.y, self.record.min_margin
+        _, _, width, depth = self._fence
+        for index in range(self._count):
+            here_x, here_y = x[index], y[index]
+            robots = (self._ids[index],)
+            margin = min(here_x, width - here_x, here_y, depth - here_y)
+            least["geofence"] = min(least["geofence"], margin)
+            if margin < -FENCE_TOLERANCE_M:
+                self.record.begin("geofence", robots, 0.0)
+            near = min((point_to_box(here_x, here_y, box) for box in self.boxes), default=inf) - BODY_RADIUS_M
+            least["obstacle"] = min(least["obstacle"], near)
+            if near < -PENETRATION_M:
+                self.hit_box(index, 0.0)
+            self.on_charger[index] = any(point_to_box(here_x, here_y, patch) <= 0.0 for patch in self._chargers)
+            least["battery"] = min(least["battery"], bodies.charge[index])
+            if bodies.charge[index] <= 0.0 and not self.on_charger[index]:
+                self.flat(index, 0.0)
+            for other in range(index):
+                distance = sqrt((x[other] - here_x) ** 2 + (y[other] - here_y) ** 2)
+                least["collision"] = min(least["collision"], distance - COLLISION_M)
+                if distance < COLLISION_M:
+                    self.record.begin("collision", (self._ids[other], self._ids[index]), 0.0)
+                if distance < _CONTACT_M - PENETRATION_M:
+                    self.hit_robot(other, index)
+        self._find_pairs(0, x, y)

@@ -1,0 +1,236 @@
+"""The engine without physics: acceleration-limited speeds, circular arcs, and exact contact along their chords.
+
+In each step of 0.05 s the speeds change towards the command at constant rate, and the robot moves along the
+circular arc with the length and turn that result. Bodies stop where they touch. They may turn in contact, and they
+may move away again. A robot that pushes uses charge as if it drove.
+
+One loop over plain floats serves few robots and many: commands come from one call for each robot anyway, and what
+grows with the square of the number of robots, the tests of pairs, is left to the judge's short list. So any robot
+moves in the same way, bit for bit, whoever else is far away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, inf, pi, sin
+from typing import Final
+
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+from soter_sim.bodies import BODY_RADIUS_M, CHARGE_PER_S, DRIVE_PER_S, IDLE_PER_S, LIMITS, Bodies
+from soter_sim.judge import Judge, Stops
+from soter_sim.sweep import enter_disc, meet_box
+
+STEP_S: Final = 0.05
+"""Control period and integration step; 1/STEP_S is 20 Hz."""
+
+_CONTACT_M: Final = 2.0 * BODY_RADIUS_M
+
+
+class KinematicEngine:
+    """Closed-form motion of differential-drive robots; implements `soter_sim.engine.Engine`.
+
+    Args:
+        workspace: fence, boxes and chargers.
+        specs: the robots and where they start.
+    """
+
+    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec]) -> None:
+        self.bodies = Bodies(specs)
+        self.period_s = STEP_S
+        self._judge = Judge(workspace, self.bodies, STEP_S, LIMITS.v_max_m_s)
+        self.record = self._judge.record
+        self._done = 0
+        self._to_x = [*self.bodies.x]
+        self._to_y = [*self.bodies.y]
+
+    def run(self, until_period: int) -> None:
+        judge, bodies = self._judge, self.bodies
+        x, y, heading, v, yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.v, bodies.yaw_rate
+        charge, control, on_charger = bodies.charge, bodies.control, judge.on_charger
+        to_x, to_y = self._to_x, self._to_y
+        indices = range(len(x))
+        least_charge = self.record.min_margin["battery"]
+
+        step_s = STEP_S
+        v_max, w_max = LIMITS.v_max_m_s, LIMITS.yaw_rate_max_rad_s
+        dv_max, dw_max = LIMITS.accel_m_s2 * step_s, LIMITS.yaw_accel_rad_s2 * step_s
+        half_s = 0.5 * step_s
+        # While the speed changes by d at the rate a, the robot falls behind its new speed by d |d| / 2a.
+        ramp_v, ramp_w = 0.5 / LIMITS.accel_m_s2, 0.5 / LIMITS.yaw_accel_rad_s2
+        idle = IDLE_PER_S * step_s
+        busy_v = (DRIVE_PER_S - IDLE_PER_S) / v_max
+        busy_w = (DRIVE_PER_S - IDLE_PER_S) / w_max
+        gain = CHARGE_PER_S * step_s
+        two_pi = 2.0 * pi
+
+        for step in range(self._done, until_period):
+            now_s = step * step_s
+            for i in indices:
+                v_is = v[i]
+                w_is = yaw_rate[i]
+                angle = heading[i]
+                v_to, w_to = control[i](now_s, x[i], y[i], angle, v_is, w_is)
+                left = charge[i]
+                # Written so that NaN, too, is caught.
+                if not -v_max <= v_to <= v_max:
+                    v_to = v_max if v_to > v_max else -v_max if v_to < -v_max else 0.0
+                if not -w_max <= w_to <= w_max:
+                    w_to = w_max if w_to > w_max else -w_max if w_to < -w_max else 0.0
+                if left <= 0.0:
+                    v_to = w_to = 0.0
+
+                change = v_to - v_is
+                if change == 0.0:
+                    length = v_is * step_s
+                elif change > dv_max:
+                    v[i] = v_to = v_is + dv_max
+                    length = (v_is + v_to) * half_s
+                elif change < -dv_max:
+                    v[i] = v_to = v_is - dv_max
+                    length = (v_is + v_to) * half_s
+                else:
+                    v[i] = v_to
+                    length = v_to * step_s - change * (change if change > 0.0 else -change) * ramp_v
+                change = w_to - w_is
+                if change == 0.0:
+                    turn = w_is * step_s
+                elif change > dw_max:
+                    yaw_rate[i] = w_to = w_is + dw_max
+                    turn = (w_is + w_to) * half_s
+                elif change < -dw_max:
+                    yaw_rate[i] = w_to = w_is - dw_max
+                    turn = (w_is + w_to) * half_s
+                else:
+                    yaw_rate[i] = w_to
+                    turn = w_to * step_s - change * (change if change > 0.0 else -change) * ramp_w
+
+                if turn == 0.0:
+                    if length == 0.0:
+                        to_x[i] = x[i]
+                        to_y[i] = y[i]
+                    else:
+                        to_x[i] = x[i] + length * cos(angle)
+                        to_y[i] = y[i] + length * sin(angle)
+                else:
+                    if length == 0.0:
+                        to_x[i] = x[i]
+                        to_y[i] = y[i]
+                    else:
+                        half = 0.5 * turn
+                        chord = length * (sin(half) / half)
+                        to_x[i] = x[i] + chord * cos(angle + half)
+                        to_y[i] = y[i] + chord * sin(angle + half)
+                    angle += turn
+                    heading[i] = angle - two_pi if angle > pi else angle + two_pi if angle <= -pi else angle
+
+                if on_charger[i]:
+                    if left <= 0.0:
+                        judge.charged(i, now_s)
+                    left += gain
+                    charge[i] = left if left < 1.0 else 1.0
+                elif left > 0.0:
+                    use = (length if length > 0.0 else -length) * busy_v
+                    use_turning = (turn if turn > 0.0 else -turn) * busy_w
+                    if use_turning > use:
+                        use = use_turning
+                    use += idle
+                    if left <= use:
+                        judge.flat(i, now_s + left / use * step_s)
+                        charge[i] = left = 0.0
+                    else:
+                        charge[i] = left = left - use
+                    if left < least_charge:
+                        least_charge = left
+
+            if step >= judge.due:
+                judge.look(step, to_x, to_y, self._stop_at_contacts(step))
+            x[:] = to_x
+            y[:] = to_y
+            self._done = step + 1
+        self.record.min_margin["battery"] = least_charge
+
+    def velocity(self, index: int) -> tuple[float, float]:
+        speed, heading = self.bodies.v[index], self.bodies.heading[index]
+        return speed * cos(heading), speed * sin(heading)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _stop_at_contacts(self, step: int) -> Stops | None:
+        """Stop every body that runs into something in this step, in the order in which it happens.
+
+        Between two such events all bodies move along straight lines at constant speed, so that each time of impact
+        is exact. Of two robots that meet, those that move towards the other stop.
+        """
+        judge = self._judge
+        x, y, to_x, to_y = self.bodies.x, self.bodies.y, self._to_x, self._to_y
+        box_times: dict[int, float] = {}
+        for i, due in enumerate(judge.box_due):
+            if due <= step:
+                dx, dy = to_x[i] - x[i], to_y[i] - y[i]
+                if dx != 0.0 or dy != 0.0:
+                    at = min(
+                        (meet_box(x[i], y[i], dx, dy, box, BODY_RADIUS_M) for box in judge.boxes_near(x[i], y[i])),
+                        default=inf,
+                    )
+                    if at <= 1.0:
+                        box_times[i] = at
+        pairs = [(pair.i, pair.j) for pair in judge.pairs if pair.due <= step]
+        if not box_times and not pairs:
+            return None
+        stops: Stops = {}
+        now = 0.0
+        while True:
+            first, hit = inf, None
+            for i, at in box_times.items():
+                if i not in stops and at < first:
+                    first, hit = at, (i, -1)
+            for i, j in pairs:
+                at = self._meet(i, j, now, stops)
+                if at < first:
+                    first, hit = at, (i, j)
+            if hit is None or first > 1.0:
+                break
+            now = first
+            self._stop(hit[0], hit[1], now, step, stops)
+        for i, at in stops.items():
+            to_x[i] = x[i] + (to_x[i] - x[i]) * at
+            to_y[i] = y[i] + (to_y[i] - y[i]) * at
+        return stops or None
+
+    def _apart(self, i: int, j: int, now: float, stops: Stops) -> tuple[float, float, float, float, float, float]:
+        """Return where j is from i at a part of the step, and how far i and j would move in a whole step."""
+        x, y, to_x, to_y = self.bodies.x, self.bodies.y, self._to_x, self._to_y
+        at_i, at_j = stops.get(i, now), stops.get(j, now)
+        ix, iy = to_x[i] - x[i], to_y[i] - y[i]
+        jx, jy = to_x[j] - x[j], to_y[j] - y[j]
+        rx = x[j] + jx * at_j - x[i] - ix * at_i
+        ry = y[j] + jy * at_j - y[i] - iy * at_i
+        if i in stops:
+            ix = iy = 0.0
+        if j in stops:
+            jx = jy = 0.0
+        return rx, ry, ix, iy, jx, jy
+
+    def _meet(self, i: int, j: int, now: float, stops: Stops) -> float:
+        rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
+        return now + enter_disc(rx, ry, jx - ix, jy - iy, _CONTACT_M)
+
+    def _stop(self, i: int, j: int, now: float, step: int, stops: Stops) -> None:
+        v = self.bodies.v
+        if j < 0:
+            stops[i] = now
+            v[i] = 0.0
+            self._judge.hit_box(i, (step + now) * STEP_S)
+            return
+        rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
+        towards_j, towards_i = ix * rx + iy * ry, -(jx * rx + jy * ry)
+        # Rounding aside one of them moves towards the other; the faster does for certain.
+        if towards_j > 0.0 or towards_j >= towards_i:
+            stops[i] = now
+            v[i] = 0.0
+        if towards_i > 0.0 or towards_i > towards_j:
+            stops[j] = now
+            v[j] = 0.0
+        self._judge.hit_robot(i, j)

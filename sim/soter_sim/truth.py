@@ -1,0 +1,88 @@
+"""What really happened: violations as intervals, least margins, contacts.
+
+The rules, as `soter_sim.judge` applies them:
+
+- battery: the charge is 0 away from every charger.
+- geofence: the centre is more than 1e-6 m beyond an edge of the fence.
+- collision: two centres are less than 0.3 m apart.
+- obstacle: the body reaches more than 1 mm into a box, or is in contact with one. Contact begins when a body is
+  stopped by what it moves against and ends when the two are more than 1 mm apart. Contacts of two robots are
+  counted in the same way; they are no rule of their own, since two robots in contact are in collision.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Final
+
+from soter.sdk.backend import RULES, TruthReport, Violation
+from soter_sim.bodies import Bodies
+
+FENCE_TOLERANCE_M: Final = 1e-6
+COLLISION_M: Final = 0.3
+PENETRATION_M: Final = 1e-3
+TOUCH_M: Final = 1e-3
+
+
+@dataclass(slots=True)
+class Record:
+    """What the judge writes down.
+
+    Attributes:
+        closed: violations that have ended.
+        open: by rule and robots, when a violation that goes on began.
+        min_margin: by rule, the least margin so far.
+        box_contacts: how often a robot began to touch a box.
+        robot_contacts: how often two robots began to touch.
+    """
+
+    closed: list[Violation]
+    open: dict[tuple[str, tuple[int, ...]], float]
+    min_margin: dict[str, float]
+    box_contacts: int = 0
+    robot_contacts: int = 0
+
+    def begin(self, rule: str, robots: tuple[int, ...], at_s: float) -> None:
+        """A rule is broken from now on; no change if it was already."""
+        self.open.setdefault((rule, robots), at_s)
+
+    def end(self, rule: str, robots: tuple[int, ...], at_s: float) -> None:
+        """A rule holds again; no change if it did already."""
+        began_s = self.open.pop((rule, robots), None)
+        if began_s is not None:
+            self.closed.append(Violation(rule, robots, began_s, at_s))
+
+
+class WorldTruth:
+    """Ground truth of one world; implements `soter.sdk.Truth`.
+
+    Args:
+        record: what the judge writes.
+        bodies: the world's robots.
+    """
+
+    def __init__(self, record: Record, bodies: Bodies) -> None:
+        self._record = record
+        self._bodies = bodies
+        self._index = {robot_id: index for index, robot_id in enumerate(bodies.ids)}
+
+    def report(self) -> TruthReport:
+        """Return what has happened up to now; a violation that goes on has no end."""
+        record = self._record
+        violations = [*record.closed]
+        violations += [Violation(rule, robots, at_s, None) for (rule, robots), at_s in record.open.items()]
+        violations.sort(key=lambda each: (each.start_s, RULES.index(each.rule), each.robots))
+        margins = {rule: record.min_margin[rule] for rule in RULES if record.min_margin[rule] < inf}
+        return TruthReport(tuple(violations), margins, record.box_contacts + record.robot_contacts)
+
+    @property
+    def robot_contacts(self) -> int:
+        """How many of the report's contacts were between two robots."""
+        return self._record.robot_contacts
+
+    def pose(self, robot_id: int) -> tuple[float, float, float]:
+        """Return where a robot is: x_m, y_m, heading_rad."""
+        bodies = self._bodies
+        index = self._index[robot_id]
+        return bodies.x[index], bodies.y[index], bodies.heading[index]

@@ -1,0 +1,1 @@
+"""Backends: the code that opens robots of one kind, one folder each. A folder imports no other folder."""

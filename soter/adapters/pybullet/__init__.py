@@ -1,0 +1,19 @@
+"""Simulated robots in this process, in virtual time: the backends `pybullet` and `kinematic`."""
+
+from soter.adapters.pybullet.backend import (
+    KinematicBackend,
+    KinematicConfig,
+    PyBulletBackend,
+    PyBulletConfig,
+    SimulatedFleet,
+)
+from soter.adapters.pybullet.robot import SimulatedRobot
+
+__all__ = [
+    "KinematicBackend",
+    "KinematicConfig",
+    "PyBulletBackend",
+    "PyBulletConfig",
+    "SimulatedFleet",
+    "SimulatedRobot",
+]

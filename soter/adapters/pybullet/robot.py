@@ -1,0 +1,110 @@
+"""One simulated robot behind the narrow interface."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from soter.adapters.pybullet.vehicle import Vehicle
+from soter.clock import Clock
+from soter.drive import OVERSHOOT_M, TUBE_M
+from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState
+from soter_sim import BODY_RADIUS_M, LIMITS, World
+
+PERIOD_S: Final = 0.05
+LEASE_S: Final = 0.2
+
+# Long enough to brake from top speed, with periods to spare.
+_REST_PERIODS: Final = 20
+_REST_M_S: Final = 1e-3
+_REST_RAD_S: Final = 1e-2
+
+
+class SimulatedRobot(Robot):
+    """A robot of a world in this process.
+
+    Calls act at the beginning of the next control period and samples are those of its end, so that at whole periods
+    of the fleet's clock a sample is never old.
+
+    Args:
+        spec: which robot.
+        clock: the fleet's clock, which advances the world.
+        world: where it lives.
+    """
+
+    declared: ClassVar[Capabilities] = Capabilities(
+        in_process=True,
+        deterministic=True,
+        reverses=True,
+        reports_battery=True,
+        reports_controller=True,
+        v_max_m_s=LIMITS.v_max_m_s,
+        yaw_rate_max_rad_s=LIMITS.yaw_rate_max_rad_s,
+        brake_m_s2=LIMITS.brake_m_s2,
+        body_radius_m=BODY_RADIUS_M,
+        latency_s=PERIOD_S,
+        sample_age_s=0.0,
+        jitter_s=0.0,
+        setpoint_period_s=PERIOD_S,
+        lease_s=LEASE_S,
+        tube_m=TUBE_M,
+        overshoot_m=OVERSHOOT_M,
+        position_noise_m=0.0,
+        pivots_first=True,
+    )
+
+    def __init__(self, spec: RobotSpec, clock: Clock, world: World) -> None:
+        super().__init__(spec, clock)
+        self._world = world
+        self._index = world.index(spec.id)
+        bodies = world.bodies
+        self._x, self._y, self._heading, self._yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.yaw_rate
+        self._v, self._charge = bodies.v, bodies.charge
+        self._velocity = world.engine.velocity
+        self._vehicle = Vehicle(LEASE_S, world.period_s)
+        self._mux = self._vehicle.mux
+        self._latest: RobotState | None = None
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        self._world.set_control(self.id, self._vehicle.control)
+        return self.declared
+
+    def _send_goto(self, goal: Goal) -> None:
+        self._mux.give(goal.by, goal, self._world.now_s)
+
+    def _sample(self) -> RobotState:
+        now_s = self._world.now_s
+        mux = self._mux
+        goal = mux.command
+        goal_id = None if goal is None else goal.id
+        latest = self._latest
+        if (
+            latest is not None
+            and latest.stamp_s == now_s
+            and latest.goal_id == goal_id
+            and latest.controller is mux.in_charge
+        ):
+            return latest
+        index = self._index
+        east, north = self._velocity(index)
+        self._latest = latest = RobotState(
+            self.id, now_s, now_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
+            self._yaw_rate[index], self._charge[index], mux.in_charge, goal_id, Link.UP,
+        )  # fmt: skip
+        return latest
+
+    def _hand_over(self, to: Controller) -> None:
+        self._mux.switch(to)
+
+    def _renew_lease(self) -> None:
+        self._mux.renew(self._world.now_s)
+
+    def _halt(self) -> None:
+        self._mux.halt()
+
+    def _disconnect(self, timeout_s: float) -> None:
+        self._mux.revoke()
+        index, period_s = self._index, self._world.period_s
+        for _ in range(min(_REST_PERIODS, int(timeout_s / period_s))):
+            if abs(self._v[index]) <= _REST_M_S and abs(self._yaw_rate[index]) <= _REST_RAD_S:
+                break
+            self.clock.sleep_until(self.clock.now() + period_s)
