@@ -1,0 +1,93 @@
+"""Who watches the machines: specs that judge what is sent, and observers of the changes of state."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, NamedTuple
+
+from soter.machine.errors import LivenessError, MachineError
+from soter.machine.events import Event, MachineRef
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from soter.machine.cell import SpecCell
+    from soter.machine.core import Core
+
+
+class Transition(NamedTuple):
+    """One change of state, as observers see it.
+
+    Attributes:
+        time_s: When, in seconds on the runtime's clock.
+        machine: Which machine.
+        source: The state that was left; None when the machine starts.
+        event: The event that led to it; None at the start.
+        target: The state that was entered, perhaps the same; None when the machine stops.
+    """
+
+    time_s: float
+    machine: MachineRef
+    source: str | None
+    event: Event | None
+    target: str | None
+
+
+class Audience:
+    """The specs and observers of a runtime, and what they complain about."""
+
+    def __init__(self, core: Core) -> None:
+        self.core = core
+        self.specs: list[SpecCell] = []
+        self.spec_ids: set[int] = set()
+        self.observers: list[Callable[[Transition], None]] = []
+        # Failures that are not of the machine whose step it is; that step is finished before they are
+        # reported.
+        self.failures: deque[Exception] = deque()
+        self._watchers: dict[type, tuple[SpecCell, ...]] = {}
+
+    def attach(self, spec: SpecCell) -> None:
+        """Start a spec."""
+        self.spec_ids.add(spec.ref.id)
+        self.specs.append(spec)
+        self._watchers.clear()
+        try:
+            spec.perform()
+        except MachineError:
+            self.core.halt(spec)
+            raise
+
+    def detach(self, spec: SpecCell) -> None:
+        """Forget a spec that has stopped."""
+        self.specs.remove(spec)
+        self._watchers.clear()
+
+    def tell(self, event: Event) -> None:
+        """Show an event to the specs that observe it, now."""
+        watchers = self._watchers.get(event.__class__)
+        if watchers is None:
+            watchers = tuple(spec for spec in self.specs if isinstance(event, type(spec.machine).__observes__))
+            self._watchers[event.__class__] = watchers
+        for spec in watchers:
+            teller, self.core.current = self.core.current, spec
+            try:
+                spec.tell(event)
+            except MachineError as error:
+                # It is not the sender's failure: its handler goes on, and the step is what reports this.
+                self.core.halt(spec)
+                self.failures.append(error)
+            finally:
+                self.core.current = teller
+
+    def note(self, transition: Transition) -> None:
+        """Tell the observers. What they raise is no machine's failure and leaves `run` after the step."""
+        for observer in tuple(self.observers):
+            try:
+                observer(transition)
+            except Exception as exc:  # noqa: BLE001 - raised again by report()
+                self.failures.append(exc)
+
+    def check_temperature(self, limit: int) -> None:
+        hot = [(s.ref.name, s.state.name) for s in self.specs if s.temperature(self.core.steps) > limit]
+        if hot:
+            raise LivenessError(f"hot for more than {limit} steps", hot)
