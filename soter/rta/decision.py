@@ -30,6 +30,7 @@ class DecisionModule:
 
     Attributes:
         module: the declaration.
+        rank: its place in the order of the right to drive, 0 for the first; set by the supervisor.
         mode: AC or SC.
         cause: why it is in SC, in words.
         margin: as last judged.
@@ -43,6 +44,7 @@ class DecisionModule:
         self.module: Final = module
         self.name: Final = module.name
         self.every_ticks: Final = max(1, round(module.delta_s / base_tick_s))
+        self.rank = 0
         self.mode = Mode.SC
         self.cause = "start"
         self.margin = math.nan

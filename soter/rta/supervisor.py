@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, Protocol
@@ -60,7 +59,7 @@ class SwitchRecord(NamedTuple):
 
 
 class Watch(Protocol):
-    """Somebody who is told of every tick and every switch; may not change anything."""
+    """Somebody who is told of every switch; may not change anything."""
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
         """Called when a robot changed hands, before its new driver's first command."""
@@ -69,13 +68,20 @@ class Watch(Protocol):
 class RobotSupervisor:
     """All decision modules, safe controllers and the hand-over of one robot.
 
+    Attributes:
+        mode: who has control.
+        driver: the module that drives, or None for the AC.
+        situation: what the robot knew at the last tick.
+        decide_s: host time of the last decisions, in seconds.
+        ac_failure: why the AC will never get control again; empty while it may.
+
     Args:
         robot_id: which robot.
         actuator: its narrow interface.
         modules: in the order of their right to drive; the first that is in SC drives.
         ac: the forwarder of the AC's port.
         waypoint: the topic that AC and SCs publish.
-        model: speed bound against which every sample is tested; None for no test.
+        models: reach models against which every sample is tested.
         timing: the robot's declared timing.
         watches: told of switches.
     """
@@ -93,19 +99,29 @@ class RobotSupervisor:
     ) -> None:
         self.robot_id: Final = robot_id
         self.modules: Final = tuple(modules)
+        for rank, module in enumerate(self.modules):
+            module.rank = rank
         self.actuator: Final = actuator
         self.mode = Mode.SC if modules else Mode.AC
         self.driver: DecisionModule | None = self.modules[0] if modules else None
         self.situation = Situation(robot_id, actuator.read(), 0.0)
-        self.decide_s: list[float] = []
+        self.decide_s = 0.0
         self._ac: Final = ac
         self._waypoint: Final = waypoint
         self._sent = waypoint.count
         self._models: Final = tuple(models)
         self._timing: Final = timing
         self._watches: Final = tuple(watches)
+        self.ac_failure = ""
         self._alarm = ""
         self._announced_ac = False
+
+    def fail_ac(self, cause: str) -> None:
+        """Never give this robot to its AC again: that has failed for good, and the cause says how.
+
+        Its modules go on judging; while none of them needs to drive, the last one does (the battery's: it goes home).
+        """
+        self.ac_failure = self.ac_failure or cause
 
     # --- one tick, in three passes over all robots -----------------------------------------------------------
 
@@ -161,6 +177,8 @@ class RobotSupervisor:
                 module.force(situation.now_s, f"decision module failed: {failure!r}")
             if driver is None and module.mode is Mode.SC:
                 driver = module
+        if driver is None and self.ac_failure:
+            driver = self._without_ac()
         if driver is not self.driver or (driver is None and self.mode is Mode.SC):
             self._change_driver(driver, fired, released)
         elif driver is None and not self._announced_ac:
@@ -182,6 +200,12 @@ class RobotSupervisor:
             self._isolate(node, failure)
         self.actuator.renew()
 
+    def _without_ac(self) -> DecisionModule | None:
+        if not self.modules:
+            self.actuator.drive(None, self.mode)
+            return None
+        return self.modules[-1]
+
     # --- changes of hands ------------------------------------------------------------------------------------
 
     def _change_driver(
@@ -196,6 +220,8 @@ class RobotSupervisor:
         cause = first.cause if first is not None else ""
         if self._alarm and fired:
             name = SUPERVISOR
+        elif self.ac_failure and not fired and was is Mode.AC:
+            name, cause = SUPERVISOR, self.ac_failure
         if self.mode is not was or before is not driver:
             # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
             if self.mode is was:
@@ -225,10 +251,7 @@ class RobotSupervisor:
         logger.exception("robot %d: node '%s' failed", self.robot_id, node.name)
         self.actuator.drive(None, self.mode)
         if self.mode is Mode.AC:
-            for module in self.modules:
-                module.force(self.situation.now_s, f"AC failed: {failure!r}")
-            if self.modules:
-                self._change_driver(self.modules[0], self.modules[:1], None)
+            self.fail_ac(f"AC failed: {failure!r}")
 
 
 class Supervisor:
@@ -251,12 +274,10 @@ class Supervisor:
     ) -> None:
         self.robots: Final = {robot.robot_id: robot for robot in robots}
         self.base_tick_s: Final = base_tick_s
-        self.tick_s = 0.0
         self._list: Final = tuple(robots)
         self._neighbours = Neighbours(neighbour_radius_m)
         self._before_decisions = before_decisions
         self._tick = 0
-        self.slowest_s = -math.inf
 
     def tick(self, now_s: float) -> None:
         """Do one tick at fleet time `now_s`; call it every `base_tick_s`."""
@@ -270,7 +291,7 @@ class Supervisor:
         for robot in robots:
             start_s = counter()
             robot.decide(tick)
-            robot.decide_s.append(counter() - start_s)
+            robot.decide_s = counter() - start_s
         for robot in robots:
             robot.act()
         self._tick = tick + 1

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, ClassVar, Protocol, Self
 
@@ -12,53 +11,15 @@ from pydantic import BaseModel, ConfigDict, InstanceOf
 
 from soter.clock import Clock
 from soter.sdk.robot import Robot
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RULES, RobotSpec, TruthReport, Violation
 from soter.workspace import Workspace
+
+__all__ = ["INTERFACE_VERSION", "RULES", "Backend", "BackendConfig", "Fleet", "Truth", "TruthReport", "Violation"]
 
 INTERFACE_VERSION = 1
 """The version of this interface; a backend written for another one is refused by name."""
 
 CLOSE_TIMEOUT_S = 5.0
-
-RULES = ("battery", "geofence", "collision", "obstacle")
-"""The safety rules that a simulated world judges, in the order in which reports name them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """One maximal interval in which a rule was broken.
-
-    Attributes:
-        rule: one of `RULES`.
-        robots: ids of the robot, or of the pair.
-        start_s: fleet time.
-        end_s: fleet time; None if it lasted to the end.
-    """
-
-    rule: str
-    robots: tuple[int, ...]
-    start_s: float
-    end_s: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class TruthReport:
-    """What really happened, judged by the world at its own rate.
-
-    Attributes:
-        violations: every interval, oldest first.
-        min_margin: by rule, the least margin seen: metres, or charge from 0 to 1 for the battery.
-        contacts: number of times that bodies began to touch, a robot and a box or two robots.
-    """
-
-    violations: tuple[Violation, ...]
-    min_margin: Mapping[str, float] = field(default_factory=dict)
-    contacts: int = 0
-
-    def count(self, rule: str) -> int:
-        """Return the number of violations of one rule."""
-        return sum(violation.rule == rule for violation in self.violations)
-
 
 class Truth(Protocol):
     """Ground truth of a simulated world, on a channel of its own, never through the adapter."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
@@ -192,6 +193,9 @@ class RobotSpec:
         y_m: the same, north.
         heading_rad: the same, heading.
         battery: charge from 0 to 1 that a simulated robot starts with; None for full.
+        drive_s: time from full to empty when driving, of a simulated robot.
+        idle_s: the same when standing still.
+        charge_s: time from empty to full at a charger, of a simulated robot.
         name: the robot's name on a wire that has names.
     """
 
@@ -200,4 +204,47 @@ class RobotSpec:
     y_m: float
     heading_rad: float
     battery: float | None = None
+    drive_s: float = 1800.0
+    idle_s: float = 7200.0
+    charge_s: float = 60.0
     name: str = ""
+
+
+RULES = ("battery", "geofence", "collision", "obstacle")
+"""The safety rules that a simulated world judges, in the order in which reports name them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One maximal interval in which a rule was broken.
+
+    Attributes:
+        rule: one of `RULES`.
+        robots: ids of the robot, or of the pair.
+        start_s: fleet time.
+        end_s: fleet time; None if it lasted to the end.
+    """
+
+    rule: str
+    robots: tuple[int, ...]
+    start_s: float
+    end_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class TruthReport:
+    """What really happened, judged by the world at its own rate.
+
+    Attributes:
+        violations: every interval, oldest first.
+        min_margin: by rule, the least margin seen: metres, or charge from 0 to 1 for the battery.
+        contacts: number of times that bodies began to touch, a robot and a box or two robots.
+    """
+
+    violations: tuple[Violation, ...]
+    min_margin: Mapping[str, float] = field(default_factory=dict)
+    contacts: int = 0
+
+    def count(self, rule: str) -> int:
+        """Return the number of violations of one rule."""
+        return sum(violation.rule == rule for violation in self.violations)

@@ -1,1 +1,18 @@
-"""The application stack: task planner, robot agent, motion planner, plan executor and the safety modules."""
+"""The stack: the mission's machines on one side of the ports, safety modules and safe controllers on the other."""
+
+from soter.stack.actuator import PortForwarder, RobotActuator
+from soter.stack.assembly import ORDER, SafetySide, assemble, enabled
+from soter.stack.kit import RobotKit
+from soter.stack.task_planner import TaskPlanner, Tasks
+
+__all__ = [
+    "ORDER",
+    "PortForwarder",
+    "RobotActuator",
+    "RobotKit",
+    "SafetySide",
+    "TaskPlanner",
+    "Tasks",
+    "assemble",
+    "enabled",
+]

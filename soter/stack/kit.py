@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from soter.machine import MachineRef
+from soter.machine import Event, MachineRef
 from soter.rta import Port
 from soter.sdk import RobotState, Waypoint
 from soter.stack.planners import PlanRequest
@@ -22,7 +22,8 @@ class RobotKit:
         port: the AC's rights on this robot.
         peers: the ports of the other robots, read for where they are.
         submit: asks the planner; the answer comes as `PathPlanned` to the machine named.
-        subscribe: names the machines that are told what the port reports: goals, control.
+        subscribe: names a machine that is to be told of what a robot's port reports, and of which events;
+            it also says whose machine it is, should it fail.
         seed: of the run.
         disc_m: distance that plans keep from robots that stand in the way.
         target_timeout_s: time with the AC in control after which a target is given up.
@@ -33,7 +34,7 @@ class RobotKit:
     port: RobotPort
     peers: Mapping[int, RobotPort]
     submit: Callable[[PlanRequest, MachineRef], None]
-    subscribe: Callable[[int, MachineRef, MachineRef], None]
+    subscribe: Callable[[int, MachineRef, tuple[type[Event], ...]], None]
     seed: int
     disc_m: float
     target_timeout_s: float

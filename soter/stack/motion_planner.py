@@ -37,7 +37,8 @@ class MotionPlanner(Machine):
     @Starting.entry
     def _start(self, kit: RobotKit) -> Next:
         self.kit = kit
-        self.executor = self.create(PlanExecutor, kit)
+        kit.subscribe(kit.robot_id, self.ref, ())
+        self.executor = self.create(PlanExecutor, kit, name=f"PlanExecutor {kit.robot_id}")
         return Goto(self.Waiting)
 
     @Waiting.on(PlanAndGo)

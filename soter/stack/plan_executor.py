@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from soter.machine import Goto, Machine, Next, State
 from soter.sdk import GoalStatus, Waypoint
-from soter.stack.events import AbandonPath, Disengaged, ExecutePath, GoalEnded, PathCompleted, PathFailed, Reengaged
+from soter.stack.events import AbandonPath, Disengaged, ExecutePath, GoalEnded, PathCompleted, PathFailed
 from soter.stack.kit import RobotKit
 
 
@@ -12,14 +12,15 @@ class PlanExecutor(Machine):
     """Waits for a path, executes it, reports how that ended; dropped at once when the AC loses control."""
 
     Starting: State[RobotKit] = State(start=True)
-    Waiting: State[None] = State(ignore=(GoalEnded, Reengaged, Disengaged, AbandonPath))
-    Executing: State[ExecutePath] = State(defer=(ExecutePath,), ignore=(GoalEnded, Reengaged))
+    Waiting: State[None] = State(ignore=(GoalEnded, Disengaged, AbandonPath))
+    Executing: State[ExecutePath] = State(defer=(ExecutePath,), ignore=(GoalEnded,))
 
     kit: RobotKit
 
     @Starting.entry
     def _start(self, kit: RobotKit) -> Next:
         self.kit = kit
+        kit.subscribe(kit.robot_id, self.ref, (GoalEnded, Disengaged))
         return Goto(self.Waiting)
 
     @Waiting.on(ExecutePath)

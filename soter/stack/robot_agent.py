@@ -24,6 +24,9 @@ from soter.stack.motion_planner import MotionPlanner
 
 TRIES: Final = 3
 RETRY_S: Final = 1.0
+REQUESTS_PER_ROBOT: Final = 1_000_000
+"""Keeps the numbers of all robots' requests apart."""
+
 UNSAFE_MODULES: Final = frozenset({"geofence", "obstacle"})
 """A target on whose way one of these had to step in is unsafe; after the others it is tried again."""
 
@@ -43,14 +46,15 @@ class RobotAgent(Machine):
     @Starting.entry
     def _start(self, given: tuple[RobotKit, MachineRef]) -> Next:
         self.kit, self.task_planner = given
+        self.kit.subscribe(self.kit.robot_id, self.ref, (Disengaged, Reengaged))
         self.others: dict[int, MachineRef] = {}
         self.engaged = False
-        self.request_id = 0
+        self.request_id = self.kit.robot_id * REQUESTS_PER_ROBOT
         self.left_s = 0.0
         self.tries = 0
         self.running_since_s = 0.0
         self.timer: Timer | None = None
-        self.motion_planner = self.create(MotionPlanner, self.kit)
+        self.motion_planner = self.create(MotionPlanner, self.kit, name=f"MotionPlanner {self.kit.robot_id}")
         return Goto(self.Idle)
 
     @Idle.on(RobotJoined)

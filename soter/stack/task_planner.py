@@ -42,7 +42,7 @@ class TaskPlanner(Machine):
         self.last_target_id = 0
         self.agents: dict[int, MachineRef] = {}
         for robot_id, kit in tasks.kits.items():
-            agent = self.create(RobotAgent, (kit, self.ref))
+            agent = self.create(RobotAgent, (kit, self.ref), name=f"RobotAgent {robot_id}")
             for other_id, other in self.agents.items():
                 self.send(other, RobotJoined(robot_id, agent))
                 self.send(agent, RobotJoined(other_id, other))

@@ -44,7 +44,10 @@ ALLOWED: dict[str, set[str]] = {
     "soter.report": {"soter.record"},
     "soter.lang": {"soter.machine", "soter.rta", "soter.check", "soter.stack", "soter.sdk"},
     "soter.apps": {"soter.stack", "soter.rta", "soter.machine", "soter.sdk"},
-    "soter.runner": {"soter.apps", "soter.record", "soter.faults", "soter.registry", "soter.link"},
+    "soter.runner": {
+        "soter.apps", "soter.record", "soter.faults", "soter.registry", "soter.link",
+        "soter.stack", "soter.rta", "soter.machine", "soter.sdk",
+    },  # fmt: skip
     "soter.campaign": {"soter.runner", "soter.record", "soter.report"},
     "soter.gym": {"soter.runner"},
     "soter.cli": {"soter", "soter_sim"},

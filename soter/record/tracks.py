@@ -1,0 +1,49 @@
+"""Where the robots of a run were, and who was in control: what a picture of a run is drawn from."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass, field
+
+from soter.rta import SwitchRecord
+from soter.workspace import Workspace
+
+
+@dataclass(slots=True)
+class Track:
+    """One robot's way, sampled every so often. The arrays are equally long.
+
+    Attributes:
+        robot_id: whose.
+        time_s: fleet time.
+        x_m: east.
+        y_m: north.
+        battery: charge from 0 to 1; NaN where unknown.
+        driver: index into `RunTracks.drivers`: 0 is the AC, the others are safety modules.
+    """
+
+    robot_id: int
+    time_s: array[float] = field(default_factory=lambda: array("d"))
+    x_m: array[float] = field(default_factory=lambda: array("d"))
+    y_m: array[float] = field(default_factory=lambda: array("d"))
+    battery: array[float] = field(default_factory=lambda: array("d"))
+    driver: array[int] = field(default_factory=lambda: array("b"))
+
+
+@dataclass(slots=True)
+class RunTracks:
+    """All robots' ways in one run.
+
+    Attributes:
+        workspace: fence, boxes, chargers.
+        drivers: "AC" and the names of the safety modules.
+        tracks: by robot id.
+        switches: every change of control, in order.
+        safer_inset_m: how far inside the fence phi_safer of the geofence begins; None without that module.
+    """
+
+    workspace: Workspace
+    drivers: tuple[str, ...]
+    tracks: dict[int, Track]
+    switches: list[SwitchRecord] = field(default_factory=list)
+    safer_inset_m: float | None = None

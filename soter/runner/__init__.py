@@ -1,0 +1,16 @@
+"""Mission in, result out."""
+
+from soter.runner.progress import Progress, RobotProgress
+from soter.runner.result import NeedlessCounts, RunResult, TargetCounts, TickTimes
+from soter.runner.run import Run, run_mission
+
+__all__ = [
+    "NeedlessCounts",
+    "Progress",
+    "RobotProgress",
+    "Run",
+    "RunResult",
+    "TargetCounts",
+    "TickTimes",
+    "run_mission",
+]

@@ -1,0 +1,173 @@
+"""What is counted while a mission runs."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from soter.record.tracks import RunTracks, Track
+from soter.rta import Mode, RobotSupervisor, SwitchRecord
+from soter.runner.result import TargetCounts, TickTimes
+from soter.stack.events import Outcome, Place
+from soter.workspace import Workspace
+
+SAMPLE_TICKS: Final = 5
+"""Tracks and stalls are sampled every so many ticks."""
+
+STALL_M: Final = 0.1
+
+
+class Stall:
+    """The longest time that one robot, with a target and not charging, stayed inside a circle of `STALL_M`."""
+
+    __slots__ = ("_since_s", "_x_m", "_y_m", "longest_s")
+
+    def __init__(self) -> None:
+        self.longest_s = 0.0
+        self._since_s = math.nan
+        self._x_m = self._y_m = math.inf
+
+    def look(self, now_s: float, x_m: float, y_m: float, counts: bool) -> None:
+        """Take one sample; `counts` is False while standing still is no stall."""
+        dx, dy = x_m - self._x_m, y_m - self._y_m
+        if not counts or not dx * dx + dy * dy <= STALL_M * STALL_M:
+            self._x_m, self._y_m, self._since_s = x_m, y_m, now_s
+        elif now_s - self._since_s > self.longest_s:
+            self.longest_s = now_s - self._since_s
+
+
+class Metrics:
+    """Counts for a run; a `Watch` of every robot's supervisor.
+
+    Args:
+        workspace: for the tracks.
+        modules: names of the enabled modules.
+
+            rule.
+        safer_inset_m: for the picture.
+    """
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        modules: Sequence[str],
+        robot_ids: Sequence[int],
+        safer_inset_m: float | None,
+    ) -> None:
+        self.tracks: Final = RunTracks(
+            workspace, ("AC", *modules), {robot_id: Track(robot_id) for robot_id in robot_ids},
+            safer_inset_m=safer_inset_m,
+        )  # fmt: skip
+        self.judge: Callable[[SwitchRecord], tuple[bool, bool]] | None = None
+        self.disengagements: Counter[str] = Counter()
+        self.disengagements_by_robot: Counter[int] = Counter()
+        self.joined: Counter[str] = Counter()
+        self.needless = [0, 0]
+        self.outcomes: Counter[Outcome] = Counter()
+        self.reached_by_robot: Counter[int] = Counter()
+        self.targets: dict[int, Place] = {}
+        self.no_progress_s = 0.0
+        self._progress_s = 0.0
+        self._now_s = 0.0
+        self._stalls = {robot_id: Stall() for robot_id in robot_ids}
+        self._driver_index: dict[str | None, int] = {None: 0}
+        self._driver_index.update({name: index for index, name in enumerate(modules, start=1)})
+        self._ac_ticks = 0
+        self._busy_ticks = 0
+        self._robot_ticks = 0
+        self._decide_s: array[float] = array("f")
+
+    # --- told by others --------------------------------------------------------------------------------------
+
+    def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
+        """Count a change of hands."""
+        self.tracks.switches.append(record)
+        if record.before is None and record.after is not None:
+            self.disengagements[record.module] += 1
+            self.disengagements_by_robot[record.robot_id] += 1
+            self.joined.update(record.joined)
+            if self.judge is not None:
+                one_delta, whole_path = self.judge(record)
+                self.needless[0] += one_delta
+                self.needless[1] += whole_path
+
+    def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
+        """Note a robot's target."""
+        self.targets[robot_id] = place
+
+    def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
+        """Count how a target ended."""
+        self.outcomes[outcome] += 1
+        self.reached_by_robot[robot_id] += outcome is Outcome.REACHED
+        self.no_progress_s = max(self.no_progress_s, self._now_s - self._progress_s)
+        self._progress_s = self._now_s
+
+    def tick(self, now_s: float, tick: int, robots: Sequence[RobotSupervisor], charging: Callable[[int], bool]) -> None:
+        """Take one tick."""
+        self._now_s = now_s
+        self._robot_ticks += len(robots)
+        decide_s = self._decide_s
+        for robot in robots:
+            decide_s.append(robot.decide_s)
+            if robot.driver is None:
+                self._ac_ticks += 1
+                self._busy_ticks += 1
+            elif robot.modules[-1].mode is Mode.AC or robot.modules[-1].name != "battery":
+                self._busy_ticks += 1
+        if tick % SAMPLE_TICKS == 0:
+            self._sample(now_s, robots, charging)
+
+    def _sample(self, now_s: float, robots: Sequence[RobotSupervisor], charging: Callable[[int], bool]) -> None:
+        for robot in robots:
+            own = robot.situation.own
+            robot_id = robot.robot_id
+            track = self.tracks.tracks[robot_id]
+            track.time_s.append(now_s)
+            track.x_m.append(own.x_m)
+            track.y_m.append(own.y_m)
+            track.battery.append(math.nan if own.battery is None else own.battery)
+            track.driver.append(self._driver_index[None if robot.driver is None else robot.driver.name])
+            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charging(robot_id))
+
+    # --- at the end ------------------------------------------------------------------------------------------
+
+    def finish(self, now_s: float) -> None:
+        """Close what is still open at the end of the run."""
+        self.no_progress_s = max(self.no_progress_s, now_s - self._progress_s)
+
+    @property
+    def ac_share(self) -> float:
+        """Part of the robots' time with the AC in control."""
+        return self._ac_ticks / self._robot_ticks if self._robot_ticks else 0.0
+
+    @property
+    def ac_share_without_charging(self) -> float:
+        """The same, leaving out the time with the battery module in SC."""
+        return self._ac_ticks / self._busy_ticks if self._busy_ticks else 0.0
+
+    @property
+    def longest_stall_s(self) -> float:
+        """The longest stall of any robot."""
+        return max((stall.longest_s for stall in self._stalls.values()), default=0.0)
+
+    def target_counts(self) -> TargetCounts:
+        """How targets ended."""
+        return TargetCounts(**{outcome.value: self.outcomes[outcome] for outcome in Outcome})
+
+    def tick_times(self) -> TickTimes:
+        """Host time of one robot's decisions at one tick."""
+        if not self._decide_s:
+            return TickTimes(p50=0.0, p99=0.0, max=0.0)
+        micros = np.frombuffer(self._decide_s, dtype=np.float32) * 1e6
+        p50, p99 = (float(value) for value in np.percentile(micros, (50, 99)))
+        return TickTimes(p50=round(p50, 2), p99=round(p99, 2), max=round(float(micros.max()), 2))
+
+
+def counts(counter: Mapping[str, int], names: Sequence[str]) -> dict[str, int]:
+    """Return counts for all names, zeros included, then for any others that occurred."""
+    return {name: counter.get(name, 0) for name in (*names, *sorted(set(counter) - set(names)))}

@@ -1,0 +1,98 @@
+"""How many disengagements were needless: the AC, left alone, would have kept the rule after all.
+
+A statistic about how timid the modules are. It uses what the AC intended, which the modules themselves never may.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
+from soter.sdk import RobotState, Waypoint
+from soter.stack import PortForwarder
+
+STEP_S: Final = 0.05
+LONGEST_S: Final = 60.0
+
+Place = tuple[float, float]
+
+
+class NeedlessJudge:
+    """Rolls the AC's pending waypoints forward, at top speed and straight from one to the next.
+
+    Args:
+        supervisors: by robot id.
+        forwarders: by robot id; they know the pending waypoints.
+        modules: declarations, by robot id.
+        v_max_m_s: the robots' top speed.
+    """
+
+    def __init__(
+        self,
+        supervisors: Mapping[int, RobotSupervisor],
+        forwarders: Mapping[int, PortForwarder],
+        modules: Mapping[int, Sequence[RTAModule]],
+        v_max_m_s: float,
+    ) -> None:
+        self._supervisors: Final = supervisors
+        self._forwarders: Final = forwarders
+        self._modules: Final = modules
+        self._v_max_m_s: Final = v_max_m_s
+
+    def judge(self, record: SwitchRecord) -> tuple[bool, bool]:
+        """Return whether one more Delta, and whether the whole rest of the path, would have kept the module's rule."""
+        module = next((m for m in self._modules[record.robot_id] if m.name == record.module), None)
+        if module is None or module.phi_safe is None:
+            return False, False
+        situation = self._supervisors[record.robot_id].situation
+        own = situation.own
+        if not isinstance(own, RobotState):
+            return False, False
+        way = self._pending(record.robot_id, own)
+        peers = [
+            (peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)
+        ]
+        lasts_s = min(_length_m(way) / self._v_max_m_s, LONGEST_S)
+        imagined = Situation(record.robot_id, own, record.time_s)
+        steps = math.ceil(max(lasts_s, module.delta_s) / STEP_S)
+        for step in range(1, steps + 1):
+            time_s = step * STEP_S
+            travelled = self._v_max_m_s * time_s
+            imagined.own = _moved(own, way, travelled)
+            imagined.peers = [_moved(peer, path, travelled) for peer, path in peers]
+            if not module.phi_safe.margin(imagined) >= 0.0:
+                return time_s > module.delta_s, False
+        return True, True
+
+    def _way_of_peer(self, state: RobotState) -> list[Place]:
+        """A peer whose AC has no control stays where it is."""
+        supervisor = self._supervisors.get(state.robot_id)
+        if supervisor is None or supervisor.mode is Mode.SC:
+            return [(state.x_m, state.y_m)]
+        return self._pending(state.robot_id, state)
+
+    def _pending(self, robot_id: int, state: RobotState) -> list[Place]:
+        """Return where a robot is, and the places that its AC still means to pass."""
+        request = self._forwarders[robot_id].request
+        pending: list[Waypoint] = [] if request is None else [request.command, *request.upcoming]
+        return [(state.x_m, state.y_m), *((waypoint.x_m, waypoint.y_m) for waypoint in pending)]
+
+
+def _length_m(way: Sequence[Place]) -> float:
+    return sum(math.dist(a, b) for a, b in zip(way, way[1:], strict=False))
+
+
+def _moved(state: RobotState, way: Sequence[Place], travelled_m: float) -> RobotState:
+    """Return the state of a robot that has gone so far along a way."""
+    x, y = way[-1]
+    left = travelled_m
+    for a, b in zip(way, way[1:], strict=False):
+        leg = math.dist(a, b)
+        if left < leg:
+            part = left / leg
+            x, y = a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])
+            break
+        left -= leg
+    return state._replace(x_m=x, y_m=y)

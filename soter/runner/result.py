@@ -1,0 +1,112 @@
+"""The result of a run, as `soter run --json` writes it."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+THESIS_DISENGAGEMENTS = 313
+"""In 2 h with 2 robots, mean of 4 runs: UCB/EECS-2020-99, section 3.3."""
+
+THESIS_AC_SHARE = 0.802
+
+
+class TickTimes(BaseModel):
+    """Host time that one robot's decision modules took at one tick, in microseconds."""
+
+    model_config = ConfigDict(frozen=True)
+    p50: float
+    p99: float
+    max: float
+
+
+class TargetCounts(BaseModel):
+    """How targets ended."""
+
+    model_config = ConfigDict(frozen=True)
+    reached: int = 0
+    unsafe: int = 0
+    blocked: int = 0
+    timed_out: int = 0
+
+
+class NeedlessCounts(BaseModel):
+    """Disengagements after which the AC, left alone, would have kept the rule after all.
+
+    Attributes:
+        one_delta: its pending waypoints, rolled forward one more Delta, keep the rule.
+        whole_path: rolled forward to their end, they keep it too.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    one_delta: int = 0
+    whole_path: int = 0
+
+
+class RunResult(BaseModel):
+    """What happened in a run.
+
+    Attributes:
+        status: `completed`, `interrupted` or `failed`.
+        failure: why it failed; empty otherwise.
+        violations: by rule, judged by ground truth; None where there is no truth.
+        contacts: times that bodies began to touch; None without truth.
+        ac_share: part of the robots' time in which their AC was in control.
+        ac_share_without_charging: the same, leaving out the time in which the battery module was in SC.
+        disengagements: AC -> SC switches by the module that fired first.
+        joined: further modules that fired in the same tick.
+        disengagements_total: their sum.
+        needless: how many of them would not have been needed.
+        targets: how targets ended.
+        targets_reached: the same as `targets.reached`.
+        longest_stall_s: longest time that a robot with a target, and not charging, stayed within 0.1 m.
+        no_progress_s: longest time in which no robot's target ended.
+        min_margin: least margin by rule, from truth, in metres or parts of a charge.
+        no_certified_motion: ticks at which neither a motion nor holding kept every rule.
+        duration_s: simulated or vehicle time.
+        wall_s: host time.
+        real_time_factor: the one divided by the other.
+        dm_tick_us: host time of the decisions.
+        missed_ticks: ticks that came later than declared.
+        deterministic: the same seed gives the same run; False where host time had a say.
+        trace_sha256: over all states and decisions.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    status: str
+    failure: str
+    mission: str
+    backend: str
+    engine: str | None
+    planner: str
+    targets_from: str
+    modules: tuple[str, ...]
+    robots: int
+    seed: int
+    duration_s: float
+    wall_s: float
+    real_time_factor: float
+    violations: dict[str, int] | None
+    contacts: int | None
+    ac_share: float
+    ac_share_without_charging: float
+    disengagements: dict[str, int]
+    joined: dict[str, int]
+    disengagements_total: int
+    needless: NeedlessCounts
+    targets: TargetCounts
+    targets_reached: int
+    longest_stall_s: float
+    no_progress_s: float
+    min_margin: dict[str, float] | None
+    no_certified_motion: int
+    dm_tick_us: TickTimes
+    missed_ticks: int
+    deterministic: bool
+    nondeterminism: str
+    trace_sha256: str
+    failed_robots: dict[int, str]
+
+    @property
+    def violated(self) -> bool:
+        """Whether ground truth counted a violation."""
+        return self.violations is not None and any(self.violations.values())

@@ -1,0 +1,244 @@
+"""Runs a mission: opens the backend, binds the safety side to it, ticks until the time is up, sums up."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Final
+
+from soter.config import Mission, validate_options
+from soter.errors import RunFailed
+from soter.record.tracks import RunTracks
+from soter.registry import load_backend, missing_library
+from soter.runner.metrics import Metrics, counts
+from soter.runner.mission_side import MissionSide
+from soter.runner.needless import NeedlessJudge
+from soter.runner.progress import Progress, robot_progress
+from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.trace import Trace
+from soter.runner.watchdog import HandlerWatchdog
+from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
+from soter.stack import SafetySide, assemble, enabled
+from soter.stack.planners import PlanService
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+INIT_TIMEOUT_S: Final = 60.0
+DISC_SLACK_M: Final = 0.05
+"""Added to the distance at which the collision module acts, for plans around robots that stand in the way."""
+
+_LOOK_TICKS: Final = 64
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run leaves behind.
+
+    Attributes:
+        result: the figures.
+        tracks: where the robots were, and who was in control.
+    """
+
+    result: RunResult
+    tracks: RunTracks
+
+
+def run_mission(
+    mission: Mission,
+    *,
+    on_progress: Callable[[Progress], None] | None = None,
+    progress_every_s: float = 0.2,
+    stop: Callable[[], bool] | None = None,
+) -> Run:
+    """Run a mission to its end. Call it from the main thread: only there can a blocked handler be interrupted.
+
+    Args:
+        mission: from `soter.config.load_mission`.
+        on_progress: called every `progress_every_s` of host time.
+        progress_every_s: see there.
+        stop: asked every few ticks whether to end the run early, as Ctrl-C does.
+
+    Returns:
+        What happened. Whatever ends the run, its robots are stopped by then.
+
+    Raises:
+        ConfigError: bad input; nothing has moved.
+        BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
+        IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
+    """
+    workspace = mission.read_workspace()
+    backend_class = load_backend(mission.backend)
+    config = validate_options(
+        backend_class.config_model,
+        mission.backends.get(mission.backend, {}),
+        mission.source,
+        f"backends.{mission.backend}",
+        {"workspace": workspace, "seed": mission.seed},
+    )
+    specs = [
+        RobotSpec(
+            place.id, place.x_m, place.y_m, place.heading_rad, mission.initial_charge(place.id),
+            mission.battery.drive_s, mission.battery.idle_s, mission.battery.charge_s, f"robot{place.id}",
+        )
+        for place in workspace.robots
+    ]  # fmt: skip
+    with ExitStack() as stack:
+        plans = PlanService(
+            mission.planner, workspace, backend_class.robot_class.declared.body_radius_m,
+            mission.planners.get(mission.planner, {}),
+        )  # fmt: skip
+        stack.callback(plans.close)
+        try:
+            fleet = stack.enter_context(backend_class().open(config, specs))
+        except ImportError as failure:
+            raise missing_library(mission.backend, failure) from failure
+        plans.ready()
+        for robot in fleet.robots:
+            robot.init(INIT_TIMEOUT_S)
+        loop = _Loop(mission, workspace, fleet, plans)
+        stack.callback(loop.side.close)
+        status, failure_text = loop.run(on_progress, progress_every_s, stop)
+        engine = getattr(config, "engine", None)
+        return Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
+
+
+class _Loop:
+    """One run, from the first tick to the last."""
+
+    def __init__(self, mission: Mission, workspace: Workspace, fleet: Fleet, plans: PlanService) -> None:
+        self.mission: Final = mission
+        self.fleet: Final = fleet
+        self.plans: Final = plans
+        self.modules: Final = enabled(mission)
+        safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
+        robot_ids = [robot.id for robot in fleet.robots]
+        self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
+        self.side: Final = MissionSide(mission, fleet.clock, plans)
+        self.safety: Final[SafetySide] = assemble(mission, workspace, fleet.robots, self.side.hear, [self.metrics])
+        self.robots: Final = tuple(self.safety.supervisor.robots.values())
+        self.trace: Final = Trace()
+        self.ticks = 0
+        self.wall_s = 0.0
+        capabilities = fleet.robots[0].capabilities
+        self.metrics.judge = NeedlessJudge(
+            self.safety.supervisor.robots, self.safety.forwarders, self.safety.modules, capabilities.v_max_m_s
+        ).judge
+        self.side.start(
+            workspace, capabilities.body_radius_m, self.safety.ports, self.safety.trigger_m + DISC_SLACK_M, self.metrics
+        )
+
+    def run(
+        self,
+        on_progress: Callable[[Progress], None] | None,
+        progress_every_s: float,
+        stop: Callable[[], bool] | None,
+    ) -> tuple[str, str]:
+        """Tick until the time is up; return the status and, for a failure, what it was."""
+        start_s = time.perf_counter()
+        try:
+            with HandlerWatchdog(lambda: self.side.runtime.current_handler, lambda: self.ticks):
+                return self._tick_on(start_s, on_progress, progress_every_s, stop), ""
+        except KeyboardInterrupt:
+            return "interrupted", ""
+        except RunFailed as failure:
+            logger.error("the run failed: %s", failure)
+            return "failed", str(failure)
+        finally:
+            self.wall_s = time.perf_counter() - start_s
+            self.metrics.finish(self.ticks * self.mission.base_tick_s)
+
+    def _tick_on(
+        self,
+        start_s: float,
+        on_progress: Callable[[Progress], None] | None,
+        progress_every_s: float,
+        stop: Callable[[], bool] | None,
+    ) -> str:
+        base_tick_s, clock, side = self.mission.base_tick_s, self.fleet.clock, self.side
+        supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
+        charging = self.safety.charging
+        last = round(self.mission.duration_s / base_tick_s)
+        shown_s = start_s
+        for tick in range(last):
+            now_s = tick * base_tick_s
+            supervisor.tick(now_s)
+            side.run(now_s)
+            if side.failures:
+                self._fail_acs()
+            trace.add(now_s, robots)
+            metrics.tick(now_s, tick, robots, charging)
+            clock.sleep_until((tick + 1) * base_tick_s)
+            self.ticks = tick + 1
+            if tick % _LOOK_TICKS == 0:
+                if stop is not None and stop():
+                    return "interrupted"
+                if on_progress is not None and time.perf_counter() - shown_s >= progress_every_s:
+                    shown_s = time.perf_counter()
+                    on_progress(self._progress(shown_s - start_s))
+        return "completed"
+
+    def _fail_acs(self) -> None:
+        for robot_id, cause in self.side.failures.items():
+            for robot in self.robots:
+                if robot_id is None or robot_id == robot.robot_id:
+                    robot.fail_ac(cause)
+
+    def _progress(self, wall_s: float) -> Progress:
+        truth = self.fleet.truth
+        return Progress(
+            self.ticks * self.mission.base_tick_s,
+            self.mission.duration_s,
+            wall_s,
+            robot_progress(self.robots, self.metrics),
+            None if truth is None else _violations(truth.report()),
+        )
+
+    def result(self, status: str, failure: str, engine: str | None) -> RunResult:
+        """Sum up."""
+        metrics, mission, truth = self.metrics, self.mission, self.fleet.truth
+        report = None if truth is None else truth.report()
+        duration_s = round(self.ticks * mission.base_tick_s, 6)
+        targets = metrics.target_counts()
+        return RunResult(
+            status=status,
+            failure=failure,
+            mission=mission.source or "",
+            backend=mission.backend,
+            engine=engine,
+            planner=mission.planner,
+            targets_from=mission.targets,
+            modules=self.modules,
+            robots=len(self.robots),
+            seed=mission.seed,
+            duration_s=duration_s,
+            wall_s=round(self.wall_s, 3),
+            real_time_factor=round(duration_s / self.wall_s, 1) if self.wall_s else 0.0,
+            violations=None if report is None else _violations(report),
+            contacts=None if report is None else report.contacts,
+            ac_share=round(metrics.ac_share, 4),
+            ac_share_without_charging=round(metrics.ac_share_without_charging, 4),
+            disengagements=counts(metrics.disengagements, self.modules),
+            joined=counts(metrics.joined, self.modules),
+            disengagements_total=metrics.disengagements.total(),
+            needless=NeedlessCounts(one_delta=metrics.needless[0], whole_path=metrics.needless[1]),
+            targets=targets,
+            targets_reached=targets.reached,
+            longest_stall_s=round(metrics.longest_stall_s, 2),
+            no_progress_s=round(metrics.no_progress_s, 2),
+            min_margin=None if report is None else {rule: round(m, 5) for rule, m in report.min_margin.items()},
+            no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
+            dm_tick_us=metrics.tick_times(),
+            missed_ticks=0,
+            deterministic=self.plans.deterministic and status == "completed",
+            nondeterminism="; ".join(self.plans.incidents),
+            trace_sha256=self.trace.hexdigest(),
+            failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},
+        )
+
+
+def _violations(report: TruthReport) -> dict[str, int]:
+    return {rule: report.count(rule) for rule in RULES}
