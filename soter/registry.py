@@ -209,9 +209,10 @@ def _checked(name: str, origin: str, target: str, found: object) -> type[Backend
         raise BackendError(f"{who} is not a subclass of soter.sdk.Backend; name the backend's class")
     # Before all else: a class made for another interface may well lack the rest.
     version = getattr(found, "interface_version", None)
+    if not isinstance(version, int):
+        raise BackendError(f"{who} does not say which interface it is made for; set interface_version to that number")
     if version != INTERFACE_VERSION:
-        older = isinstance(version, int) and version < INTERFACE_VERSION
-        advice = "the adapter" if older or not isinstance(version, int) else DISTRIBUTION
+        advice = "the adapter" if version < INTERFACE_VERSION else DISTRIBUTION
         raise BackendError(
             f"{who} is made for version {version} of the interface, this is version {INTERFACE_VERSION}; "
             f"upgrade {advice}"

@@ -98,8 +98,8 @@ class Workspace:
         """Return the nearest point inside the fence that is at least `clearance_m` from every box.
 
         The distance counts from the point itself: for a round body, add its radius. The point is exact, except where
-        the rounded outlines of two boxes cross: there it may lie a little further away than need be, never too
-        close to a box.
+        the rounded outline of a box crosses another or the fence: there it may lie a little further away than need
+        be, never too close to a box.
 
         Returns:
             x and y in metres, the point itself if it is free; None if there is no such place.
@@ -115,13 +115,10 @@ class Workspace:
             xs_m |= {box.low_x_m - clearance_m, box.high_x_m + clearance_m}
             ys_m |= {box.low_y_m - clearance_m, box.high_y_m + clearance_m}
             for corner_x_m, corner_y_m in product((box.low_x_m, box.high_x_m), (box.low_y_m, box.high_y_m)):
-                away_m = math.hypot(inside_x_m - corner_x_m, inside_y_m - corner_y_m)
+                away_m = math.hypot(x_m - corner_x_m, y_m - corner_y_m)
                 if away_m > 0.0:
                     scale = clearance_m / away_m
-                    arcs.append((
-                        corner_x_m + scale * (inside_x_m - corner_x_m),
-                        corner_y_m + scale * (inside_y_m - corner_y_m),
-                    ))
+                    arcs.append((corner_x_m + scale * (x_m - corner_x_m), corner_y_m + scale * (y_m - corner_y_m)))
         xs_m |= {0.0, self.width_m}
         ys_m |= {0.0, self.depth_m}
         # Ties are broken by the coordinates: the answer must not depend on the order of a set.
