@@ -1,0 +1,201 @@
+"""Where the centre of a robot may be, for planners: exact tests against inflated boxes and discs, and repairs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+
+from soter.stack.planners.base import Point
+from soter.workspace import Workspace
+
+TOUCH_M = 1e-9
+"""Depth in metres up to which a point on an edge counts as free."""
+
+PIECE_M = 0.25
+"""Paths are cut into pieces of at most this length, in metres, before corners are cut off."""
+
+
+class FreeSpace:
+    """The fence rectangle without the boxes, grown on every side, and without discs around other robots.
+
+    Points on an edge are free. Every test of a point or of a segment adds one to `checks`.
+
+    Args:
+        workspace: fence and boxes.
+        inflation_m: by how much boxes grow on each side: the body's radius and the clearance wanted.
+    """
+
+    def __init__(self, workspace: Workspace, inflation_m: float) -> None:
+        self.width_m, self.depth_m = workspace.width_m, workspace.depth_m
+        self.checks = 0
+        self._discs: tuple[tuple[float, float, float], ...] = ()
+        grown = [
+            (b.low_x_m - inflation_m, b.low_y_m - inflation_m, b.high_x_m + inflation_m, b.high_y_m + inflation_m)
+            for b in workspace.boxes
+        ]
+        self._boxes = [(a + TOUCH_M, b + TOUCH_M, c - TOUCH_M, d - TOUCH_M) for a, b, c, d in grown]
+        self._xs = sorted({0.0, self.width_m, *(x for a, _, c, _ in grown for x in (a, c))})
+        self._ys = sorted({0.0, self.depth_m, *(y for _, b, _, d in grown for y in (b, d))})
+        self._corners = [(x, y) for x in self._xs for y in self._ys if self._is_free(x, y)]
+
+    def begin(self, discs: Iterable[tuple[float, float, float]]) -> None:
+        """Start a new request: set the discs (centre and radius, metres) and count from zero."""
+        self._discs = tuple(discs)
+        self.checks = 0
+
+    def is_free(self, x: float, y: float) -> bool:
+        """Return whether a point is inside the fence and outside all boxes and discs."""
+        self.checks += 1
+        return self._is_free(x, y)
+
+    def in_disc(self, x: float, y: float) -> bool:
+        """Return whether a point is inside a disc."""
+        return any(math.hypot(x - cx, y - cy) < r - TOUCH_M for cx, cy, r in self._discs)
+
+    def is_open(self, ax: float, ay: float, bx: float, by: float) -> bool:
+        """Return whether the segment between two points inside the fence meets no box and no disc."""
+        self.checks += 1
+        dx, dy = bx - ax, by - ay
+        for low_x, low_y, high_x, high_y in self._boxes:
+            # Most boxes are to one side of the segment: these four comparisons settle them.
+            if ax <= low_x:
+                if bx <= low_x:
+                    continue
+            elif ax >= high_x and bx >= high_x:
+                continue
+            if ay <= low_y:
+                if by <= low_y:
+                    continue
+            elif ay >= high_y and by >= high_y:
+                continue
+            if _meets(ax, ay, dx, dy, (low_x, low_y, high_x, high_y)):
+                return False
+        for cx, cy, r in self._discs:
+            if _distance_m(cx, cy, ax, ay, dx, dy) < r - TOUCH_M:
+                return False
+        return True
+
+    def nearest_free(self, x: float, y: float) -> Point | None:
+        """Return the free point nearest to a point that is not free, or None if there is none to be reached.
+
+        The straight way there leads out of the obstacles that hold the point and through no other one, if there
+        is such a point: the nearest point alone may be behind a wall.
+
+        It is exact: the nearest point lies on an edge straight across, or where two edges meet.
+        """
+        candidates = [(c, y) for c in self._xs] + [(x, c) for c in self._ys] + self._corners
+        candidates += self._around_discs(x, y)
+        candidates.sort(key=lambda point: math.dist(point, (x, y)))
+        fallback: Point | None = None
+        for point in candidates:
+            if self.is_free(*point):
+                if self._leads_out(x, y, *point):
+                    return point
+                fallback = fallback or point
+        return fallback
+
+    def shortened(self, path: Sequence[Point]) -> list[Point]:
+        """Return a path with the same ends, nowhere longer, without needless waypoints.
+
+        Args:
+            path: start, waypoints and goal, all segments open.
+        """
+        return self._cut(_pieces(self._cut(path)))
+
+    def _cut(self, path: Sequence[Point]) -> list[Point]:
+        kept = [path[0]]
+        here = 0
+        while here < len(path) - 1:
+            there = len(path) - 1
+            while there > here + 1 and not self.is_open(*path[here], *path[there]):
+                there -= 1
+            kept.append(path[there])
+            here = there
+        return kept
+
+    def _is_free(self, x: float, y: float) -> bool:
+        if not (0.0 <= x <= self.width_m and 0.0 <= y <= self.depth_m):
+            return False
+        for low_x, low_y, high_x, high_y in self._boxes:
+            if low_x < x < high_x and low_y < y < high_y:
+                return False
+        for cx, cy, r in self._discs:
+            if math.hypot(x - cx, y - cy) < r - TOUCH_M:
+                return False
+        return True
+
+    def _leads_out(self, x: float, y: float, to_x: float, to_y: float) -> bool:
+        dx, dy = to_x - x, to_y - y
+        for box in self._boxes:
+            inside = box[0] < x < box[2] and box[1] < y < box[3]
+            if not inside and _meets(x, y, dx, dy, box):
+                return False
+        for cx, cy, r in self._discs:
+            if math.hypot(x - cx, y - cy) >= r - TOUCH_M and _distance_m(cx, cy, x, y, dx, dy) < r - TOUCH_M:
+                return False
+        return True
+
+    def _around_discs(self, x: float, y: float) -> Iterator[Point]:
+        """Yield where the nearest free point can be because of discs: straight out, and where edges meet a disc."""
+        for number, (cx, cy, r) in enumerate(self._discs):
+            away = math.hypot(x - cx, y - cy)
+            if away > TOUCH_M:
+                yield cx + (x - cx) / away * r, cy + (y - cy) / away * r
+            # From the middle all directions are equally far, and elsewhere they are a second choice.
+            for step in range(16):
+                angle = math.tau * step / 16
+                yield cx + r * math.cos(angle), cy + r * math.sin(angle)
+            for line in self._xs:
+                if abs(line - cx) <= r:
+                    half = math.sqrt(r * r - (line - cx) ** 2)
+                    yield from ((line, cy - half), (line, cy + half))
+            for line in self._ys:
+                if abs(line - cy) <= r:
+                    half = math.sqrt(r * r - (line - cy) ** 2)
+                    yield from ((cx - half, line), (cx + half, line))
+            for ox, oy, other_r in self._discs[:number]:
+                yield from _circles_meet(cx, cy, r, ox, oy, other_r)
+
+
+def _meets(ax: float, ay: float, dx: float, dy: float, box: tuple[float, float, float, float]) -> bool:
+    """Return whether the segment from a, by d, meets the inside of a rectangle (slab method)."""
+    enter, leave = 0.0, 1.0
+    for start, delta, low, high in ((ax, dx, box[0], box[2]), (ay, dy, box[1], box[3])):
+        if delta:
+            first, last = (low - start) / delta, (high - start) / delta
+            if first > last:
+                first, last = last, first
+            enter, leave = max(enter, first), min(leave, last)
+        elif not low < start < high:
+            return False
+    return enter < leave
+
+
+def _distance_m(cx: float, cy: float, ax: float, ay: float, dx: float, dy: float) -> float:
+    """Return the distance from c to the segment from a, by d."""
+    square = dx * dx + dy * dy
+    share = ((cx - ax) * dx + (cy - ay) * dy) / square if square else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(ax + share * dx - cx, ay + share * dy - cy)
+
+
+def _circles_meet(ax: float, ay: float, ar: float, bx: float, by: float, br: float) -> Iterator[Point]:
+    between = math.hypot(bx - ax, by - ay)
+    if between <= TOUCH_M or between > ar + br or between < abs(ar - br):
+        return
+    along = (between * between + ar * ar - br * br) / (2 * between)
+    across = math.sqrt(max(ar * ar - along * along, 0.0))
+    ux, uy = (bx - ax) / between, (by - ay) / between
+    for side in (across, -across):
+        yield ax + along * ux - side * uy, ay + along * uy + side * ux
+
+
+def _pieces(path: Sequence[Point]) -> list[Point]:
+    """Return a path with more points on the same way."""
+    points = [path[0]]
+    for (ax, ay), (bx, by) in pairwise(path):
+        number = max(math.ceil(math.hypot(bx - ax, by - ay) / PIECE_M), 1)
+        points += [(ax + (bx - ax) * k / number, ay + (by - ay) * k / number) for k in range(1, number)]
+        points.append((bx, by))
+    return points
