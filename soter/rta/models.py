@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from typing import Final
 
 from soter.rta.situation import Sample, Situation
+
+
+_ROUNDING_M: Final = 1e-9
+_ROUNDING_CHARGE: Final = 1e-6
 
 
 class ReachModel(ABC):
@@ -54,7 +59,7 @@ class SpeedBound(ReachModel):
         return self.v_max_m_s * time_s + self.stop_m
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
-        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m
+        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + _ROUNDING_M
         dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
         return dx * dx + dy * dy <= allowed_m * allowed_m
 
@@ -97,5 +102,5 @@ class DischargeBound(ReachModel):
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         if before.battery is None or after.battery is None:
             return before.battery is after.battery
-        # One part in a million is rounding, not a charge that falls faster than the model.
-        return before.battery - after.battery <= self.drive_per_s * (after.stamp_s - before.stamp_s) + 1e-6
+        allowed = self.drive_per_s * (after.stamp_s - before.stamp_s) + _ROUNDING_CHARGE
+        return before.battery - after.battery <= allowed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, Protocol
@@ -18,6 +19,10 @@ logger = logging.getLogger(__name__)
 
 SUPERVISOR = "supervisor"
 """Named as the module when a disengagement comes from an assumption that failed, not from a module's margin."""
+
+
+ALARM_S: Final = 0.3
+"""A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
 
 
 class Actuator(Protocol):
@@ -114,6 +119,7 @@ class RobotSupervisor:
         self._watches: Final = tuple(watches)
         self.ac_failure = ""
         self._alarm = ""
+        self._alarmed_until_s = -math.inf
         self._announced_ac = False
 
     def fail_ac(self, cause: str) -> None:
@@ -136,6 +142,7 @@ class RobotSupervisor:
             self._alarm = f"no state: {failure}"
             situation.now_s = now_s
             situation.age_s = now_s - before.stamp_s
+            self._alarmed_until_s = now_s + ALARM_S
             return before
         situation.own = sample
         situation.now_s = now_s
@@ -148,6 +155,8 @@ class RobotSupervisor:
                 if not model.admits(before, sample, self._timing.noise_m):
                     self._alarm = f"sample outside the reach set of {type(model).__name__}"
                     break
+        if self._alarm:
+            self._alarmed_until_s = now_s + ALARM_S
         return sample
 
     def decide(self, tick: int) -> None:
@@ -166,10 +175,6 @@ class RobotSupervisor:
                             released = module
                 elif module.mode is Mode.SC:
                     module.observe(situation)
-                if self._alarm:
-                    if module.mode is Mode.AC:
-                        fired.append(module)
-                    module.force(situation.now_s, self._alarm)
             except Exception as failure:
                 logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
                 if module.mode is Mode.AC:
@@ -177,8 +182,8 @@ class RobotSupervisor:
                 module.force(situation.now_s, f"decision module failed: {failure!r}")
             if driver is None and module.mode is Mode.SC:
                 driver = module
-        if driver is None and self.ac_failure:
-            driver = self._without_ac()
+        if driver is None and (self._alarm or self.ac_failure or situation.now_s < self._alarmed_until_s):
+            driver = self._without_module()
         if driver is not self.driver or (driver is None and self.mode is Mode.SC):
             self._change_driver(driver, fired, released)
         elif driver is None and not self._announced_ac:
@@ -200,11 +205,12 @@ class RobotSupervisor:
             self._isolate(node, failure)
         self.actuator.renew()
 
-    def _without_ac(self) -> DecisionModule | None:
+    def _without_module(self) -> DecisionModule | None:
+        """Return whose safe controller drives when no module asks for it, but the AC may not."""
         if not self.modules:
             self.actuator.drive(None, self.mode)
             return None
-        return self.modules[-1]
+        return self.modules[-1] if self.ac_failure else self.modules[0]
 
     # --- changes of hands ------------------------------------------------------------------------------------
 
@@ -218,10 +224,8 @@ class RobotSupervisor:
         first = fired[0] if fired else released or driver or before
         name = first.name if first is not None else ""
         cause = first.cause if first is not None else ""
-        if self._alarm and fired:
-            name = SUPERVISOR
-        elif self.ac_failure and not fired and was is Mode.AC:
-            name, cause = SUPERVISOR, self.ac_failure
+        if was is Mode.AC and not fired:
+            name, cause = SUPERVISOR, self._alarm or self.ac_failure
         if self.mode is not was or before is not driver:
             # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
             if self.mode is was:

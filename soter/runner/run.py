@@ -122,6 +122,8 @@ class _Loop:
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
         self.ticks = 0
+        self.missed_ticks = 0
+        self.jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
         self.wall_s = 0.0
         capabilities = fleet.robots[0].capabilities
         self.metrics.judge = NeedlessJudge(
@@ -165,6 +167,7 @@ class _Loop:
         shown_s = start_s
         for tick in range(last):
             now_s = tick * base_tick_s
+            self.missed_ticks += clock.now() - now_s > self.jitter_s
             supervisor.tick(now_s)
             side.run(now_s)
             if side.failures:
@@ -232,7 +235,7 @@ class _Loop:
             min_margin=None if report is None else {rule: round(m, 5) for rule, m in report.min_margin.items()},
             no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
             dm_tick_us=metrics.tick_times(),
-            missed_ticks=0,
+            missed_ticks=self.missed_ticks,
             deterministic=self.plans.deterministic and status == "completed",
             nondeterminism="; ".join(self.plans.incidents),
             trace_sha256=self.trace.hexdigest(),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from soter.machine import Goto, Machine, Next, State
 from soter.sdk import GoalStatus, Waypoint
 from soter.stack.events import AbandonPath, Disengaged, ExecutePath, GoalEnded, PathCompleted, PathFailed
@@ -34,7 +36,7 @@ class PlanExecutor(Machine):
         ]
         for index, waypoint in enumerate(waypoints):
             goal_id = self.kit.port.goto(waypoint, tuple(waypoints[index + 1 :]))
-            ended = await self.receive(GoalEnded, match=lambda g, wanted=goal_id: g.goal_id == wanted)
+            ended = await self.receive(GoalEnded, match=partial(_is_of, goal_id))
             if ended.status != GoalStatus.REACHED.value:
                 self.send(e.reply_to, PathFailed(e.request_id, ended.status))
                 return Goto(self.Waiting)
@@ -50,3 +52,6 @@ class PlanExecutor(Machine):
     def _abandoned(self, e: AbandonPath) -> Next:
         return Goto(self.Waiting)
 
+
+def _is_of(goal_id: int, ended: GoalEnded) -> bool:
+    return ended.goal_id == goal_id
