@@ -187,9 +187,8 @@ class Drive:
         else:
             self._mode = _BRAKE
             return 0.0, 0.0
-        if along >= self._far:
-            speed = self._cap
-        else:
+        speed = self._cap
+        if along < self._far:
             # One more period at this speed and then braking ends exactly at the target.
             speed = sqrt(self._brake_dt_sq + self._two_brake * along) - self._brake_dt
         return (speed, w) if self._sign > 0.0 else (-speed, w)

@@ -29,9 +29,7 @@ Control = Callable[[float, float, float, float, float, float], tuple[float, floa
 yaw_rate_rad_s; it returns the speed in m/s along the heading and the turn rate in rad/s to steer for."""
 
 
-def stand_still(
-    now_s: float, x_m: float, y_m: float, heading_rad: float, v_m_s: float, yaw_rate_rad_s: float
-) -> tuple[float, float]:
+def stand_still(*_state: float) -> tuple[float, float]:
     """Command rest: what a robot does that nobody controls."""
     return 0.0, 0.0
 

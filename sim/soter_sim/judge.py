@@ -12,6 +12,7 @@ from typing import Final
 
 from soter.workspace import Workspace
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
+from soter_sim.boxes import NEAR_M, Boxes
 from soter_sim.sweep import (
     BoxEdges,
     chord_to_box,
@@ -26,9 +27,6 @@ REBUILD_STEPS: Final = 32
 """The list of pairs that are near enough to be judged is made anew after so many steps."""
 
 _CONTACT_M: Final = 2.0 * BODY_RADIUS_M
-_FEW_BOXES: Final = 8
-_CELL_M: Final = 1.0
-_CELL_REACH_M: Final = 2.0
 
 Stops = dict[int, float]
 """By robot, the part of the step after which it was stopped by what it ran into."""
@@ -60,6 +58,7 @@ class Judge:
 
     Attributes:
         due: no look is needed before this step.
+        boxes: the obstacles.
         box_due: by robot, it touches no box before this step.
         on_charger: by robot, whether its centre is on a charger.
         pairs: the pairs that may come near each other before the list is made anew.
@@ -73,14 +72,8 @@ class Judge:
         # A hair more than the longest chord, so that rounding cannot make a look come late.
         self._reach_m = speed_m_s * step_s * (1.0 + 1e-9)
         self._fence = (0.0, 0.0, workspace.width_m, workspace.depth_m)
-        self.boxes: tuple[BoxEdges, ...] = tuple(
-            (box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m) for box in workspace.boxes
-        )
-        self._chargers = tuple(
-            (place.charger.low_x_m, place.charger.low_y_m, place.charger.high_x_m, place.charger.high_y_m)
-            for place in workspace.robots
-        )
-        self._cells: dict[tuple[int, int], tuple[BoxEdges, ...]] = {}
+        self.boxes = Boxes(workspace.boxes)
+        self._chargers = Boxes(place.charger for place in workspace.robots)
         self._touches_box = [False] * self._count
         self._touching: set[tuple[int, int]] = set()
         self._static_due = [0] * self._count
@@ -117,19 +110,6 @@ class Judge:
             self.record.robot_contacts += 1
 
     # --- looking -------------------------------------------------------------------------------------------
-
-    def boxes_near(self, x: float, y: float) -> tuple[BoxEdges, ...]:
-        """Return the boxes that matter around a place: all that are within 2 m, maybe more."""
-        if len(self.boxes) <= _FEW_BOXES:
-            return self.boxes
-        cell = (int(x // _CELL_M), int(y // _CELL_M))
-        found = self._cells.get(cell)
-        if found is None:
-            middle_x, middle_y = (cell[0] + 0.5) * _CELL_M, (cell[1] + 0.5) * _CELL_M
-            reach_m = _CELL_REACH_M + _CELL_M
-            found = tuple(box for box in self.boxes if point_to_box(middle_x, middle_y, box) <= reach_m)
-            self._cells[cell] = found
-        return found
 
     def look(self, step: int, to_x: list[float], to_y: list[float], stops: Stops | None = None) -> None:
         """Judge one step, in which each robot moved from `bodies` to (`to_x`, `to_y`); called before `bodies` moves.
@@ -171,8 +151,8 @@ class Judge:
 
         # Far boxes may be left out only while they cannot hold the least clearance.
         care = max(least["obstacle"], TOUCH_M)
-        boxes = self.boxes_near(x1, y1) if care + 2.0 * reach < _CELL_REACH_M - BODY_RADIUS_M else self.boxes
-        near = inf if boxes is self.boxes else _CELL_REACH_M
+        boxes = self.boxes.all if care + BODY_RADIUS_M + reach > NEAR_M else self.boxes.near(x1, y1)
+        near = inf if boxes is self.boxes.all else NEAR_M
         for box in boxes:
             gap = point_to_box(x1, y1, box)
             if gap < near:
@@ -182,14 +162,17 @@ class Judge:
             self._look_at_boxes(index, step, x0, y0, x1 - x0, y1 - y0, boxes, clearance)
             care = max(least["obstacle"], TOUCH_M)
         slack = min(slack, max(clearance - care, 0.0))
-        self.box_due[index] = step + 1 + int(max(min(clearance, _CELL_REACH_M), 0.0) / reach)
+        self.box_due[index] = step + 1 + int(max(min(clearance, NEAR_M), 0.0) / reach)
 
         on_charger = False
-        for charger in self._chargers:
+        slack = min(slack, NEAR_M)
+        for charger in self._chargers.near(x1, y1):
             gap = point_to_box(x1, y1, charger)
             if gap <= 0.0:
                 on_charger = True
-            slack = min(slack, abs(gap))
+                gap = -gap
+            if gap < slack:
+                slack = gap
         self.on_charger[index] = on_charger
         self._static_due[index] = min(step + 1 + int(slack / reach), self.box_due[index])
 
@@ -314,11 +297,11 @@ class Judge:
             least["geofence"] = min(least["geofence"], margin)
             if margin < -FENCE_TOLERANCE_M:
                 self.record.begin("geofence", robots, 0.0)
-            near = min((point_to_box(here_x, here_y, box) for box in self.boxes), default=inf) - BODY_RADIUS_M
+            near = min((point_to_box(here_x, here_y, box) for box in self.boxes.all), default=inf) - BODY_RADIUS_M
             least["obstacle"] = min(least["obstacle"], near)
             if near < -PENETRATION_M:
                 self.hit_box(index, 0.0)
-            self.on_charger[index] = any(point_to_box(here_x, here_y, patch) <= 0.0 for patch in self._chargers)
+            self.on_charger[index] = any(point_to_box(here_x, here_y, patch) <= 0.0 for patch in self._chargers.all)
             least["battery"] = min(least["battery"], bodies.charge[index])
             if bodies.charge[index] <= 0.0 and not self.on_charger[index]:
                 self.flat(index, 0.0)

@@ -128,7 +128,7 @@ class KinematicEngine:
                     if left <= 0.0:
                         judge.charged(i, now_s)
                     left += gain
-                    charge[i] = left if left < 1.0 else 1.0
+                    charge[i] = min(left, 1.0)
                 elif left > 0.0:
                     use = (length if length > 0.0 else -length) * busy_v
                     use_turning = (turn if turn > 0.0 else -turn) * busy_w
@@ -171,29 +171,40 @@ class KinematicEngine:
                 dx, dy = to_x[i] - x[i], to_y[i] - y[i]
                 if dx != 0.0 or dy != 0.0:
                     at = min(
-                        (meet_box(x[i], y[i], dx, dy, box, BODY_RADIUS_M) for box in judge.boxes_near(x[i], y[i])),
+                        (meet_box(x[i], y[i], dx, dy, box, BODY_RADIUS_M) for box in judge.boxes.near(x[i], y[i])),
                         default=inf,
                     )
                     if at <= 1.0:
                         box_times[i] = at
-        pairs = [(pair.i, pair.j) for pair in judge.pairs if pair.due <= step]
-        if not box_times and not pairs:
-            return None
         stops: Stops = {}
-        now = 0.0
-        while True:
-            first, hit = inf, None
-            for i, at in box_times.items():
-                if i not in stops and at < first:
-                    first, hit = at, (i, -1)
-            for i, j in pairs:
-                at = self._meet(i, j, now, stops)
-                if at < first:
-                    first, hit = at, (i, j)
-            if hit is None or first > 1.0:
-                break
-            now = first
-            self._stop(hit[0], hit[1], now, step, stops)
+        meetings: dict[tuple[int, int], float] = {}
+        for pair in judge.pairs:
+            if pair.due <= step:
+                at = self._meet(pair.i, pair.j, 0.0, stops)
+                if at <= 1.0:
+                    meetings[pair.i, pair.j] = at
+        while box_times or meetings:
+            box_hit = min(box_times, key=box_times.__getitem__, default=-1)
+            pair_hit = min(meetings, key=meetings.__getitem__, default=(-1, -1))
+            box_at, pair_at = box_times.get(box_hit, inf), meetings.get(pair_hit, inf)
+            if box_at <= pair_at:
+                now, stopped = box_at, (box_hit,)
+                self._judge.hit_box(box_hit, (step + now) * STEP_S)
+            else:
+                now, stopped = pair_at, self._who_stops(*pair_hit, pair_at, stops)
+                self._judge.hit_robot(*pair_hit)
+            for i in stopped:
+                stops[i] = now
+                self.bodies.v[i] = 0.0
+                box_times.pop(i, None)
+            # Only what was stopped now meets others later or not at all.
+            for pair in judge.pairs:
+                if pair.due <= step and (pair.i in stopped or pair.j in stopped):
+                    at = self._meet(pair.i, pair.j, now, stops)
+                    if at <= 1.0:
+                        meetings[pair.i, pair.j] = at
+                    else:
+                        meetings.pop((pair.i, pair.j), None)
         for i, at in stops.items():
             to_x[i] = x[i] + (to_x[i] - x[i]) * at
             to_y[i] = y[i] + (to_y[i] - y[i]) * at
@@ -214,23 +225,15 @@ class KinematicEngine:
         return rx, ry, ix, iy, jx, jy
 
     def _meet(self, i: int, j: int, now: float, stops: Stops) -> float:
+        """Return at which part of the step, from `now` on, two robots meet; infinite if they do not."""
         rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
         return now + enter_disc(rx, ry, jx - ix, jy - iy, _CONTACT_M)
 
-    def _stop(self, i: int, j: int, now: float, step: int, stops: Stops) -> None:
-        v = self.bodies.v
-        if j < 0:
-            stops[i] = now
-            v[i] = 0.0
-            self._judge.hit_box(i, (step + now) * STEP_S)
-            return
+    def _who_stops(self, i: int, j: int, now: float, stops: Stops) -> tuple[int, ...]:
+        """Return those of two robots that meet which move towards the other."""
         rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
         towards_j, towards_i = ix * rx + iy * ry, -(jx * rx + jy * ry)
-        # Rounding aside one of them moves towards the other; the faster does for certain.
-        if towards_j > 0.0 or towards_j >= towards_i:
-            stops[i] = now
-            v[i] = 0.0
-        if towards_i > 0.0 or towards_i > towards_j:
-            stops[j] = now
-            v[j] = 0.0
-        self._judge.hit_robot(i, j)
+        if towards_i > 0.0 and towards_j > 0.0:
+            return i, j
+        # At least one does; were rounding to hide it, the one that comes nearer to doing so.
+        return (i,) if towards_j >= towards_i else (j,)

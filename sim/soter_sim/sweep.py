@@ -14,11 +14,13 @@ BoxEdges = tuple[float, float, float, float]
 def point_to_box(x: float, y: float, box: BoxEdges) -> float:
     """Return the signed distance from a point to a box: negative inside, by the depth."""
     low_x, low_y, high_x, high_y = box
-    dx = low_x - x if low_x - x > x - high_x else x - high_x
-    dy = low_y - y if low_y - y > y - high_y else y - high_y
+    west, east, south, north = low_x - x, x - high_x, low_y - y, y - high_y
+    # Conditional expressions, because this is called so often that the calls of max() would show.
+    dx = west if west > east else east  # noqa: FURB136
+    dy = south if south > north else north  # noqa: FURB136
     if dx > 0.0:
         return sqrt(dx * dx + dy * dy) if dy > 0.0 else dx
-    return dx if dx > dy else dy
+    return dx if dx > dy else dy  # noqa: FURB136
 
 
 def point_to_chord(px: float, py: float, x: float, y: float, dx: float, dy: float) -> float:
@@ -53,7 +55,7 @@ def chord_to_box(x: float, y: float, dx: float, dy: float, box: BoxEdges) -> flo
 
 
 def cross_rectangle(x: float, y: float, dx: float, dy: float, box: BoxEdges) -> tuple[float, float]:
-    """Return the parameters between which the line of a chord is in a closed rectangle; the first is larger if never."""
+    """Return between which parameters a chord's line is in a closed rectangle; the first is larger if never."""
     low_x, low_y, high_x, high_y = box
     first, last = -inf, inf
     for at, step, low, high in ((x, dx, low_x, high_x), (y, dy, low_y, high_y)):
