@@ -1,0 +1,5 @@
+"""The command line: `soter run`, `soter backends`."""
+
+from soter.cli.app import app, main
+
+__all__ = ["app", "main"]

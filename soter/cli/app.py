@@ -1,0 +1,51 @@
+"""The commands put together. A command imports what it needs when it is called, so that `soter --help` is quick."""
+
+from __future__ import annotations
+
+import sys
+from io import TextIOWrapper
+from typing import Annotated
+
+import typer
+
+from soter.cli.backends import backends
+from soter.cli.run import EXAMPLES, run
+
+app = typer.Typer(
+    name="soter",
+    help="Run-time assurance for robots: untrusted controllers do the work, declared safety modules keep the rules.",
+    epilog="Example:  soter run examples/surveillance.toml --picture run.png",
+    no_args_is_help=True,
+    add_completion=False,
+    # A fault of SOTER itself ends in Python's own traceback, see soter.cli.exits.
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command(epilog=EXAMPLES)(run)
+app.command()(backends)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from soter import __version__
+
+        print(f"soter {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Take the options that stand before a command; they have callbacks of their own."""
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that cannot show a character gets a question mark, not the end of the run.
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    app(prog_name="soter")

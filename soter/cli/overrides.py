@@ -1,0 +1,84 @@
+"""Options of the command line as overrides of a mission file's keys."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from soter.errors import ConfigError
+
+if TYPE_CHECKING:
+    from soter.config import Mission
+
+
+def module_list(text: str) -> list[str]:
+    """Split the value of `--modules`.
+
+    Raises:
+        ConfigError: it names none.
+    """
+    names = [name for part in text.split(",") if (name := part.strip())]
+    if not names:
+        raise ConfigError(
+            "it names no module; write them as a,b, or remove all of them with --no-rta",
+            source="command line", key="--modules",
+        )
+    return names
+
+
+def parse_setting(setting: str) -> tuple[str, object]:
+    """Split one `--set key=value`. The value is read as TOML; what is not TOML is taken as a text.
+
+    Raises:
+        ConfigError: it is not of that form.
+    """
+    key, equals, text = setting.partition("=")
+    key, text = key.strip(), text.strip()
+    if not equals or not key or not text:
+        raise ConfigError(
+            f"'{setting}' is not of the form key=value, such as rta.geofence.delta_s=0.25",
+            source="command line", key="--set",
+        )
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return key, text
+    # A line break in the value would smuggle in more keys.
+    return key, found["value"] if len(found) == 1 else text
+
+
+def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, object]:
+    """Return the overrides that options and `--set` ask for.
+
+    Args:
+        options: value by dotted key; None means not given.
+        settings: the values of `--set`.
+
+    Raises:
+        ConfigError: a setting is malformed, or a key is given twice.
+    """
+    merged = {key: value for key, value in options.items() if value is not None}
+    for setting in settings:
+        key, value = parse_setting(setting)
+        if key in merged:
+            raise ConfigError("it is given twice", source="command line", key=key)
+        merged[key] = value
+    return merged
+
+
+def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | None) -> Mission:
+    """Read a mission; `engine` becomes an option of whichever backend the mission then has.
+
+    Raises:
+        ConfigError: the file or an override is not allowed.
+    """
+    from soter.config import load_mission
+
+    mission = load_mission(path, overrides)
+    if engine is None:
+        return mission
+    # A backend may be named by its class, which has dots in it.
+    key = f'backends."{mission.backend}".engine'
+    return load_mission(path, {**overrides, key: engine})

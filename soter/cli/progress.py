@@ -1,0 +1,213 @@
+"""What `soter run` shows while a mission runs: a live table on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+from typing import TYPE_CHECKING, Final, Protocol, Self
+
+from rich import box
+from rich.console import Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from soter.cli.console import is_live
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+    from soter.runner import Progress, RobotProgress
+
+LINE_EVERY_S: Final = 10.0
+"""Host time between two lines where the display cannot be live."""
+
+WIDE_COLUMNS: Final = 104
+"""From this width on every module's margin has a column of its own."""
+
+MODULE_STYLES: Final = {"collision": "red", "obstacle": "magenta", "geofence": "yellow", "battery": "green"}
+
+
+class Display(Protocol):
+    """Shows progress. A context manager."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None, /
+    ) -> None: ...
+
+    def update(self, progress: Progress) -> None:
+        """Show how the run is doing."""
+
+
+def make_display(console: Console) -> Display:
+    """Return the display that suits a console."""
+    return LiveDisplay(console) if is_live(console) else LineDisplay(console)
+
+
+# --- figures in words --------------------------------------------------------------------------------------
+
+
+def speed(progress: Progress) -> str:
+    """Return how fast the run goes."""
+    return f"{progress.time_s / progress.wall_s:.1f} x real time" if progress.wall_s > 0.0 else ""
+
+
+def violations_in_words(violations: dict[str, int] | None) -> str:
+    """Return what ground truth has counted."""
+    if violations is None:
+        return "violations unknown: no ground truth"
+    counted = [f"{count} {rule}" for rule, count in violations.items() if count]
+    return f"violations: {', '.join(counted)}" if counted else "no violation"
+
+
+def margin_in_words(module: str, margin: float) -> str:
+    """Return a margin with its unit: the battery's is charge, the others' are metres."""
+    if not math.isfinite(margin):
+        return "-" if math.isnan(margin) or margin < 0.0 else "far"
+    return f"{margin * 100.0:.0f} %" if module == "battery" else f"{margin:.2f} m"
+
+
+def least_margin(robot: RobotProgress) -> str:
+    """Return the margin that a robot is nearest to using up, with its module; of the distances if there are any."""
+    known = {module: margin for module, margin in robot.margins.items() if not math.isnan(margin)}
+    distances = {module: margin for module, margin in known.items() if module != "battery"} or known
+    if not distances:
+        return "-"
+    module = min(distances, key=distances.__getitem__)
+    return f"{module} {margin_in_words(module, distances[module])}"
+
+
+# --- lines -------------------------------------------------------------------------------------------------
+
+
+class LineDisplay:
+    """A plain line every `LINE_EVERY_S` of host time.
+
+    Args:
+        console: where to.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console: Final = console
+        self._next_s = LINE_EVERY_S
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def update(self, progress: Progress) -> None:
+        """Print a line if it is time for one."""
+        if progress.wall_s >= self._next_s:
+            self._next_s = progress.wall_s + LINE_EVERY_S
+            self._console.print(line(progress), soft_wrap=True)
+
+
+def line(progress: Progress) -> str:
+    """Return a run's progress as one line."""
+    robots = ", ".join(_robot_in_words(robot) for robot in progress.robots)
+    return (
+        f"{progress.time_s:.0f} of {progress.duration_s:.0f} s, {speed(progress)}, "
+        f"{violations_in_words(progress.violations)}; {robots}"
+    )
+
+
+def _robot_in_words(robot: RobotProgress) -> str:
+    charge = "" if robot.battery is None else f" {robot.battery:.0%}"
+    return f"robot {robot.robot_id}: {robot.driver}{charge}"
+
+
+# --- live --------------------------------------------------------------------------------------------------
+
+
+class LiveDisplay:
+    """A table of the robots that is drawn over itself.
+
+    It draws from `update()` only, so it needs no thread and cannot be in the way of a tick.
+
+    Args:
+        console: a terminal.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console: Final = console
+        # What is left when the run has ended is the summary.
+        self._live: Final = Live(console=console, auto_refresh=False, transient=True)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def update(self, progress: Progress) -> None:
+        """Draw anew."""
+        picture = frame(progress, self._console.width, self._console.height)
+        self._live.update(picture, refresh=True)
+
+
+def frame(progress: Progress, width: int, height: int) -> RenderableType:
+    """Return the live display for a terminal of a size in characters."""
+    # The table's head and foot take three lines, the line below it and the cursor's line two.
+    room = max(1, height - 6)
+    shown = progress.robots if len(progress.robots) <= room else progress.robots[: room - 1]
+    hidden = len(progress.robots) - len(shown)
+    parts: list[RenderableType] = [_robot_table(shown, wide=width >= WIDE_COLUMNS)]
+    if hidden:
+        in_ac = sum(robot.driver == "AC" for robot in progress.robots[len(shown) :])
+        parts.append(Text(f"and {hidden} more robots, {in_ac} of them in AC", "dim"))
+    parts.append(_status_line(progress))
+    return Group(*parts)
+
+
+def _robot_table(robots: tuple[RobotProgress, ...], *, wide: bool) -> Table:
+    modules = list(robots[0].margins) if robots else []
+    columns = modules if wide and modules else ["least margin"]
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, expand=True)
+    table.add_column("robot", justify="right", no_wrap=True)
+    table.add_column("driven by", no_wrap=True, min_width=9)
+    table.add_column("because", no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column("charge", no_wrap=True, min_width=12)
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True, min_width=7 if wide else 16)
+    table.add_column("targets", justify="right", no_wrap=True)
+    table.add_column("AC>SC", justify="right", no_wrap=True)
+    for robot in robots:
+        margins = [margin_in_words(module, robot.margins.get(module, math.nan)) for module in modules]
+        table.add_row(
+            str(robot.robot_id),
+            Text(robot.driver, "blue" if robot.driver == "AC" else MODULE_STYLES.get(robot.driver, "red")),
+            Text(robot.cause),
+            _charge_bar(robot.battery),
+            *(margins if columns is modules else [least_margin(robot)]),
+            str(robot.targets_reached),
+            str(robot.disengagements),
+        )
+    return table
+
+
+def _charge_bar(charge: float | None) -> RenderableType:
+    if charge is None:
+        return Text("unknown", "dim")
+    style = "red" if charge < 0.2 else "yellow" if charge < 0.5 else "green"
+    row = Table.grid(padding=(0, 1, 0, 0))
+    row.add_row(ProgressBar(1.0, min(max(charge, 0.0), 1.0), width=6, complete_style=style, finished_style=style),
+                Text(f"{charge:4.0%}"))  # fmt: skip
+    return row
+
+
+def _status_line(progress: Progress) -> RenderableType:
+    row = Table.grid(padding=(0, 2, 0, 0))
+    counted = any((progress.violations or {}).values())
+    row.add_row(
+        ProgressBar(progress.duration_s, progress.time_s, width=24),
+        Text(f"{progress.time_s:.0f} of {progress.duration_s:.0f} s"),
+        Text(speed(progress)),
+        Text(violations_in_words(progress.violations), "bold red" if counted else ""),
+    )
+    return row

@@ -1,0 +1,144 @@
+"""`soter run`."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from soter.cli.exits import ExitCode, StopSignals, complain, guard
+
+if TYPE_CHECKING:
+    from soter.cli.outputs import Output, StandardOutput
+    from soter.config import Mission
+    from soter.runner import Run, RunResult
+
+# A blank line keeps two lines from being joined.
+EXAMPLES = """Examples:
+
+  soter run examples/surveillance.toml --picture run.png
+
+  soter run examples/surveillance.toml --targets hostile --no-rta
+
+  soter run examples/warehouse.toml --robots 3 --json result.json
+
+  soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
+
+Exit codes:
+
+  0  all went well
+
+  1  ground truth counted a violation
+
+  2  bad input, unusable backend or ill-formed module: nothing has moved
+
+  3  the run failed
+
+  130  interrupted by Ctrl-C; the robots are stopped
+"""
+
+
+def run(
+    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)],
+    backend: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which robots; `soter backends` lists them.")
+    ] = None,
+    engine: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The backend's engine, such as pybullet or kinematic.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time.")] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Everything random is drawn from it.")] = None,
+    targets: Annotated[
+        str | None, typer.Option(metavar="grid|uniform|hostile", help="Where the robots are sent.")
+    ] = None,
+    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help="The untrusted motion planner.")] = None,
+    no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
+    modules: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Only these safety modules, separated by commas.")
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the result; - is standard output.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw the run.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary, only errors.")] = False,
+) -> None:
+    """Run a mission and say how it went.
+
+    Options take the place of what the mission file says.
+    """
+    with guard():
+        from soter.cli.outputs import json_output, picture_output
+        from soter.cli.overrides import load_with_engine, merge, module_list
+        from soter.errors import ConfigError
+
+        if no_rta and modules is not None:
+            raise ConfigError("it contradicts --no-rta; give one of them", source="command line", key="--modules")
+        options = {
+            "backend": backend,
+            "duration_s": duration,
+            "seed": seed,
+            "targets": targets,
+            "robots": robots,
+            "planner": planner,
+            "rta.enabled": False if no_rta else None,
+            "rta.modules": None if modules is None else module_list(modules),
+        }
+        loaded = load_with_engine(mission, merge(options, settings or []), engine)
+        result_file = None if json is None else json_output(json)
+        picture_file = None if picture is None else picture_output(picture)
+        done, stopped_by = _run(loaded, quiet=quiet, to_stderr=str(json) == "-")
+        written = _write(done, result_file, picture_file)
+        raise typer.Exit(_exit_code(done.result, stopped_by) if written else ExitCode.RUN_FAILED)
+
+
+def _run(mission: Mission, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | None]:
+    """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
+    from soter.cli.console import make_console
+    from soter.cli.progress import make_display
+    from soter.cli.summary import print_summary
+    from soter.runner import run_mission
+
+    console = make_console(stderr=to_stderr)
+    with ExitStack() as stack:
+        stop = stack.enter_context(StopSignals())
+        display = None if quiet else stack.enter_context(make_display(console))
+        done = run_mission(mission, on_progress=display.update if display else None, stop=stop)
+    if not quiet:
+        print_summary(console, done.result)
+    return done, stop.received
+
+
+def _write(done: Run, result_file: Output | StandardOutput | None, picture_file: Output | None) -> bool:
+    """Write the files that were asked for; return whether all could be written."""
+    written = True
+    try:
+        if result_file is not None:
+            result_file.write(f"{done.result.model_dump_json(indent=2)}\n".encode())
+    except OSError as failure:
+        complain(f"the result could not be written: {failure}")
+        written = False
+    try:
+        if picture_file is not None:
+            from soter.cli.summary import caption
+            from soter.report.picture import draw_png
+
+            picture_file.write(draw_png(done.tracks, caption(done.result)))
+    except OSError as failure:
+        complain(f"the picture could not be written: {failure}")
+        written = False
+    return written
+
+
+def _exit_code(result: RunResult, stopped_by: int | None) -> int:
+    if result.status == "interrupted":
+        return 128 + stopped_by if stopped_by is not None else ExitCode.INTERRUPTED
+    if result.violated:
+        return ExitCode.VIOLATION
+    return ExitCode.RUN_FAILED if result.status == "failed" else ExitCode.OK

@@ -1,0 +1,217 @@
+"""What `soter run` says at the end: the run's figures beside the thesis's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from soter.runner.result import THESIS_AC_SHARE, THESIS_DISENGAGEMENTS
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from soter.report.caption import Caption
+    from soter.runner import RunResult
+
+THESIS_DURATION_S: Final = 7200.0
+THESIS_ROBOTS: Final = 2
+THESIS_TARGETS: Final = "grid"
+THESIS_MODULES: Final = frozenset({"collision", "obstacle", "geofence", "battery"})
+
+_SHORT_S: Final = 60.0
+
+
+class Row(NamedTuple):
+    """One line of the summary.
+
+    Attributes:
+        name: of the figure; indented if it is part of the one above.
+        value: in this run.
+        thesis: in the thesis; empty where it gives none, or none that can be compared.
+        style: of the value.
+    """
+
+    name: str
+    value: str
+    thesis: str = ""
+    style: str = ""
+
+
+def differences(result: RunResult) -> list[str]:
+    """Return in what a run differs from the thesis's, so that totals cannot be compared; empty if they can."""
+    found = []
+    if not math.isclose(result.duration_s, THESIS_DURATION_S, rel_tol=0.01):
+        found.append(f"{_time(result.duration_s)} instead of {_time(THESIS_DURATION_S)}")
+    if result.robots != THESIS_ROBOTS:
+        found.append(f"{_many(result.robots, 'robot')} instead of {THESIS_ROBOTS}")
+    if result.targets_from != THESIS_TARGETS:
+        found.append(f"{result.targets_from} targets instead of {THESIS_TARGETS}")
+    if set(result.modules) != THESIS_MODULES:
+        found.append(f"{_listed(result.modules) or 'no'} module{'s' if len(result.modules) != 1 else ''} "
+                     "instead of all four")  # fmt: skip
+    return found
+
+
+def per_robot_hour(disengagements: int, robots: int, duration_s: float) -> float:
+    """Return a number of disengagements as a rate; NaN for a run of no length."""
+    hours = robots * duration_s / 3600.0
+    return disengagements / hours if hours > 0.0 else math.nan
+
+
+def rows(result: RunResult) -> list[list[Row]]:
+    """Return the summary, a list for each block of it."""
+    return [list(_violations(result)), list(_control(result)), list(_targets(result)), list(_machinery(result))]
+
+
+def _violations(result: RunResult) -> Iterator[Row]:
+    if result.violations is None:
+        yield Row("violations", "unknown: there is no ground truth", "0")
+        return
+    total = sum(result.violations.values())
+    yield Row("violations", str(total), "0", "bold red" if total else "bold green")
+    for rule, count in result.violations.items():
+        margin = (result.min_margin or {}).get(rule)
+        seen = "" if margin is None or not math.isfinite(margin) else f", least margin {_precise(rule, margin)}"
+        yield Row(f"  {rule}", f"{count}{seen}", style="red" if count else "")
+    if result.contacts:
+        yield Row("contacts", str(result.contacts), style="red")
+
+
+def _control(result: RunResult) -> Iterator[Row]:
+    yield Row("AC in control", f"{result.ac_share:.1%}", f"{THESIS_AC_SHARE:.1%}", "bold")
+    yield Row("  without charging", f"{result.ac_share_without_charging:.1%}")
+    comparable = not differences(result)
+    total = result.disengagements_total
+    yield Row("disengagements", str(total), str(THESIS_DISENGAGEMENTS) if comparable else "", "bold")
+    rate = per_robot_hour(total, result.robots, result.duration_s)
+    thesis_rate = per_robot_hour(THESIS_DISENGAGEMENTS, THESIS_ROBOTS, THESIS_DURATION_S)
+    yield Row("  per robot-hour", "-" if math.isnan(rate) else f"{rate:.0f}", f"{thesis_rate:.0f}")
+    for module, count in result.disengagements.items():
+        also = result.joined.get(module, 0)
+        yield Row(f"  {module}", f"{count}, joined {also} more" if also else str(count))
+    if total:
+        needless = result.needless
+        yield Row("  needless", f"{needless.one_delta} by one more Delta, {needless.whole_path} by the whole path")
+
+
+def _targets(result: RunResult) -> Iterator[Row]:
+    targets = result.targets
+    yield Row("targets reached", str(targets.reached), style="bold")
+    yield Row("  given up", f"{targets.unsafe} unsafe, {targets.blocked} blocked, {targets.timed_out} timed out")
+    yield Row("longest stall", f"{result.longest_stall_s:.1f} s")
+    yield Row("no progress for", f"{result.no_progress_s:.1f} s")
+    if result.no_certified_motion:
+        yield Row("no certified motion", _many(result.no_certified_motion, "tick"))
+
+
+def _machinery(result: RunResult) -> Iterator[Row]:
+    yield Row("speed", f"{result.real_time_factor:.1f} x real time ({_time(result.duration_s)} "
+                       f"in {_time(result.wall_s)})")  # fmt: skip
+    tick = result.dm_tick_us
+    yield Row("decisions, a tick", f"p50 {tick.p50:.1f} us, p99 {tick.p99:.1f} us, max {tick.max:.0f} us")
+    if result.missed_ticks:
+        yield Row("missed ticks", str(result.missed_ticks), style="yellow")
+
+
+def headline(result: RunResult) -> str:
+    """Return what was run."""
+    engine = f", engine {result.engine}" if result.engine else ""
+    return (
+        f"{_many(result.robots, 'robot')} for {_time(result.duration_s)} on {result.backend}{engine}; "
+        f"planner {result.planner}, {result.targets_from} targets, "
+        f"{_listed(result.modules) or 'no safety modules'}, seed {result.seed}"
+    )
+
+
+def outcome(result: RunResult) -> tuple[str, str]:
+    """Return how the run ended, and a style for it."""
+    if result.status == "failed":
+        return f"failed after {_time(result.duration_s)}: {result.failure}", "bold red"
+    if result.status == "interrupted":
+        return f"interrupted after {_time(result.duration_s)}; the robots are stopped", "bold yellow"
+    return (f"{result.status}, with violations", "bold red") if result.violated else (result.status, "bold green")
+
+
+def remarks(result: RunResult) -> list[str]:
+    """Return what a reader has to know to judge the figures."""
+    found = []
+    if differing := differences(result):
+        found.append(f"Not the thesis's run ({', '.join(differing)}): compare shares and rates, not totals.")
+    found += [f"Robot {robot} lost its AC: {why}" for robot, why in result.failed_robots.items()]
+    if not result.deterministic and result.nondeterminism:
+        found.append(f"Another run of this seed may differ: {result.nondeterminism}")
+    return found
+
+
+def print_summary(console: Console, result: RunResult) -> None:
+    """Print the summary."""
+    ended, style = outcome(result)
+    name = PurePath(result.mission).name or "mission"
+    console.print(Text.assemble((f"{name}: ", "bold"), (ended, style)), soft_wrap=True)
+    console.print(Text(headline(result)), soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("")
+    table.add_column("this run")
+    table.add_column("thesis", justify="right")
+    for block in rows(result):
+        for row in block:
+            table.add_row(row.name, Text(row.value, row.style), row.thesis)
+        table.add_section()
+    console.print(table)
+    for remark in remarks(result):
+        console.print(remark, soft_wrap=True)
+    console.print(Text(f"trace {result.trace_sha256}", "dim"), soft_wrap=True)
+
+
+def caption(result: RunResult) -> Caption:
+    """Return what stands above and beside the picture of a run."""
+    from soter.report.caption import Caption
+
+    name = PurePath(result.mission).stem or "mission"
+    if result.violations is None:
+        violations = "violations unknown"
+    else:
+        total = sum(result.violations.values())
+        violations = _many(total, "violation") if total else "no violation"
+    ended = "" if result.status == "completed" else f" ({result.status})"
+    return Caption(
+        title=f"{name}: {_many(result.robots, 'robot')}, {_time(result.duration_s)} on "
+              f"{result.engine or result.backend}{ended}",
+        figures=(
+            f"AC in control {result.ac_share:.1%}",
+            _many(result.disengagements_total, "disengagement"),
+            violations,
+        ),
+        alarming=result.violated,
+        disengagements=dict(result.disengagements),
+        details=f"{result.targets_from} targets, planner {result.planner}, seed {result.seed}",
+    )  # fmt: skip
+
+
+# --- words -------------------------------------------------------------------------------------------------
+
+
+def _time(seconds: float) -> str:
+    if seconds < 2 * _SHORT_S:
+        return f"{seconds:.3g} s"
+    if seconds < 3600.0:
+        return f"{seconds / 60.0:.3g} min"
+    return f"{seconds / 3600.0:.3g} h"
+
+
+def _many(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(names)
+
+
+def _precise(rule: str, margin: float) -> str:
+    return f"{margin:.1%}" if rule == "battery" else f"{margin:.3f} m"
