@@ -50,6 +50,9 @@ INITIAL_CHARGE: Final = (0.60, 1.00)
 
 COMMAND_LINE: Final = "command line"
 
+_MAX_NESTING = 20
+_TOO_DEEP = f"tables or lists are nested too deeply, allowed: at most {_MAX_NESTING} levels"
+
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
 Period = Annotated[float, Field(gt=0.0, le=60.0, allow_inf_nan=False)]
@@ -338,7 +341,9 @@ def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | No
         message, at = _syntax_error(str(failure))
         raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
     except RecursionError as failure:
-        raise ConfigError("not valid TOML: it is nested too deeply", source=source) from failure
+        raise ConfigError(_TOO_DEEP, source=source) from failure
+    if _nested_too_deeply(raw):
+        raise ConfigError(_TOO_DEEP, source=source)
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     for key, value in given.items():
         _override(raw, key, copy.deepcopy(value))
@@ -350,6 +355,20 @@ def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | No
         raise config_error(problems, source) from failure
     mission._source, mission._lines, mission._overridden = source, lines, tuple(given)
     return mission
+
+
+def _nested_too_deeply(raw: object) -> bool:
+    """Whether a value has more levels than a mission can use: dotted keys nest deeper than tomllib itself recurses."""
+    level = [raw]
+    for _ in range(_MAX_NESTING):
+        level = [
+            inner
+            for value in level
+            for inner in (value.values() if isinstance(value, dict) else value if isinstance(value, list) else ())
+        ]
+        if not level:
+            return False
+    return True
 
 
 def _syntax_error(message: str) -> tuple[str, int | None]:

@@ -59,8 +59,8 @@ def shown_value(value: object) -> str:
     """Return a value as error messages show it, cut where it would fill the screen."""
     try:
         text = repr(value)
-    except ValueError:  # an integer with more digits than Python converts
-        text = "a huge number"
+    except (ValueError, RecursionError):  # an integer with more digits than Python converts, or endless nesting
+        text = "something huge"
     return cut(text)
 
 

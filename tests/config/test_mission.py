@@ -1,0 +1,358 @@
+"""Mission files: defaults, overrides, and each way in which one can be wrong."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from soter.config import MODULES, Mission, draw_charge, load_mission, parse_mission, validate_options
+from soter.errors import ConfigError
+
+ROOM = Path(__file__).parents[2] / "examples" / "surveillance.xml"
+HEAD = 'workspace = "room.xml"\n'
+
+
+def mission(text: str = "", overrides: dict[str, object] | None = None) -> Mission:
+    return parse_mission((HEAD + text).encode(), "m.toml", overrides)
+
+
+def error(text: str, overrides: dict[str, object] | None = None) -> str:
+    with pytest.raises(ConfigError) as caught:
+        mission(text, overrides)
+    return str(caught.value)
+
+
+def test_defaults_are_those_of_the_design() -> None:
+    made = mission()
+    assert made.app == "surveillance"
+    assert (made.backend, made.planner, made.targets, made.robots) == ("pybullet", "ompl-bitstar", "grid", None)
+    assert (made.target_timeout_s, made.base_tick_s) == (120.0, 0.05)
+    assert (made.battery.drive_s, made.battery.idle_s, made.battery.charge_s) == (1800.0, 7200.0, 60.0)
+    assert made.battery.initial is None
+    assert made.rta.enabled
+    assert made.rta.modules == MODULES == ("collision", "obstacle", "geofence", "battery")
+    assert [getattr(made.rta, name).delta_s for name in MODULES] == [0.1, 0.05, 0.5, 1.0]
+    assert {getattr(made.rta, name).dwell_s for name in MODULES} == {0.3}
+    assert (made.rta.collision.phi_safe_m, made.rta.collision.phi_safer_m) == (0.3, 0.5)
+    assert (made.rta.obstacle.phi_safe_m, made.rta.obstacle.phi_safer_m) == (0.0, 0.1)
+    assert made.rta.geofence.phi_safer_inset_m == 0.5
+    assert (made.rta.battery.phi_safer, made.rta.battery.reserve_factor) == (0.85, 4.0)
+    assert (made.backends, made.planners) == ({}, {})
+
+
+def test_a_mission_is_frozen() -> None:
+    with pytest.raises(ValidationError):
+        mission().seed = 2  # type: ignore[misc]
+
+
+def test_a_mission_survives_the_way_to_another_process() -> None:
+    made = mission("[battery.initial]\n2 = 0.5\n")
+    assert pickle.loads(pickle.dumps(made)) == made  # noqa: S301 - our own bytes
+
+
+def test_modules_have_one_order() -> None:
+    assert mission('[rta]\nmodules = ["battery", "collision"]\n').rta.modules == ("collision", "battery")
+    assert mission("[rta]\nmodules = []\n").rta.modules == ()
+
+
+def test_initial_charge_as_a_table_or_a_list() -> None:
+    assert mission("[battery.initial]\n2 = 0.17\n").battery.initial == {2: 0.17}
+    assert mission("battery.initial = { 7 = 1 }\n").battery.initial == {7: 1.0}
+    assert mission("[battery]\ninitial = [0.5, 0.6]\n").battery.initial == {1: 0.5, 2: 0.6}
+
+
+def test_initial_charge_is_given_or_drawn() -> None:
+    made = mission("seed = 3\n[battery.initial]\n2 = 0.17\n")
+    assert made.initial_charge(2) == 0.17
+    assert made.initial_charge(1) == draw_charge(3, 1)
+
+
+def test_the_drawing_is_pinned() -> None:
+    # A change here changes every run of every seed.
+    drawn = [round(draw_charge(seed, robot_id), 6) for seed in (0, 1, 2) for robot_id in (1, 2)]
+    assert drawn == [0.784394, 0.658594, 0.854303, 0.765457, 0.877734, 0.728341]
+    many = [draw_charge(seed, robot_id) for seed in range(50) for robot_id in range(1, 7)]
+    assert min(many) >= 0.60
+    assert max(many) <= 1.00
+    assert len(set(many)) == len(many)
+
+
+# --- overrides ---------------------------------------------------------------------------------------------
+
+
+def test_overrides_take_the_place_of_the_file() -> None:
+    made = mission(
+        "seed = 1\n[rta.collision]\ndelta_s = 0.1\n",
+        {"seed": 4, "rta.collision.delta_s": 0.2, "rta.modules": ["collision"], "battery.initial": [0.5, 0.6],
+         "backends.kinematic.rate_hz": 20, 'planners."my.module:Planner".checks': 7},
+    )
+    assert (made.seed, made.rta.collision.delta_s, made.rta.modules) == (4, 0.2, ("collision",))
+    assert made.battery.initial == {1: 0.5, 2: 0.6}
+    assert made.backends == {"kinematic": {"rate_hz": 20}}
+    assert made.planners == {"my.module:Planner": {"checks": 7}}
+
+
+def test_none_is_not_given() -> None:
+    assert mission("seed = 5\n", {"seed": None, "rta.enabled": None}).seed == 5
+
+
+def test_overrides_are_not_changed() -> None:
+    battery: dict[str, object] = {"drive_s": 900.0}
+    mission("", {"battery": battery, "battery.idle_s": 3600.0})
+    assert battery == {"drive_s": 900.0}
+
+
+def test_an_override_mends_the_file() -> None:
+    assert mission("seed = -1\n", {"seed": 1}).seed == 1
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        ({"seed": -1}, "command line: seed: it is -1, allowed: at least 0"),
+        ({"sed": 1}, "command line: sed: unknown key, did you mean 'seed'?; allowed: app, "),
+        ({"seed.x": 1}, "command line: seed.x: there is no such key: what it stands in is no table"),
+        ({"": 1}, "command line: '': there is no such key"),
+        ({"rta.collision.delta_s": 0.07}, "command line: rta.collision.delta_s: it is 0.07, allowed: a multiple of"),
+        ({"rta.modules": ["colision"]}, ("command line: rta.modules.0: it is 'colision', allowed: 'collision', "
+                                        "'obstacle', 'geofence' or 'battery', did you mean 'collision'?")),
+    ],
+)
+def test_a_wrong_override_is_blamed_on_the_command_line(overrides: dict[str, object], expected: str) -> None:
+    assert error("seed = 1\n", overrides).startswith(expected)
+
+
+# --- what is wrong -----------------------------------------------------------------------------------------
+
+ALL_KEYS = (
+    "app, workspace, backend, duration_s, seed, targets, robots, planner, target_timeout_s, base_tick_s, battery, rta, "
+    "backends, planners"
+)
+WRONG: list[tuple[str, str]] = [
+    # syntax
+    ("seed = \n", "m.toml:2: not valid TOML: Invalid value (column 8)"),
+    ("seed = 1\nseed = 2\n", "m.toml:3: not valid TOML: Cannot overwrite a value (column 9)"),
+    ("x = [\n", "m.toml: not valid TOML: Invalid value (at end of document)"),
+    ("x = " + 5000 * "[", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
+    (30 * "a." + "b = 1", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
+    # names
+    ("duration = 5\n", "m.toml:2: duration: unknown key, did you mean 'duration_s'?; allowed: " + ALL_KEYS),
+    ("[rta]\nenable = true\n",
+     ("m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, collision, obstacle, "
+     "geofence, battery")),
+    ("[rta.colision]\ndelta_s = 0.1\n",
+     ("m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, collision, obstacle, "
+     "geofence, battery")),
+    ("[rta.geofence]\nphi_safe_m = 0.0\n",
+     ("m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: delta_s, dwell_s, "
+     "phi_safer_inset_m")),
+    ("[rta.collision]\nphi_saver_m = 1.0\n",
+     ("m.toml:3: rta.collision.phi_saver_m: unknown key, did you mean 'phi_safer_m'?; allowed: delta_s, dwell_s, "
+     "phi_safe_m, phi_safer_m")),
+    # kinds
+    ('duration_s = "600"\n', "m.toml:2: duration_s: it is '600', allowed: a number"),
+    ("seed = 1.5\n", "m.toml:2: seed: it is 1.5, allowed: a whole number"),
+    ("seed = true\n", "m.toml:2: seed: it is True, allowed: a whole number"),
+    ("backend = 3\n", "m.toml:2: backend: it is 3, allowed: a text in quotes"),
+    ('planner = ""\n', "m.toml:2: planner: it is '', allowed: a text that is not empty"),
+    ("rta = 3\n", "m.toml:2: rta: it is 3, allowed: a table"),
+    ("rta.enabled = 1\n", "m.toml:2: rta.enabled: it is 1, allowed: true or false"),
+    ('rta.modules = "battery"\n', "m.toml:2: rta.modules: it is 'battery', allowed: a list"),
+    ("backends = 3\n", "m.toml:2: backends: it is 3, allowed: a table"),
+    ("[planners]\nx = 3\n", "m.toml:3: planners.x: it is 3, allowed: a table"),
+    # choices
+    ('targets = "gird"\n',
+     "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?"),
+    ('app = "surveilance"\n',
+     "m.toml:2: app: it is 'surveilance', allowed: 'surveillance', did you mean 'surveillance'?"),
+    ('[rta]\nmodules = ["battery", "batery"]\n',
+     ("m.toml:3: rta.modules.1: it is 'batery', allowed: 'collision', 'obstacle', 'geofence' or 'battery', did you "
+     "mean 'battery'?")),
+    ('[rta]\nmodules = ["battery", "battery"]\n',
+     "m.toml:3: rta.modules: it is ['battery', 'battery'], allowed: each module once, 'battery' is there twice"),
+    # ranges
+    ("duration_s = 0\n", "m.toml:2: duration_s: it is 0, allowed: above 0"),
+    ("duration_s = -1.0\n", "m.toml:2: duration_s: it is -1.0, allowed: above 0"),
+    ("duration_s = nan\n", "m.toml:2: duration_s: it is nan, allowed: a finite number"),
+    ("duration_s = inf\n", "m.toml:2: duration_s: it is inf, allowed: a finite number"),
+    ("duration_s = 1e8\n", "m.toml:2: duration_s: it is 100000000.0, allowed: at most 1e+07"),
+    ("seed = -1\n", "m.toml:2: seed: it is -1, allowed: at least 0"),
+    ("robots = 0\n", "m.toml:2: robots: it is 0, allowed: at least 1"),
+    ("robots = 255\n", "m.toml:2: robots: it is 255, allowed: at most 254"),
+    ("target_timeout_s = 0\n", "m.toml:2: target_timeout_s: it is 0, allowed: above 0"),
+    ("base_tick_s = 0.0\n", "m.toml:2: base_tick_s: it is 0.0, allowed: above 0"),
+    ("[battery]\ndrive_s = 0\n", "m.toml:3: battery.drive_s: it is 0, allowed: above 0"),
+    ("[battery]\nidle_s = -2\n", "m.toml:3: battery.idle_s: it is -2, allowed: above 0"),
+    ("[battery]\ncharge_s = nan\n", "m.toml:3: battery.charge_s: it is nan, allowed: a finite number"),
+    ("[battery.initial]\n2 = 0\n", "m.toml:3: battery.initial.2: it is 0, allowed: above 0"),
+    ("[battery]\ninitial = [0.5, 1.5]\n", "m.toml:3: battery.initial.2: it is 1.5, allowed: at most 1"),
+    ("[battery]\ninitial = 0.5\n", "m.toml:3: battery.initial: it is 0.5, allowed: a table"),
+    ("[battery.initial]\ntwo = 0.5\n",
+     "m.toml:3: battery.initial.two: of its name: it is 'two', allowed: a whole number"),
+    ("[battery.initial]\n0 = 0.5\n", "m.toml:3: battery.initial.0: of its name: it is 0, allowed: at least 1"),
+    ("[battery.initial]\n255 = 0.5\n", "m.toml:3: battery.initial.255: of its name: it is 255, allowed: at most 254"),
+    ("[rta.collision]\nphi_safe_m = -0.1\n", "m.toml:3: rta.collision.phi_safe_m: it is -0.1, allowed: at least 0"),
+    ("[rta.collision]\nphi_safer_m = 0.3\n",
+     "m.toml:3: rta.collision.phi_safer_m: it is 0.3, allowed: above phi_safe_m, which is 0.3"),
+    ("[rta.obstacle]\nphi_safe_m = 0.2\n",
+     "m.toml:2: rta.obstacle.phi_safer_m: it is 0.1, allowed: above phi_safe_m, which is 0.2"),
+    ("[rta.obstacle]\ndwell_s = -0.1\n", "m.toml:3: rta.obstacle.dwell_s: it is -0.1, allowed: at least 0"),
+    ("[rta.geofence]\nphi_safer_inset_m = 0.0\n",
+     "m.toml:3: rta.geofence.phi_safer_inset_m: it is 0.0, allowed: above 0"),
+    ("[rta.battery]\nphi_safer = 85\n", "m.toml:3: rta.battery.phi_safer: it is 85, allowed: at most 1"),
+    ("[rta.battery]\nreserve_factor = 0.5\n", "m.toml:3: rta.battery.reserve_factor: it is 0.5, allowed: at least 1"),
+    ("[rta.battery]\ndelta_s = 0\n", "m.toml:3: rta.battery.delta_s: it is 0, allowed: above 0"),
+    ("[rta.geofence]\ndelta_s = 0.52\n",
+     ("m.toml:3: rta.geofence.delta_s: it is 0.52, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
+     "0.5")),
+    ("[rta.collision]\ndelta_s = 0.01\n",
+     ("m.toml:3: rta.collision.delta_s: it is 0.01, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
+     "0.05")),
+    ("base_tick_s = 0.1\n",
+     "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the nearest is 0.1"),
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), WRONG, ids=[text[:40].strip() for text, _ in WRONG])
+def test_what_is_wrong_is_named(text: str, expected: str) -> None:
+    assert error(text) == expected
+
+
+def test_the_workspace_must_be_given() -> None:
+    with pytest.raises(ConfigError, match=r"^m\.toml: workspace: it is missing, and has no default$"):
+        parse_mission(b"seed = 1\n", "m.toml")
+
+
+def test_not_utf_8() -> None:
+    with pytest.raises(ConfigError, match=r"^m\.toml:2: not UTF-8, as TOML must be; save it as UTF-8$"):
+        parse_mission(b'seed = 1\nbackend = "\xff"\n', "m.toml")
+
+
+def test_all_that_is_wrong_is_listed_in_the_order_of_the_file() -> None:
+    text = 'seed = -1\ntargets = "gird"\n[rta.collision]\ndelta_s = "fast"\n[battery]\ndrives_s = 1\n'
+    assert error(text, {"robots": 0}).splitlines() == [
+        "m.toml: 5 things are wrong",
+        "  m.toml:2: seed: it is -1, allowed: at least 0",
+        "  m.toml:3: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
+        "  m.toml:5: rta.collision.delta_s: it is 'fast', allowed: a number",
+        ("  m.toml:7: battery.drives_s: unknown key, did you mean 'drive_s'?; allowed: drive_s, idle_s, charge_s, "
+        "initial"),
+        "  command line: robots: it is 0, allowed: at least 1",
+    ]
+
+
+def test_a_huge_value_and_a_huge_name_do_not_fill_the_screen() -> None:
+    assert len(error(f'targets = "{10_000 * "x"}"\n')) < 200
+    assert len(error(f"{10_000 * 'x'} = 1\n")) < 400
+
+
+# --- files -------------------------------------------------------------------------------------------------
+
+
+def written(folder: Path, text: str) -> Path:
+    (folder / "room.xml").write_text(ROOM.read_text())
+    path = folder / "m.toml"
+    path.write_text(HEAD + text)
+    return path
+
+
+def test_the_workspace_is_looked_for_beside_the_mission(tmp_path: Path) -> None:
+    made = load_mission(written(tmp_path, ""))
+    assert made.workspace == tmp_path / "room.xml"
+    assert made.source == str(tmp_path / "m.toml")
+    assert [place.id for place in made.read_workspace().robots] == [1, 2]
+
+
+def test_robots_are_counted(tmp_path: Path) -> None:
+    assert len(load_mission(written(tmp_path, "robots = 1\n")).read_workspace().robots) == 1
+    with pytest.raises(ConfigError, match=r"m\.toml:2: robots: it is 3, but \S+room\.xml has 2; allowed: 1 to 2; for "
+                                          r"more, add robots and charging stations to the workspace file$"):
+        load_mission(written(tmp_path, "robots = 3\n")).read_workspace()
+    with pytest.raises(ConfigError, match=r"^command line: robots: it is 4, but"):
+        load_mission(written(tmp_path, "robots = 1\n"), {"robots": 4}).read_workspace()
+
+
+def test_charges_of_robots_that_are_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"m\.toml:3: battery\.initial\.3: it is 0\.5, but \S+room\.xml has no robot "
+                                          r"3; allowed: 1, 2$"):
+        load_mission(written(tmp_path, "[battery.initial]\n3 = 0.5\n")).read_workspace()
+    # Robot 2 is there, only left out.
+    fewer = load_mission(written(tmp_path, "robots = 1\n[battery.initial]\n2 = 0.5\n")).read_workspace()
+    assert [place.id for place in fewer.robots] == [1]
+
+
+def test_a_fence_that_leaves_nothing(tmp_path: Path) -> None:
+    path = written(tmp_path, "[rta.geofence]\nphi_safer_inset_m = 2.5\n")
+    with pytest.raises(ConfigError, match=r"m\.toml:3: rta\.geofence\.phi_safer_inset_m: it is 2\.5, which leaves "
+                                          r"nothing of a workspace 5 m wide; allowed: below 2\.5$"):
+        load_mission(path).read_workspace()
+
+
+def test_clearance_follows_the_mission(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"room\.xml:10: start of robot 2: .* allowed: at least 0\.55 m"):
+        load_mission(written(tmp_path, "[rta.obstacle]\nphi_safer_m = 0.5\n")).read_workspace()
+
+
+def test_a_missing_mission_is_named_with_the_nearest(tmp_path: Path) -> None:
+    written(tmp_path, "")
+    with pytest.raises(ConfigError, match=r"n\.toml: this mission file does not exist, did you mean 'm\.toml'\?$"):
+        load_mission(tmp_path / "n.toml")
+
+
+def test_a_missing_workspace_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path, "")
+    (tmp_path / "room.xml").rename(tmp_path / "rooms.xml")
+    with pytest.raises(ConfigError, match=r"room\.xml: this workspace file does not exist, did you mean 'rooms\.xml'"):
+        load_mission(path).read_workspace()
+
+
+# --- options of a backend or planner -----------------------------------------------------------------------
+
+
+class Options(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    workspace: str
+    rate_hz: float = Field(20.0, gt=0.0)
+    gui: bool = False
+
+
+def options(raw: dict[str, Any], source: str | None = None) -> Options:
+    return validate_options(Options, raw, source, "backends.kinematic", {"workspace": "filled in"})
+
+
+def test_options_are_checked_by_their_own_model() -> None:
+    assert options({"rate_hz": 50.0}) == Options(workspace="filled in", rate_hz=50.0)
+
+
+@pytest.mark.parametrize(
+    ("raw", "expected"),
+    [
+        ({"rate_hz": 0}, "backends.kinematic.rate_hz: it is 0, allowed: above 0"),
+        ({"rate": 1}, "backends.kinematic.rate: unknown key, did you mean 'rate_hz'?; allowed: rate_hz, gui"),
+        ({"workspace": "x"}, "backends.kinematic.workspace: unknown key; allowed: rate_hz, gui"),
+    ],
+)
+def test_wrong_options_are_named(raw: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        options(raw)
+    assert str(caught.value) == expected
+
+
+def test_wrong_options_have_their_line(tmp_path: Path) -> None:
+    path = written(tmp_path, "[backends.kinematic]\nrate_hz = 0\nworkspace = 'x'\n")
+    made = load_mission(path)
+    with pytest.raises(ConfigError) as caught:
+        options(made.backends["kinematic"], made.source)
+    assert str(caught.value).splitlines()[1:] == [
+        f"  {path}:3: backends.kinematic.rate_hz: it is 0, allowed: above 0",
+        f"  {path}:4: backends.kinematic.workspace: unknown key; allowed: rate_hz, gui",
+    ]
+
+
+def test_options_without_their_file_still_have_their_key(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"gone\.toml: backends\.kinematic\.rate_hz: it is 0, allowed: above 0"):
+        options({"rate_hz": 0}, str(tmp_path / "gone.toml"))
