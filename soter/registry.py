@@ -108,7 +108,7 @@ def list_backends() -> list[BackendRow]:
 def missing_library(name: str, failure: ImportError) -> BackendUnavailable:
     """Return what to raise when a backend fails to import a library while it is opened."""
     library = (failure.name or "").partition(".")[0]
-    return _unavailable(name, library, f"{failure}")
+    return _unavailable(name, library, str(failure), broken=not isinstance(failure, ModuleNotFoundError))
 
 
 # --- name -> where -----------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ def _import(name: str, origin: str, target: str) -> object:
             ) from failure
         raise _unavailable(name, missing, f"the library '{missing}' is not installed") from failure
     except ImportError as failure:
-        raise _unavailable(name, failure.name or "", f"it cannot be imported: {failure}") from failure
+        raise _unavailable(name, failure.name or "", f"it cannot be imported: {failure}", broken=True) from failure
     except Exception as failure:  # foreign code may fail in any way while it is imported
         raise BackendError(
             f"backend '{name}' ({origin}): importing '{module_name}' failed with {type(failure).__name__}: {failure}; "
@@ -191,12 +191,12 @@ def _import(name: str, origin: str, target: str) -> object:
     return found
 
 
-def _unavailable(name: str, library: str, problem: str) -> BackendUnavailable:
+def _unavailable(name: str, library: str, problem: str, *, broken: bool = False) -> BackendUnavailable:
     hint = install_hint(library)
     if hint is not None:
         advice = f"install it with: {hint}"
     elif library:
-        advice = f"install '{library}' into this environment"
+        advice = f"install {'another version of ' if broken else ''}'{library}' into this environment"
     else:
         advice = "install its distribution again"
     return BackendUnavailable(f"backend '{name}' is not available: {problem}; {advice}")
