@@ -14,6 +14,10 @@ from soter.stack.terrain import Point, Terrain
 
 _LOOK_M: Final = (1.0, 2.5)
 _TRIED: Final = 40
+_STEP_M: Final = 0.02
+_STEPS: Final = 40
+_PIVOT_M: Final = 0.1
+"""A turn in place takes about as long as driving so far."""
 
 
 class RefugeFinder:
@@ -35,7 +39,10 @@ class RefugeFinder:
 
     def way(self, situation: Situation, peer_m: float) -> list[Point]:
         """Return the legs of a way to the nearest refuge at least `peer_m` from every peer; empty if there is none."""
+        ahead = self._along_heading(situation, peer_m)
         direct = self._straight_inside(situation, peer_m)
+        if ahead is not None and (direct is None or _far(situation, ahead) < _far(situation, direct) + _PIVOT_M):
+            return [ahead]
         if direct is not None:
             return [direct]
         for look_m in _LOOK_M:
@@ -52,6 +59,22 @@ class RefugeFinder:
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
         """Return whether a refuge is still far enough from every peer."""
         return all(math.hypot(peer.x_m - place[0], peer.y_m - place[1]) >= peer_m for peer in situation.peers)
+
+    def _along_heading(self, situation: Situation, peer_m: float) -> Point | None:
+        """The nearest place straight behind or ahead: it costs no turn."""
+        own, terrain = situation.own, self._terrain
+        cos, sin = math.cos(own.heading_rad), math.sin(own.heading_rad)
+        for step in range(1, _STEPS):
+            for length in (-step * _STEP_M, step * _STEP_M):
+                place = (own.x_m + length * cos, own.y_m + length * sin)
+                if (
+                    terrain.fence_m(*place) >= self._fence_m
+                    and terrain.clearance_m(*place) >= self._clearance_m
+                    and self.good(situation, place, peer_m)
+                    and self._recovery.sees(situation, *place, self._clearance_m)
+                ):
+                    return place
+        return None
 
     def _straight_inside(self, situation: Situation, peer_m: float) -> Point | None:
         """The nearest point far enough from the fence, if it also fits boxes and peers: finer than cells are."""
@@ -78,3 +101,7 @@ class RefugeFinder:
         # A stable sort, so that equally near cells are tried in one order everywhere.
         nearest = chosen[np.argsort(distance, kind="stable")[:_TRIED]]
         return [(float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True)]
+
+
+def _far(situation: Situation, place: Point) -> float:
+    return math.hypot(place[0] - situation.own.x_m, place[1] - situation.own.y_m)
