@@ -16,7 +16,6 @@ from soter.stack.planners.names import (
     PlannerUnavailable,
     build_planner,
     check_name,
-    check_options,
     planner_class,
 )
 from soter.stack.planners.service import PlanService, Ticket
@@ -37,6 +36,5 @@ __all__ = [
     "Ticket",
     "build_planner",
     "check_name",
-    "check_options",
     "planner_class",
 ]

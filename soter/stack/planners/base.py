@@ -107,7 +107,7 @@ class PlannerOptions(BaseModel):
         clearance_m: distance in metres that a planned path keeps between the body and every box.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     clearance_m: float = Field(default=0.15, ge=0.0, le=10.0)
 

@@ -6,10 +6,9 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import ValidationError
-
+from soter.config import validate_options
 from soter.errors import BackendUnavailable, ConfigError, nearest
-from soter.stack.planners.base import Planner, PlannerOptions
+from soter.stack.planners.base import Planner
 from soter.workspace import Workspace
 
 DEFAULT_PLANNER = "ompl-bitstar"
@@ -72,27 +71,12 @@ def planner_class(name: str) -> type[Planner]:
     return found
 
 
-def check_options(name: str, model: type[PlannerOptions], options: Mapping[str, Any]) -> PlannerOptions:
-    """Validate a raw table against a planner's model.
-
-    Raises:
-        ConfigError: names the first key that is wrong, and what is allowed.
-    """
-    try:
-        return model.model_validate(dict(options))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            allowed = list(model.model_fields)
-            message = f"unknown option{nearest(key, allowed)}; allowed are {', '.join(allowed)}"
-        else:
-            message = f"{first['msg']}, got {first['input']!r}"
-        raise ConfigError(message, key=f"planners.{name}.{key}" if key else f"planners.{name}") from error
-
-
 def build_planner(
-    name: str, workspace: Workspace, body_radius_m: float, options: Mapping[str, Any] | None = None
+    name: str,
+    workspace: Workspace,
+    body_radius_m: float,
+    options: Mapping[str, Any] | None = None,
+    source: str | None = None,
 ) -> Planner:
     """Build a planner in this process. The mission uses `PlanService`, which does this in a worker.
 
@@ -101,10 +85,12 @@ def build_planner(
         workspace: the known fence and boxes.
         body_radius_m: radius of the robot's round body, in metres.
         options: the raw table `[planners.NAME]`.
+        source: the mission file that the table is from, for error messages.
 
     Raises:
         ConfigError: unknown planner or bad option.
         PlannerUnavailable: a library that it needs is not installed.
     """
     cls = planner_class(name)
-    return cls(workspace, body_radius_m, check_options(name, cls.options_model, options or {}))
+    checked = validate_options(cls.options_model, options or {}, source, f"planners.{name}")
+    return cls(workspace, body_radius_m, checked)

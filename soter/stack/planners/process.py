@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 from typing import Final
 
 from soter.stack.planners.wire import MAX_MESSAGE_BYTES
@@ -39,7 +40,7 @@ class WorkerProcess:
         env.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
         try:
             with tempfile.TemporaryFile() as stdin:
-                pickle.dump([os.path.abspath(entry) for entry in sys.path], stdin)
+                pickle.dump([str(Path(entry).absolute()) for entry in sys.path], stdin)
                 pickle.dump(spec, stdin)
                 stdin.seek(0)
                 self._process = subprocess.Popen(

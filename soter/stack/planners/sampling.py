@@ -193,7 +193,7 @@ class _OptimisingPlanner(SamplingPlanner):
         if self._space.checks < self._checkpoint:
             return False
         self._checkpoint = self._space.checks + self.options.settle_checks
-        cost = planner.bestCost().value()
+        cost: float = planner.bestCost().value()
         if math.isinf(cost):
             self._still_nothing(planner)
             return False

@@ -71,10 +71,8 @@ class FreeSpace:
                 continue
             if _meets(ax, ay, dx, dy, (low_x, low_y, high_x, high_y)):
                 return False
-        for cx, cy, r in self._discs:
-            if _distance_m(cx, cy, ax, ay, dx, dy) < r - TOUCH_M:
-                return False
-        return True
+        discs = self._discs
+        return not discs or all(_distance_m(cx, cy, ax, ay, dx, dy) >= r - TOUCH_M for cx, cy, r in discs)
 
     def nearest_free(self, x: float, y: float) -> Point | None:
         """Return the free point nearest to a point that is not free, or None if there is none to be reached.
@@ -120,19 +118,26 @@ class FreeSpace:
         for low_x, low_y, high_x, high_y in self._boxes:
             if low_x < x < high_x and low_y < y < high_y:
                 return False
-        for cx, cy, r in self._discs:
-            if math.hypot(x - cx, y - cy) < r - TOUCH_M:
-                return False
-        return True
+        return not self._discs or not self.in_disc(x, y)
 
     def _leads_out(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        dx, dy = to_x - x, to_y - y
+        """Return whether the way from a point that is not free to one that is meets only what holds the first."""
+        # What counts is the part of the way inside the fence: nobody gets far outside it.
+        enter = 0.0
+        for start, end, high in ((x, to_x, self.width_m), (y, to_y, self.depth_m)):
+            if start < 0.0:
+                enter = max(enter, start / (start - end))
+            elif start > high:
+                enter = max(enter, (start - high) / (start - end))
+        from_x, from_y = x + enter * (to_x - x), y + enter * (to_y - y)
+        dx, dy = to_x - from_x, to_y - from_y
         for box in self._boxes:
-            inside = box[0] < x < box[2] and box[1] < y < box[3]
-            if not inside and _meets(x, y, dx, dy, box):
+            holds = box[0] < x < box[2] and box[1] < y < box[3]
+            if not holds and _meets(from_x, from_y, dx, dy, box):
                 return False
         for cx, cy, r in self._discs:
-            if math.hypot(x - cx, y - cy) >= r - TOUCH_M and _distance_m(cx, cy, x, y, dx, dy) < r - TOUCH_M:
+            holds = math.hypot(x - cx, y - cy) < r - TOUCH_M
+            if not holds and _distance_m(cx, cy, from_x, from_y, dx, dy) < r - TOUCH_M:
                 return False
         return True
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from soter.stack.planners.base import MAX_WAYPOINTS, PlanResult, Point
@@ -13,6 +14,9 @@ MAX_MESSAGE_BYTES = 1 << 17
 
 MAX_REASON = 300
 """Longest reason that is passed on, in characters."""
+
+MAX_TEXT = 10_000
+"""Longest message of an error that keeps a worker from starting, in characters."""
 
 StartKind = Literal["ready", "config", "unavailable"]
 
@@ -25,7 +29,7 @@ def describe(error: BaseException) -> str:
     """Return type and message of an exception in one short line, even if its message cannot be had."""
     try:
         text = str(error)
-    except Exception:  # untrusted code wrote that __str__
+    except Exception:  # noqa: BLE001 -- untrusted code wrote that __str__
         text = "no message"
     return " ".join(f"{type(error).__name__}: {text}".split())[:MAX_REASON]
 
@@ -80,20 +84,45 @@ def garbage(request_id: int, error: Garbage) -> PlanResult:
     return PlanResult.failed(request_id, f"garbage: {error}")
 
 
-def encode_start(kind: StartKind, message: str = "", key: str | None = None) -> bytes:
-    """Encode a worker's first message: it is ready, or why it never will be."""
-    return json.dumps([kind, message, key]).encode()
+@dataclass(frozen=True, slots=True)
+class StartMessage:
+    """A worker's first message: it is ready, or why it never will be.
+
+    Attributes:
+        kind: whether it is ready, else which kind of error it is.
+        message: the error's message.
+        source: where a ConfigError is: the file,
+        line: the line in it,
+        key: and the key.
+    """
+
+    kind: StartKind
+    message: str = ""
+    source: str | None = None
+    line: int | None = None
+    key: str | None = None
 
 
-def decode_start(data: bytes) -> tuple[str, str, str | None]:
-    """Decode a worker's first message into kind, message and key.
+def encode_start(start: StartMessage) -> bytes:
+    """Encode a worker's first message."""
+    return json.dumps([start.kind, start.message[:MAX_TEXT], start.source, start.line, start.key]).encode()
+
+
+def decode_start(data: bytes) -> StartMessage:
+    """Decode a worker's first message.
 
     Raises:
         Garbage: it is none.
     """
     match _loads(data):
-        case ["ready" | "config" | "unavailable" as kind, str() as message, None | str() as key]:
-            return kind, message, key
+        case [
+            "ready" | "config" | "unavailable" as kind,
+            str() as message,
+            None | str() as source,
+            None | int() as line,
+            None | str() as key,
+        ]:
+            return StartMessage(kind, message, source, line, key)
     raise Garbage("a first message of another kind")
 
 

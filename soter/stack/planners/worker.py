@@ -12,12 +12,21 @@ import signal
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
 from soter.errors import ConfigError
 from soter.stack.planners.base import Planner, PlanResult
 from soter.stack.planners.names import PlannerUnavailable, build_planner
-from soter.stack.planners.wire import Garbage, checked, describe, encode_result, encode_start, garbage
+from soter.stack.planners.wire import (
+    Garbage,
+    StartMessage,
+    checked,
+    describe,
+    encode_result,
+    encode_start,
+    garbage,
+)
 from soter.workspace import Workspace
 
 MAX_REQUEST_BYTES = 1 << 18
@@ -40,6 +49,7 @@ class WorkerSpec:
         workspace: the known fence and boxes.
         body_radius_m: radius of the robot's round body.
         options: the raw table of the planner.
+        source: the mission file that the options are from, or None.
         memory_limit_bytes: address space that the planner may add to what the bare worker has.
     """
 
@@ -47,6 +57,7 @@ class WorkerSpec:
     workspace: Workspace
     body_radius_m: float
     options: Mapping[str, Any]
+    source: str | None
     memory_limit_bytes: int
 
 
@@ -67,8 +78,7 @@ def die_with_parent(lifeline_fd: int) -> None:
 
 def limit_memory(extra_bytes: int) -> None:
     """Limit the address space of this process to what it has now and `extra_bytes` more."""
-    with open("/proc/self/statm", encoding="ascii") as file:
-        now = int(file.read().split()[0]) * resource.getpagesize()
+    now = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     wanted = now + extra_bytes
     resource.setrlimit(resource.RLIMIT_AS, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
@@ -84,31 +94,30 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(lifeline_fd)
-    spec: WorkerSpec = pickle.load(stdin)
+    spec: WorkerSpec = pickle.load(stdin)  # noqa: S301 -- from the parent
     channel = socket.socket(fileno=socket_fd)
     # A planner that runs wild must not starve a supervisor on the same host.
     with contextlib.suppress(OSError):
         os.nice(5)
     limit_memory(spec.memory_limit_bytes)
     planner = _build(spec, channel)
-    channel.send(encode_start("ready"))
+    channel.send(encode_start(StartMessage("ready")))
     while data := channel.recv(MAX_REQUEST_BYTES):
-        number, request = pickle.loads(data)
+        number, request = pickle.loads(data)  # noqa: S301 -- from the parent
         channel.send(encode_result(number, _plan(planner, request)))
     os._exit(0)
 
 
 def _build(spec: WorkerSpec, channel: socket.socket) -> Planner:
     try:
-        return build_planner(spec.planner, spec.workspace, spec.body_radius_m, spec.options)
+        return build_planner(spec.planner, spec.workspace, spec.body_radius_m, spec.options, spec.source)
     except ConfigError as error:
-        # The key is sent apart, for the parent to raise the same error.
-        text = str(error).removeprefix(f"{error.key}: ") if error.key else str(error)
-        channel.send(encode_start("config", text, error.key))
+        channel.send(encode_start(StartMessage("config", str(error), error.source, error.line, error.key)))
     except PlannerUnavailable as error:
-        channel.send(encode_start("unavailable", str(error)))
-    except BaseException as error:
-        channel.send(encode_start("config", f"planner '{spec.planner}' cannot be built ({describe(error)})"))
+        channel.send(encode_start(StartMessage("unavailable", str(error))))
+    except BaseException as error:  # noqa: BLE001 -- untrusted code may raise anything
+        message = f"planner '{spec.planner}' cannot be built ({describe(error)})"
+        channel.send(encode_start(StartMessage("config", message)))
     os._exit(1)
 
 
@@ -117,5 +126,5 @@ def _plan(planner: Planner, request: Any) -> PlanResult:
         return checked(request.request_id, planner.plan(request))
     except Garbage as error:
         return garbage(request.request_id, error)
-    except BaseException as error:  # SystemExit and KeyboardInterrupt are just as unwelcome
+    except BaseException as error:  # noqa: BLE001 -- SystemExit and KeyboardInterrupt are no better
         return PlanResult.failed(request.request_id, f"the planner raised {describe(error)}")
