@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -106,10 +107,10 @@ class Workspace:
         """
         if self._free(x_m, y_m, clearance_m):
             return x_m, y_m
-        # The nearest point of a free region lies straight across an edge, on a corner of two edges, or on the arc
-        # around the corner of a box; nowhere else.
+        # The nearest point of a free region lies straight across an edge, on the arc around the corner of a box, or on
+        # a corner of two edges; nowhere else.
         inside_x_m, inside_y_m = min(max(x_m, 0.0), self.width_m), min(max(y_m, 0.0), self.depth_m)
-        xs_m, ys_m = {inside_x_m}, {inside_y_m}
+        xs_m, ys_m = {inside_x_m, 0.0, self.width_m}, {inside_y_m, 0.0, self.depth_m}
         arcs: list[tuple[float, float]] = []
         for box in self.boxes:
             xs_m |= {box.low_x_m - clearance_m, box.high_x_m + clearance_m}
@@ -119,11 +120,20 @@ class Workspace:
                 if away_m > 0.0:
                     scale = clearance_m / away_m
                     arcs.append((corner_x_m + scale * (x_m - corner_x_m), corner_y_m + scale * (y_m - corner_y_m)))
-        xs_m |= {0.0, self.width_m}
-        ys_m |= {0.0, self.depth_m}
-        # Ties are broken by the coordinates: the answer must not depend on the order of a set.
-        candidates = sorted([*product(xs_m, ys_m), *arcs], key=lambda at: (math.dist(at, (x_m, y_m)), at))
-        return next((at for at in candidates if self._free(*at, clearance_m)), None)
+
+        def nearest(candidates: Iterable[tuple[float, float]]) -> tuple[float, float] | None:
+            # Ties are broken by the coordinates: the answer must not depend on the order of a set.
+            ordered = sorted(candidates, key=lambda at: (math.dist(at, (x_m, y_m)), at))
+            return next((at for at in ordered if self._free(*at, clearance_m)), None)
+
+        first = nearest([*product(xs_m, [inside_y_m]), *product([inside_x_m], ys_m), *arcs])
+        # Corners number the square of the boxes: only those matter that are no further than what was found so far.
+        reach_m = math.inf if first is None else math.dist(first, (x_m, y_m))
+        corners = product(
+            [at for at in xs_m if abs(at - x_m) <= reach_m], [at for at in ys_m if abs(at - y_m) <= reach_m]
+        )
+        return nearest([*corners, *([] if first is None else [first])])
 
     def _free(self, x_m: float, y_m: float, clearance_m: float) -> bool:
-        return self.contains(x_m, y_m) and self.clearance_m(x_m, y_m, 0.0) >= clearance_m - _ROUNDING_M
+        needed_m = clearance_m - _ROUNDING_M
+        return self.contains(x_m, y_m) and all(box.distance_m(x_m, y_m) >= needed_m for box in self.boxes)

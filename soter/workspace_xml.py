@@ -27,7 +27,7 @@ MAX_ROBOT_ID = 254
 """Robot ids are MAVLink system ids too; 0 and 255 mean something else there."""
 
 MAX_SIZE_M = 10_000.0
-_MAX_BOXES = 1000
+_MAX_BOXES = 250  # naming the nearest free pose costs up to the cube of this
 _MAX_DEPTH = 8
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _ID = re.compile(r"\s*[1-9]\d{0,2}\s*", re.ASCII)
