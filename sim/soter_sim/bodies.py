@@ -56,6 +56,8 @@ class Bodies:
     __slots__ = ("charge", "control", "heading", "ids", "v", "x", "y", "yaw_rate")
 
     def __init__(self, specs: Sequence[RobotSpec]) -> None:
+        if not specs:
+            raise ValueError("a world without robots, allowed: one or more")
         self.ids = tuple(spec.id for spec in specs)
         if len(set(self.ids)) != len(self.ids):
             raise ValueError(f"robots have the ids {list(self.ids)}, allowed: each number once")

@@ -186,6 +186,7 @@ class KinematicEngine:
         while box_times or meetings:
             box_hit = min(box_times, key=box_times.__getitem__, default=-1)
             pair_hit = min(meetings, key=meetings.__getitem__, default=(-1, -1))
+            stopped: tuple[int, ...]
             box_at, pair_at = box_times.get(box_hit, inf), meetings.get(pair_hit, inf)
             if box_at <= pair_at:
                 now, stopped = box_at, (box_hit,)

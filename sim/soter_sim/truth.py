@@ -6,7 +6,7 @@ The rules, as `soter_sim.judge` applies them:
 - geofence: the centre is more than 1e-6 m beyond an edge of the fence.
 - collision: two centres are less than 0.3 m apart.
 - obstacle: the body reaches more than 1 mm into a box, or is in contact with one. Contact begins when a body is
-  stopped by what it moves against and ends when the two are more than 1 mm apart. Contacts of two robots are
+  stopped by what it moves against and ends when the two are more than 2 mm apart. Contacts of two robots are
   counted in the same way; they are no rule of their own, since two robots in contact are in collision.
 """
 
@@ -22,7 +22,10 @@ from soter_sim.bodies import Bodies
 FENCE_TOLERANCE_M: Final = 1e-6
 COLLISION_M: Final = 0.3
 PENETRATION_M: Final = 1e-3
-TOUCH_M: Final = 1e-3
+
+# The rigid body of the PyBullet engine tilts a little and has facets, so it presses on things when its disc is still
+# up to 1 mm away from them. Less than this would end a contact while it lasts.
+TOUCH_M: Final = 2e-3
 
 
 @dataclass(slots=True)

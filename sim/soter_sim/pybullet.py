@@ -1,0 +1,295 @@
+"""The engine with physics: rigid bodies in PyBullet, 240 steps a second, no window.
+
+Wheels are turned by velocity motors that follow their target within a step or two; what limits the acceleration is
+that the target moves slowly. Only this module imports PyBullet.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.resources import as_file, files
+from math import atan2, cos, sin
+from typing import Final
+
+from soter.errors import BackendError, BackendUnavailable
+from soter.sdk.hints import install_hint
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+from soter_sim.bodies import BODY_RADIUS_M, CHARGE_PER_S, DRIVE_PER_S, IDLE_PER_S, LIMITS, Bodies
+from soter_sim.judge import Judge
+
+
+@contextmanager
+def _nothing_printed() -> Iterator[None]:
+    """Drop what C code prints: PyBullet greets on standard error while it is imported."""
+    nothing, kept = os.open(os.devnull, os.O_WRONLY), os.dup(2)
+    try:
+        os.dup2(nothing, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nothing)
+
+
+try:
+    with _nothing_printed():
+        import pybullet as bullet
+except ImportError as missing:
+    raise BackendUnavailable(
+        f"the engine 'pybullet' needs PyBullet, which is not installed: {install_hint('pybullet')}; "
+        "the engine 'kinematic' needs nothing"
+    ) from missing
+
+PERIOD_S: Final = 0.05
+"""The control period."""
+
+STEPS_PER_PERIOD: Final = 12
+"""Physics steps in a control period: 240 Hz."""
+
+_STEP_S: Final = PERIOD_S / STEPS_PER_PERIOD
+_WHEEL_RADIUS_M: Final = 0.033
+_WHEEL_AT_M: Final = 0.07
+_WHEELS: Final = (0, 1)
+_ALL_LINKS: Final = (-1, 0, 1)
+_MOTOR_N_M: Final = 10.0
+# A robot does 0.22001 m/s when told 0.22. With this it stays below.
+_TOP_SPEED_M_S: Final = 0.9995 * LIMITS.v_max_m_s
+# Motors lag behind their target by about a step; they still stop within the promised distance.
+_BRAKE_M_S2: Final = 1.06 * LIMITS.brake_m_s2
+# Faster than any robot is, also after a shove by another one.
+_BOUND_M_S: Final = 0.5
+
+
+class PyBulletEngine:
+    """Differential-drive robots as rigid bodies; implements `soter_sim.engine.Engine`.
+
+    Stepping is deterministic, bit for bit, also in another process.
+
+    Args:
+        workspace: fence, boxes and chargers.
+        specs: the robots and where they start.
+
+    Raises:
+        BackendError: PyBullet has no room for another world in this process.
+    """
+
+    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec]) -> None:
+        self.bodies = Bodies(specs)
+        self.period_s = PERIOD_S
+        self._judge = Judge(workspace, self.bodies, _STEP_S, _BOUND_M_S)
+        self.record = self._judge.record
+        self._done = 0
+        count = len(specs)
+        self._to_x, self._to_y = [*self.bodies.x], [*self.bodies.y]
+        self._v_target, self._w_target = [0.0] * count, [0.0] * count
+        self._east, self._north = [0.0] * count, [0.0] * count
+        self._client = bullet.connect(bullet.DIRECT)
+        if self._client < 0:
+            raise BackendError("PyBullet cannot open another world in this process: too many are open; close some")
+        try:
+            self._boxes = self._build(workspace)
+            self._robots = [self._put(spec) for spec in specs]
+        except BaseException:
+            self.close()
+            raise
+
+    def run(self, until_period: int) -> None:
+        if self._client < 0:
+            return
+        client = self._client
+        judge, bodies = self._judge, self.bodies
+        to_x, to_y = self._to_x, self._to_y
+        for period in range(self._done, until_period):
+            ramps = self._ramps(period * PERIOD_S)
+            first = period * STEPS_PER_PERIOD
+            fresh = True
+            for step in range(first, first + STEPS_PER_PERIOD):
+                for ramp in ramps:
+                    self._turn_wheels(*ramp)
+                looks = step >= judge.due
+                if looks and not fresh:
+                    self._read_places(bodies.x, bodies.y)
+                bullet.stepSimulation(physicsClientId=client)
+                fresh = looks
+                if looks:
+                    self._read_places(to_x, to_y)
+                    self._find_contacts(step)
+                    judge.look(step, to_x, to_y)
+                    bodies.x[:] = to_x
+                    bodies.y[:] = to_y
+            self._read_all()
+            self._done = period + 1
+
+    def velocity(self, index: int) -> tuple[float, float]:
+        return self._east[index], self._north[index]
+
+    def close(self) -> None:
+        client, self._client = self._client, -1
+        if client >= 0:
+            bullet.disconnect(physicsClientId=client)
+
+    # --- building ------------------------------------------------------------------------------------------
+
+    def _build(self, workspace: Workspace) -> frozenset[int]:
+        """Set up the ground and the boxes; return the boxes' ids."""
+        client = self._client
+        bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
+        bullet.setTimeStep(_STEP_S, physicsClientId=client)
+        shape = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=client)
+        ground = bullet.createMultiBody(0.0, shape, physicsClientId=client)
+        bullet.changeDynamics(ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
+        boxes = set()
+        for box in workspace.boxes:
+            x, y = box.centre
+            half = ((box.high_x_m - box.low_x_m) / 2, (box.high_y_m - box.low_y_m) / 2, box.height_m / 2)
+            shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+            body = bullet.createMultiBody(0.0, shape, basePosition=(x, y, box.height_m / 2), physicsClientId=client)
+            bullet.changeDynamics(body, -1, restitution=0.0, physicsClientId=client)
+            boxes.add(body)
+        return frozenset(boxes)
+
+    def _put(self, spec: RobotSpec) -> int:
+        """Put a robot on the ground, its motors braked; return its body's id."""
+        client = self._client
+        with as_file(files("soter_sim") / "data" / "burger.urdf") as model:
+            robot = bullet.loadURDF(
+                str(model),
+                basePosition=(spec.x_m, spec.y_m, _WHEEL_RADIUS_M),
+                baseOrientation=(0.0, 0.0, sin(spec.heading_rad / 2), cos(spec.heading_rad / 2)),
+                physicsClientId=client,
+            )
+        for link in _ALL_LINKS:
+            bullet.changeDynamics(
+                robot,
+                link,
+                # The body slides along what it touches, and so do the two sliders that keep it upright.
+                lateralFriction=0.0 if link < 0 else 1.0,
+                spinningFriction=0.0,
+                rollingFriction=0.0,
+                restitution=0.0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                physicsClientId=client,
+            )
+        bullet.setJointMotorControlArray(
+            robot,
+            _WHEELS,
+            bullet.VELOCITY_CONTROL,
+            targetVelocities=(0.0, 0.0),
+            forces=(_MOTOR_N_M, _MOTOR_N_M),
+            physicsClientId=client,
+        )
+        return robot
+
+    # --- steering ------------------------------------------------------------------------------------------
+
+    def _ramps(self, now_s: float) -> list[tuple[int, float, float]]:
+        """Ask every robot's control, use up charge, and return which targets must move in this period, and where to."""
+        bodies, judge = self.bodies, self._judge
+        ramps = []
+        for i, control in enumerate(bodies.control):
+            v_to, w_to = control(now_s, bodies.x[i], bodies.y[i], bodies.heading[i], bodies.v[i], bodies.yaw_rate[i])
+            v_to = _clamped(v_to, _TOP_SPEED_M_S)
+            w_to = _clamped(w_to, LIMITS.yaw_rate_max_rad_s)
+            if bodies.charge[i] <= 0.0:
+                v_to = w_to = 0.0
+            v_is, w_is = self._v_target[i], self._w_target[i]
+            self._use_charge(i, now_s, abs(v_is), abs(w_is))
+            if v_to != v_is or w_to != w_is:
+                ramps.append((i, v_to, w_to))
+        judge.record.min_margin["battery"] = min(judge.record.min_margin["battery"], *bodies.charge)
+        return ramps
+
+    def _use_charge(self, i: int, now_s: float, v: float, yaw_rate: float) -> None:
+        """Charge, or use charge, for one period in which the wheels turn for these speeds."""
+        charge, judge = self.bodies.charge, self._judge
+        left = charge[i]
+        if judge.on_charger[i]:
+            if left <= 0.0:
+                judge.charged(i, now_s)
+            charge[i] = min(left + CHARGE_PER_S * PERIOD_S, 1.0)
+        elif left > 0.0:
+            effort = max(v / LIMITS.v_max_m_s, yaw_rate / LIMITS.yaw_rate_max_rad_s)
+            use = (IDLE_PER_S + (DRIVE_PER_S - IDLE_PER_S) * effort) * PERIOD_S
+            if left <= use:
+                judge.flat(i, now_s + left / use * PERIOD_S)
+                charge[i] = 0.0
+            else:
+                charge[i] = left - use
+
+    def _turn_wheels(self, i: int, v_to: float, w_to: float) -> None:
+        """Move a robot's target by what one physics step allows."""
+        v_is, w_is = self._v_target[i], self._w_target[i]
+        if v_is == v_to and w_is == w_to:
+            return
+        # Speeding up is slower than braking, which also covers the first part of a reversal.
+        speeds_up = (v_to - v_is) * v_is >= 0.0
+        v = _moved(v_is, v_to, (LIMITS.accel_m_s2 if speeds_up else _BRAKE_M_S2) * _STEP_S)
+        w = _moved(w_is, w_to, LIMITS.yaw_accel_rad_s2 * _STEP_S)
+        self._v_target[i], self._w_target[i] = v, w
+        turning = w * _WHEEL_AT_M
+        bullet.setJointMotorControlArray(
+            self._robots[i],
+            _WHEELS,
+            bullet.VELOCITY_CONTROL,
+            targetVelocities=((v - turning) / _WHEEL_RADIUS_M, (v + turning) / _WHEEL_RADIUS_M),
+            forces=(_MOTOR_N_M, _MOTOR_N_M),
+            physicsClientId=self._client,
+        )
+
+    # --- reading -------------------------------------------------------------------------------------------
+
+    def _read_places(self, x: list[float], y: list[float]) -> None:
+        # PyBullet gives the centre of mass; the model has it on the wheels' axis, where the robot's position is.
+        for i, robot in enumerate(self._robots):
+            position, _ = bullet.getBasePositionAndOrientation(robot, physicsClientId=self._client)
+            x[i], y[i] = position[0], position[1]
+
+    def _read_all(self) -> None:
+        bodies, client = self.bodies, self._client
+        for i, robot in enumerate(self._robots):
+            (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(robot, physicsClientId=client)
+            (east, north, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot, physicsClientId=client)
+            heading = atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+            bodies.x[i], bodies.y[i], bodies.heading[i] = x, y, heading
+            bodies.v[i] = east * cos(heading) + north * sin(heading)
+            bodies.yaw_rate[i] = yaw_rate
+            self._east[i], self._north[i] = east, north
+
+    def _find_contacts(self, step: int) -> None:
+        """Tell the judge which robots press against boxes or each other at the end of a step."""
+        judge, client, robots = self._judge, self._client, self._robots
+        for i, due in enumerate(judge.box_due):
+            # A contact point is there before bodies touch; it presses once they do.
+            if due <= step and any(
+                point[2] in self._boxes and point[9] > 0.0
+                for point in bullet.getContactPoints(bodyA=robots[i], physicsClientId=client)
+            ):
+                judge.hit_box(i, (step + 1) * _STEP_S)
+        for pair in judge.pairs:
+            if pair.due <= step and self._near(pair.i, pair.j):
+                points = bullet.getContactPoints(bodyA=robots[pair.i], bodyB=robots[pair.j], physicsClientId=client)
+                if any(point[9] > 0.0 for point in points):
+                    judge.hit_robot(pair.i, pair.j)
+
+    def _near(self, i: int, j: int) -> bool:
+        dx, dy = self._to_x[j] - self._to_x[i], self._to_y[j] - self._to_y[i]
+        reach = 2.0 * (BODY_RADIUS_M + _BOUND_M_S * _STEP_S)
+        return dx * dx + dy * dy < reach * reach
+
+
+def _clamped(value: float, limit: float) -> float:
+    """Return a command within its limit; 0 for what is no number."""
+    if -limit <= value <= limit:
+        return value
+    return limit if value > limit else -limit if value < -limit else 0.0
+
+
+def _moved(value: float, to: float, most: float) -> float:
+    """Return `value` moved towards `to` by at most `most`."""
+    if value < to:
+        return min(value + most, to)
+    return max(value - most, to)
