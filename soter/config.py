@@ -143,6 +143,19 @@ class BatteryModuleTable(ModuleTable):
     reserve_factor: Annotated[float, Field(ge=1.0, le=100.0, allow_inf_nan=False)] = 4.0
 
 
+class PathTable(DistanceTable):
+    """The protected planner: body clearance that a planned path keeps from boxes.
+
+    Attributes:
+        enabled: whether paths are judged at all; without it the planner is used as it is.
+    """
+
+    enabled: bool = False
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.06
+    phi_safer_m: Metres = 0.1
+
+
 def _in_fixed_order(modules: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(modules)) != len(modules):
         twice = next(name for name in modules if modules.count(name) > 1)
@@ -160,6 +173,7 @@ class RtaTable(_Table):
         obstacle: clearance to boxes.
         geofence: the fence.
         battery: the way home.
+        path: the protected planner; a module of its own, since it has no say over the actuator.
     """
 
     enabled: bool = True
@@ -172,6 +186,7 @@ class RtaTable(_Table):
     obstacle: ObstacleTable = ObstacleTable()
     geofence: GeofenceTable = GeofenceTable()
     battery: BatteryModuleTable = BatteryModuleTable()
+    path: PathTable = PathTable()
 
 
 def _by_robot(value: object) -> object:
@@ -243,7 +258,7 @@ class Mission(_Table):
 
     @model_validator(mode="after")
     def _whole_ticks(self) -> Self:
-        for name in MODULES:
+        for name in (*MODULES, "path"):
             delta_s = getattr(self.rta, name).delta_s
             ticks = round(delta_s / self.base_tick_s)
             # Both are decimals: 0.15 is three ticks of 0.05 although not in binary.

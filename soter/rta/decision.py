@@ -63,9 +63,7 @@ class DecisionModule:
             if module.model is not None and not module.model.depends_on_state
             else math.nan
         )
-        self._horizon_reach = (
-            module.model.bound(module.horizon_s(timing)) if module.model is not None else math.inf
-        )
+        self._horizon_reach = module.model.bound(module.horizon_s(timing)) if module.model is not None else math.inf
         self._safer_margin = module.edge_margin()
 
     def decide(self, situation: Situation) -> bool:

@@ -122,7 +122,8 @@ class RTAModule:
         for role, node in (("AC", self.ac), ("SC", self.sc)):
             if node.period_s > self.delta_s + _ROUNDING:
                 raise IllFormedModule(
-                    self.name, "P1a",
+                    self.name,
+                    "P1a",
                     f"the {role} '{node.name}' has a period of {node.period_s:g} s, longer than Delta = "
                     f"{self.delta_s:g} s; a period of {self.delta_s:g} s or a Delta of {node.period_s:g} s would do",
                 )
@@ -130,12 +131,14 @@ class RTAModule:
         if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
             fits = max(1, round(ticks)) * base_tick_s
             raise IllFormedModule(
-                self.name, "P1a",
+                self.name,
+                "P1a",
                 f"Delta = {self.delta_s:g} s is no multiple of the base tick of {base_tick_s:g} s; {fits:g} s would do",
             )
         if set(self.ac.publishes) != set(self.sc.publishes) or not self.ac.publishes:
             raise IllFormedModule(
-                self.name, "P1b",
+                self.name,
+                "P1b",
                 f"the AC publishes {sorted(self.ac.publishes)}, the SC {sorted(self.sc.publishes)}; "
                 "both must publish the same topics, at least one",
             )
@@ -154,14 +157,13 @@ class RTAModule:
         if fits_s is not None:
             remedy += f", or Delta = {fits_s:g} s,"
         raise IllFormedModule(
-            self.name, "P3",
+            self.name,
+            "P3",
             f"within 2 Delta + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}, "
             f"but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do",
         )
 
-    def _largest_delta_s(
-        self, model: ReachModel, edge: float, timing: Timing, base_tick_s: float
-    ) -> float | None:
+    def _largest_delta_s(self, model: ReachModel, edge: float, timing: Timing, base_tick_s: float) -> float | None:
         extra_s = self.horizon_s(timing) - 2.0 * self.delta_s
         for ticks in range(round(self.delta_s / base_tick_s) - 1, 0, -1):
             if model.bound(2.0 * ticks * base_tick_s + extra_s) <= edge + _ROUNDING:

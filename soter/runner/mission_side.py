@@ -12,10 +12,12 @@ from soter.config import Mission
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.rta import ControlReport, Report
 from soter.runner.metrics import Metrics
-from soter.stack import RobotKit, TaskPlanner, Tasks
+from soter.stack import HOME_CLEARANCE_M, RobotKit, TaskPlanner, Tasks
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotPort
+from soter.stack.path_guard import PathGuard
 from soter.stack.planners import PlanRequest, PlanService
+from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -42,12 +44,20 @@ class MissionSide:
         """What failed, by robot; None for the task planner, on which all robots depend."""
         self._listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self._owners: dict[str, int] = {}
-        self._waiting: dict[int, MachineRef] = {}
+        self._waiting: dict[int, tuple[PlanRequest, MachineRef]] = {}
+        self._guards: dict[int, PathGuard] = {}
+        self._ports: Mapping[int, RobotPort] = {}
 
-    def start(
-        self, workspace: Workspace, body_radius_m: float, ports: Mapping[int, RobotPort], disc_m: float, metrics: Metrics
-    ) -> None:
+    def start(self, workspace: Workspace, terrain: Terrain, ports: Mapping[int, RobotPort], disc_m: float,
+              metrics: Metrics) -> None:  # fmt: skip
         """Create the task planner; it creates the rest."""
+        body_radius_m, path = terrain.body_radius_m, self._mission.rta.path
+        self._ports = ports
+        if self._mission.rta.enabled and path.enabled:
+            for robot_id in ports:
+                self._guards[robot_id] = PathGuard(
+                    terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
+                )
         targets = Targets(workspace, body_radius_m, self._mission.targets, self._mission.seed)
         kits = {
             robot_id: RobotKit(
@@ -58,6 +68,8 @@ class MissionSide:
         }  # fmt: skip
         tasks = Tasks(kits, targets.next, metrics.on_target, metrics.on_ended)
         self.runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
+        # Before the first tick, so that no machine misses the first report of a port.
+        self.runtime.run()
 
     def hear(self, report: Report) -> None:
         """Pass on what a port reports. Called in the supervisor's thread; only posts."""
@@ -73,9 +85,17 @@ class MissionSide:
         """Deliver the plans whose time has come and let the machines do what they can do now."""
         if self._waiting:
             for plan in self._plans.due(now_s):
-                machine = self._waiting.pop(plan.request_id)
+                request, machine = self._waiting.pop(plan.request_id)
+                guard, state = self._guards.get(request.robot_id), self._ports[request.robot_id].state
+                if guard is not None and state is not None:
+                    plan = guard.judge(state, now_s, request, plan)  # noqa: PLW2901 - the judged one takes its place
                 self.runtime.post(machine, PathPlanned(plan.request_id, plan.path, plan.reason, plan.reaches_goal))
         self.runtime.run()
+
+    @property
+    def paths_replaced(self) -> int:
+        """Paths of the untrusted planner that were not used."""
+        return sum(guard.replaced for guard in self._guards.values())
 
     def close(self) -> None:
         """End the planner's processes and close the machines."""
@@ -84,7 +104,7 @@ class MissionSide:
 
     def _submit(self, request: PlanRequest, reply_to: MachineRef) -> None:
         self._plans.submit(request, self._clock.now())
-        self._waiting[request.request_id] = reply_to
+        self._waiting[request.request_id] = (request, reply_to)
 
     def _subscribe(self, robot_id: int, machine: MachineRef, events: tuple[type[Event], ...]) -> None:
         self._owners[machine.name] = robot_id

@@ -51,9 +51,7 @@ class NeedlessJudge:
         if not isinstance(own, RobotState):
             return False, False
         way = self._pending(record.robot_id, own)
-        peers = [
-            (peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)
-        ]
+        peers = [(peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)]
         lasts_s = min(_length_m(way) / self._v_max_m_s, LONGEST_S)
         imagined = Situation(record.robot_id, own, record.time_s)
         steps = math.ceil(max(lasts_s, module.delta_s) / STEP_S)

@@ -61,6 +61,7 @@ class RunResult(BaseModel):
         longest_stall_s: longest time that a robot with a target, and not charging, stayed within 0.1 m.
         no_progress_s: longest time in which no robot's target ended.
         min_margin: least margin by rule, from truth, in metres or parts of a charge.
+        paths_replaced: plans for which the protected planner's certified way was used instead.
         no_certified_motion: ticks at which neither a motion nor holding kept every rule.
         duration_s: simulated or vehicle time.
         wall_s: host time.
@@ -98,6 +99,7 @@ class RunResult(BaseModel):
     longest_stall_s: float
     no_progress_s: float
     min_margin: dict[str, float] | None
+    paths_replaced: int
     no_certified_motion: int
     dm_tick_us: TickTimes
     missed_ticks: int

@@ -130,7 +130,7 @@ class _Loop:
             self.safety.supervisor.robots, self.safety.forwarders, self.safety.modules, capabilities.v_max_m_s
         ).judge
         self.side.start(
-            workspace, capabilities.body_radius_m, self.safety.ports, self.safety.trigger_m + DISC_SLACK_M, self.metrics
+            workspace, self.safety.terrain, self.safety.ports, self.safety.trigger_m + DISC_SLACK_M, self.metrics
         )
 
     def run(
@@ -233,6 +233,7 @@ class _Loop:
             longest_stall_s=round(metrics.longest_stall_s, 2),
             no_progress_s=round(metrics.no_progress_s, 2),
             min_margin=None if report is None else {rule: round(m, 5) for rule, m in report.min_margin.items()},
+            paths_replaced=self.side.paths_replaced,
             no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
             dm_tick_us=metrics.tick_times(),
             missed_ticks=self.missed_ticks,

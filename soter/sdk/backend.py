@@ -21,6 +21,7 @@ INTERFACE_VERSION = 1
 
 CLOSE_TIMEOUT_S = 5.0
 
+
 class Truth(Protocol):
     """Ground truth of a simulated world, on a channel of its own, never through the adapter."""
 

@@ -209,8 +209,14 @@ class Robot(ABC):
     def _admit(self, sample: RobotState) -> RobotState | None:
         previous = self._state
         finite = math.isfinite(
-            sample.x_m + sample.y_m + sample.z_m + sample.heading_rad + sample.vx_m_s + sample.vy_m_s
-            + sample.yaw_rate_rad_s + sample.stamp_s
+            sample.x_m
+            + sample.y_m
+            + sample.z_m
+            + sample.heading_rad
+            + sample.vx_m_s
+            + sample.vy_m_s
+            + sample.yaw_rate_rad_s
+            + sample.stamp_s
         )
         battery = sample.battery
         if (

@@ -114,7 +114,14 @@ def assemble(
             terrain, places[robot.id].charger, HOME_CLEARANCE_M, _inset_m(mission), _cost_per_m(mission, capabilities)
         )
         declared = _declare(
-            mission, capabilities, terrain, dock, forwarder, waypoint, recovery, right_of_way,
+            mission,
+            capabilities,
+            terrain,
+            dock,
+            forwarder,
+            waypoint,
+            recovery,
+            right_of_way,
             SpeedBound(peer_v_max_m_s, peer_brake_m_s2),
         )
         timing = Timing(
@@ -210,24 +217,44 @@ def _declare(
     drive_per_s = 1.0 / mission.battery.drive_s
     table = {
         COLLISION: lambda: RTAModule(
-            COLLISION, ac, BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock), rta.collision.delta_s,
-            Separation(rta.collision.phi_safe_m, peer.v_max_m_s), Separation(rta.collision.phi_safer_m, peer.v_max_m_s),
-            PairBound(speed, peer), dwell_s=rta.collision.dwell_s,
+            COLLISION,
+            ac,
+            BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock),
+            rta.collision.delta_s,
+            Separation(rta.collision.phi_safe_m, peer.v_max_m_s),
+            Separation(rta.collision.phi_safer_m, peer.v_max_m_s),
+            PairBound(speed, peer),
+            dwell_s=rta.collision.dwell_s,
         ),
         OBSTACLE: lambda: RTAModule(
-            OBSTACLE, ac, clear, rta.obstacle.delta_s,
-            Clearance(terrain, rta.obstacle.phi_safe_m), Clearance(terrain, rta.obstacle.phi_safer_m),
-            speed, dwell_s=rta.obstacle.dwell_s,
+            OBSTACLE,
+            ac,
+            clear,
+            rta.obstacle.delta_s,
+            Clearance(terrain, rta.obstacle.phi_safe_m),
+            Clearance(terrain, rta.obstacle.phi_safer_m),
+            speed,
+            dwell_s=rta.obstacle.dwell_s,
         ),
         GEOFENCE: lambda: RTAModule(
-            GEOFENCE, ac, inside, rta.geofence.delta_s, fence, fence.inset(rta.geofence.phi_safer_inset_m),
-            speed, dwell_s=rta.geofence.dwell_s,
+            GEOFENCE,
+            ac,
+            inside,
+            rta.geofence.delta_s,
+            fence,
+            fence.inset(rta.geofence.phi_safer_inset_m),
+            speed,
+            dwell_s=rta.geofence.dwell_s,
         ),
         BATTERY: lambda: RTAModule(
-            BATTERY, ac, GoHome(tick_s, waypoint, recovery, dock), rta.battery.delta_s,
+            BATTERY,
+            ac,
+            GoHome(tick_s, waypoint, recovery, dock),
+            rta.battery.delta_s,
             ChargeForTheWayHome(dock, rta.battery.reserve_factor * dock.longest_m * dock.cost_per_m),
             Charged(rta.battery.phi_safer),
-            DischargeBound(drive_per_s, capabilities.v_max_m_s, dock.cost_per_m), dwell_s=rta.battery.dwell_s,
+            DischargeBound(drive_per_s, capabilities.v_max_m_s, dock.cost_per_m),
+            dwell_s=rta.battery.dwell_s,
         ),
     }
     return tuple(table[name]() for name in enabled(mission))

@@ -34,9 +34,7 @@ class Dock:
         cost_per_m: charge that a metre of the way home is accounted for.
     """
 
-    def __init__(
-        self, terrain: Terrain, charger: Box, clearance_m: float, inset_m: float, cost_per_m: float
-    ) -> None:
+    def __init__(self, terrain: Terrain, charger: Box, clearance_m: float, inset_m: float, cost_per_m: float) -> None:
         self.place: Final = charger.centre
         self.cost_per_m: Final = cost_per_m
         self._terrain: Final = terrain
@@ -145,9 +143,7 @@ class GoHome(SafeController):
         dock: where to go.
     """
 
-    def __init__(
-        self, period_s: float, waypoint: Topic[Waypoint], recovery: RecoveryPlanner, dock: Dock
-    ) -> None:
+    def __init__(self, period_s: float, waypoint: Topic[Waypoint], recovery: RecoveryPlanner, dock: Dock) -> None:
         super().__init__("go-home", period_s, waypoint, recovery)
         self._dock: Final = dock
         self._legs: list[Point] = []

@@ -92,9 +92,7 @@ class BackAway(Retreat):
             return leg
         # Nowhere to go: at least away from the nearest peer.
         own = situation.own
-        nearest = min(
-            situation.peers, key=lambda p: (p.x_m - own.x_m) ** 2 + (p.y_m - own.y_m) ** 2, default=None
-        )
+        nearest = min(situation.peers, key=lambda p: (p.x_m - own.x_m) ** 2 + (p.y_m - own.y_m) ** 2, default=None)
         if nearest is None:
             return None
         return self.recovery.away(situation, own.x_m - nearest.x_m, own.y_m - nearest.y_m)

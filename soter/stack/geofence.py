@@ -32,8 +32,10 @@ class Fence(Region):
         if not isinstance(safer, Fence):
             raise TypeError(f"phi_safer of a fence is a fence, not {type(safer).__name__}")
         return min(
-            safer.low_x_m - self.low_x_m, self.high_x_m - safer.high_x_m,
-            safer.low_y_m - self.low_y_m, self.high_y_m - safer.high_y_m,
+            safer.low_x_m - self.low_x_m,
+            self.high_x_m - safer.high_x_m,
+            safer.low_y_m - self.low_y_m,
+            self.high_y_m - safer.high_y_m,
         )
 
     def inset(self, by_m: float) -> Fence:

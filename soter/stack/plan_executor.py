@@ -31,9 +31,7 @@ class PlanExecutor(Machine):
 
     @Executing.entry
     async def _execute(self, e: ExecutePath) -> Next:
-        waypoints = [
-            Waypoint(x, y, radius_m=self.kit.arrival_radius_m, timeout_s=e.timeout_s) for x, y in e.path
-        ]
+        waypoints = [Waypoint(x, y, radius_m=self.kit.arrival_radius_m, timeout_s=e.timeout_s) for x, y in e.path]
         for index, waypoint in enumerate(waypoints):
             goal_id = self.kit.port.goto(waypoint, tuple(waypoints[index + 1 :]))
             ended = await self.receive(GoalEnded, match=partial(_is_of, goal_id))

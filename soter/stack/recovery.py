@@ -54,9 +54,7 @@ class RecoveryPlanner:
         period_s: how often a safe controller looks (T_sc).
     """
 
-    def __init__(
-        self, terrain: Terrain, capabilities: Capabilities, rules: RecoveryRules, period_s: float
-    ) -> None:
+    def __init__(self, terrain: Terrain, capabilities: Capabilities, rules: RecoveryRules, period_s: float) -> None:
         self.terrain: Final = terrain
         self.rules: Final = rules
         self._v_max = capabilities.v_max_m_s

@@ -21,6 +21,9 @@ START_LIMIT_S = 60.0
 """A worker that is not ready after so much host time is killed, in seconds."""
 
 MEMORY_LIMIT_BYTES = 2 << 30
+"""Address space that a planner may use beyond the bare worker's, in bytes."""
+
+WALL_CLOCK_NICENESS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +97,9 @@ class PlanService:
         if in_process and planner in TRUSTED:
             self._local = build_planner(planner, workspace, body_radius_m, options, source)
             return
-        spec = WorkerSpec(planner, workspace, body_radius_m, dict(options or {}), source, memory_limit_bytes)
+        # A planner that runs wild must not starve the supervisors on the same host; in virtual time all wait for it.
+        niceness = 0 if virtual_time else WALL_CLOCK_NICENESS
+        spec = WorkerSpec(planner, workspace, body_radius_m, dict(options or {}), source, memory_limit_bytes, niceness)
         self._lanes += [Lane(spec, self._limits) for _ in range(workers)]
 
     @property

@@ -51,6 +51,7 @@ class WorkerSpec:
         options: the raw table of the planner.
         source: the mission file that the options are from, or None.
         memory_limit_bytes: address space that the planner may add to what the bare worker has.
+        niceness: how much less than the mission the worker is favoured by the scheduler.
     """
 
     planner: str
@@ -59,6 +60,7 @@ class WorkerSpec:
     options: Mapping[str, Any]
     source: str | None
     memory_limit_bytes: int
+    niceness: int
 
 
 def die_with_parent(lifeline_fd: int) -> None:
@@ -96,9 +98,8 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     die_with_parent(lifeline_fd)
     spec: WorkerSpec = pickle.load(stdin)  # noqa: S301 -- from the parent
     channel = socket.socket(fileno=socket_fd)
-    # A planner that runs wild must not starve a supervisor on the same host.
     with contextlib.suppress(OSError):
-        os.nice(5)
+        os.nice(spec.niceness)
     limit_memory(spec.memory_limit_bytes)
     planner = _build(spec, channel)
     channel.send(encode_start(StartMessage("ready")))
