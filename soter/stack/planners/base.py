@@ -132,4 +132,4 @@ class Planner(ABC):
 
     @abstractmethod
     def plan(self, request: PlanRequest) -> PlanResult:
-        """Return a path for the request, or a failure. It may take its time: the caller does not wait."""
+        """Return a path for the request, or a failure; the service gives it ten seconds of host time."""

@@ -17,6 +17,9 @@ from typing import Final
 from soter.stack.planners.wire import MAX_MESSAGE_BYTES
 from soter.stack.planners.worker import BOOTSTRAP, WorkerSpec
 
+KILL_LIMIT_S = 5.0
+"""A killed process is gone after milliseconds, unless the kernel holds it in a call, in seconds."""
+
 
 class WorkerDied(Exception):
     """The worker process is gone, or has closed its socket; the message says how it ended."""
@@ -94,12 +97,13 @@ class WorkerProcess:
         return bytes(memoryview(self._buffer)[:length])
 
     def kill(self) -> None:
-        """Kill the worker with whatever it has started, and wait until it is gone. Idempotent."""
+        """Kill the worker with whatever it has started, and wait at most `KILL_LIMIT_S` until it is gone."""
         if self._process.returncode is None:
             # Before the process is waited for: until then nobody else can have its id.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(KILL_LIMIT_S)
         if self._life_write >= 0:
             self._socket.close()
             os.close(self._life_write)

@@ -6,6 +6,7 @@ import itertools
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import ompl.base as ob
@@ -23,7 +24,7 @@ MAX_ASKED = 100
 """A search ends when OMPL has asked whether to stop so many times its number of checks."""
 
 SHORT_M = 0.01
-"""A leg shorter than this is left out, in metres."""
+"""A first or last leg shorter than this is left out, in metres."""
 
 
 class SamplingOptions(PlannerOptions):
@@ -132,7 +133,7 @@ class SamplingPlanner(Planner):
             reason = f"no path found within {self.options.checks} checks"
             return PlanResult.failed(request.request_id, reason, space.checks)
         reaches = goal == request.goal or not space.in_disc(*request.goal)
-        path = _tidy([request.start, *middle, *([request.goal] if reaches else [])])
+        path = _joined(request.start, middle, request.goal if reaches else goal)
         return PlanResult(request.request_id, path, space.checks, None, reaches)
 
     @abstractmethod
@@ -245,18 +246,23 @@ class RRTConnect(SamplingPlanner):
         return planner
 
 
-def _tidy(path: Sequence[Point]) -> tuple[Point, ...]:
-    """Return the waypoints of a path without its start, without very short legs and without points on straight lines.
+def _joined(start: Point, middle: Sequence[Point], goal: Point) -> tuple[Point, ...]:
+    """Return the waypoints from start to goal by the free path between, without the start and without needless ones.
 
-    Leaving out a point moves the path by less than `SHORT_M`, and only next to another waypoint.
+    Only legs that lead out of or into what is not free may be left out for being short: it moves the path by less
+    than `SHORT_M` there, while the free path keeps its clearance exactly.
     """
-    kept = [path[0]]
-    for number, point in enumerate(path[1:-1], start=1):
-        if math.dist(kept[-1], point) < SHORT_M or math.dist(point, path[-1]) < SHORT_M:
-            continue
-        if not _between(kept[-1], point, path[number + 1]):
+    inner = list(middle)
+    if math.dist(start, inner[0]) < SHORT_M:
+        inner.pop(0)
+    if inner and math.dist(inner[-1], goal) < SHORT_M:
+        inner.pop()
+    path = [start, *inner, goal]
+    kept = [start]
+    for point, after in pairwise(path[1:]):
+        if not _between(kept[-1], point, after):
             kept.append(point)
-    return (*kept[1:], path[-1])
+    return (*kept[1:], goal)
 
 
 def _between(a: Point, b: Point, c: Point) -> bool:

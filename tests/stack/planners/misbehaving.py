@@ -45,15 +45,20 @@ class Unprintable(BadPlanner):
         raise Odd
 
 
-class GarbageOptions(PlannerOptions):
-    kind: str = "none"
+KINDS = (
+    "none", "bare path", "text", "another request", "id of a type", "not a number", "infinite", "beyond floats",
+    "too long", "endless", "words", "flat", "three", "truth", "neither", "negative", "half", "reason", "failure",
+)  # fmt: skip
+
+
+class AnswersOptions(PlannerOptions):
+    kind: str = "any"
 
 
 class Answers(BadPlanner):
-    """Returns one of several kinds of garbage."""
+    """Returns the kind of garbage that the seed says."""
 
-    options_model: ClassVar[type[PlannerOptions]] = GarbageOptions
-    options: GarbageOptions
+    options_model: ClassVar[type[PlannerOptions]] = AnswersOptions
 
     def misbehave(self, request: PlanRequest) -> Any:
         number, here = request.request_id, request.goal
@@ -78,7 +83,7 @@ class Answers(BadPlanner):
             "half": wild(number, (here,), 0.5),
             "reason": wild(number, (), 1, 17),
             "failure": PlanResult.failed(number, "r" * 10_000, 50),
-        }[self.options.kind]
+        }[KINDS[request.seed]]
 
 
 class Sleeps(BadPlanner):

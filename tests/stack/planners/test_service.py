@@ -16,6 +16,7 @@ import pytest
 
 from soter.errors import ConfigError
 from soter.stack.planners import PlannerUnavailable, PlanRequest, PlanResult, PlanService
+from tests.stack.planners.misbehaving import KINDS
 from tests.stack.planners.places import CASE, RADIUS_M
 
 HERE = "tests.stack.planners.misbehaving"
@@ -33,6 +34,12 @@ def opened() -> Iterator[Open]:
             return service
 
         yield make
+
+
+@pytest.fixture(scope="module")
+def answers() -> Iterator[PlanService]:
+    with PlanService(f"{HERE}:Answers", CASE, RADIUS_M) as service:
+        yield service
 
 
 def request(number: int, goal: tuple[float, float] = (4.0, 4.0)) -> PlanRequest:
@@ -109,12 +116,13 @@ def test_exception_costs_the_plan_and_nothing_else(opened: Open, planner: str, r
         ("failure", "r" * 300),
     ],
 )
-def test_garbage_is_a_failed_plan(opened: Open, kind: str, reason: str) -> None:
-    service = opened(f"{HERE}:Answers", {"kind": kind})
-    result = answer(service, 1, BAD)
+def test_garbage_is_a_failed_plan(answers: PlanService, kind: str, reason: str) -> None:
+    number = KINDS.index(kind)
+    answers.submit(PlanRequest(number, 1, (1.0, 1.0), BAD, seed=number), 0.0)
+    (result,) = answers.due(1.0)
     assert (result.ok, result.path, result.reason) == (False, (), reason)
-    assert answer(service, 2, GOOD).path == (GOOD,)
-    assert service.deterministic
+    assert answer(answers, 100, GOOD).path == (GOOD,)
+    assert answers.deterministic
 
 
 @pytest.mark.parametrize("planner", ["Sleeps", "Spins", "HoldsTheInterpreter", "Ignores"])
@@ -210,7 +218,8 @@ def test_workers_die_with_the_mission(planner: str) -> None:
     script = f"""if True:
         import os
         from soter.stack.planners import PlanRequest, PlanService
-        from tests.stack.planners.places import CASE
+        from tests.stack.planners.misbehaving import KINDS
+from tests.stack.planners.places import CASE
         service = PlanService({planner!r}, CASE, 0.1, in_process=False)
         service.ready()
         service.submit(PlanRequest(1, 1, (1.0, 1.0), (-1.0, 1.0)), 0.0)
@@ -231,7 +240,8 @@ def test_main_module_is_not_run_again(tmp_path: Path) -> None:
     file.write_text(
         "print('main')\n"
         "from soter.stack.planners import PlanRequest, PlanService\n"
-        "from tests.stack.planners.places import CASE\n"
+        "from tests.stack.planners.misbehaving import KINDS
+from tests.stack.planners.places import CASE\n"
         "with PlanService('straight-line', CASE, 0.1, in_process=False) as service:\n"
         "    service.submit(PlanRequest(1, 1, (1.0, 1.0), (2.0, 1.0)), 0.0)\n"
         "    print(service.due(0.05)[0].path)\n"
