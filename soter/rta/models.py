@@ -8,7 +8,6 @@ from typing import Final
 
 from soter.rta.situation import Sample, Situation
 
-
 _ROUNDING_M: Final = 1e-9
 _ROUNDING_CHARGE: Final = 1e-6
 

@@ -1,4 +1,4 @@
-"""The supervisor: every tick it senses, lets the due decision modules judge, and drives through whoever is in charge."""
+"""The supervisor: every tick it senses, lets the due decision modules judge, and drives by whoever is in charge."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Actuator(Protocol):
     def read(self) -> Sample:
         """Return the latest sample without waiting."""
 
-    def drive(self, command: Any, mode: Mode) -> None:  # noqa: ANN401 - the commands are the stack's business
+    def drive(self, command: Any, mode: Mode) -> None:
         """Pass on a command of the controller in charge; None means stop."""
 
     def hand_over(self, mode: Mode, module: str, cause: str) -> None:
@@ -120,6 +120,7 @@ class RobotSupervisor:
         self.ac_failure = ""
         self._alarm = ""
         self._alarmed_until_s = -math.inf
+        self._refused = False
         self._announced_ac = False
 
     def fail_ac(self, cause: str) -> None:
@@ -138,7 +139,7 @@ class RobotSupervisor:
         self._alarm = ""
         try:
             sample = self.actuator.read()
-        except Exception as failure:
+        except Exception as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
             self._alarm = f"no state: {failure}"
             situation.now_s = now_s
             situation.age_s = now_s - before.stamp_s
@@ -188,7 +189,7 @@ class RobotSupervisor:
             self._change_driver(driver, fired, released)
         elif driver is None and not self._announced_ac:
             self._announced_ac = True
-            self.actuator.hand_over(Mode.AC, "", "no safety module is enabled")
+            self._attempt(lambda: self.actuator.hand_over(Mode.AC, "", "no safety module is enabled"))
 
     def act(self) -> None:
         """Let the controller in charge take its step, send what it published, renew the lease."""
@@ -198,17 +199,29 @@ class RobotSupervisor:
         waypoint = self._waypoint
         try:
             node.step(situation)
-            if waypoint.count != self._sent:
-                self._sent = waypoint.count
-                self.actuator.drive(waypoint.value, self.mode)
-        except Exception as failure:
+        except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
             self._isolate(node, failure)
-        self.actuator.renew()
+        if waypoint.count != self._sent:
+            self._sent = waypoint.count
+            self._attempt(lambda: self.actuator.drive(waypoint.value, self.mode))
+        if not self._refused:
+            self._attempt(self.actuator.renew)
+        self._refused = False
+
+    def _attempt(self, call: Callable[[], None]) -> None:
+        """Call the actuator; where it fails the lease is left to run out, and the AC loses control for a while."""
+        try:
+            call()
+        except Exception as failure:
+            logger.exception("robot %d: its interface failed", self.robot_id)
+            self._refused = True
+            self._alarmed_until_s = self.situation.now_s + ALARM_S
+            self._alarm = f"interface failed: {failure!r}"
 
     def _without_module(self) -> DecisionModule | None:
         """Return whose safe controller drives when no module asks for it, but the AC may not."""
         if not self.modules:
-            self.actuator.drive(None, self.mode)
+            self._attempt(lambda: self.actuator.drive(None, self.mode))
             return None
         return self.modules[-1] if self.ac_failure else self.modules[0]
 
@@ -229,10 +242,10 @@ class RobotSupervisor:
         if self.mode is not was or before is not driver:
             # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
             if self.mode is was:
-                self.actuator.drive(None, self.mode)
+                self._attempt(lambda: self.actuator.drive(None, self.mode))
             else:
                 self._announced_ac = True
-                self.actuator.hand_over(self.mode, name, cause)
+                self._attempt(lambda: self.actuator.hand_over(self.mode, name, cause))
         record = SwitchRecord(
             self.situation.now_s,
             self.robot_id,
@@ -248,12 +261,12 @@ class RobotSupervisor:
         if driver is not None:
             try:
                 driver.module.sc.engage(self.situation)
-            except Exception as failure:
+            except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
                 self._isolate(driver.module.sc, failure)
 
     def _isolate(self, node: Node, failure: Exception) -> None:
-        logger.exception("robot %d: node '%s' failed", self.robot_id, node.name)
-        self.actuator.drive(None, self.mode)
+        logger.error("robot %d: node '%s' failed", self.robot_id, node.name, exc_info=failure)
+        self._attempt(lambda: self.actuator.drive(None, self.mode))
         if self.mode is Mode.AC:
             self.fail_ac(f"AC failed: {failure!r}")
 

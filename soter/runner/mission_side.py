@@ -88,7 +88,7 @@ class MissionSide:
                 request, machine = self._waiting.pop(plan.request_id)
                 guard, state = self._guards.get(request.robot_id), self._ports[request.robot_id].state
                 if guard is not None and state is not None:
-                    plan = guard.judge(state, now_s, request, plan)  # noqa: PLW2901 - the judged one takes its place
+                    plan = guard.judge(state, now_s, request, plan)
                 self.runtime.post(machine, PathPlanned(plan.request_id, plan.path, plan.reason, plan.reaches_goal))
         self.runtime.run()
 

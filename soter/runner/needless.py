@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Final
 
 from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
@@ -79,14 +80,14 @@ class NeedlessJudge:
 
 
 def _length_m(way: Sequence[Place]) -> float:
-    return sum(math.dist(a, b) for a, b in zip(way, way[1:], strict=False))
+    return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
 def _moved(state: RobotState, way: Sequence[Place], travelled_m: float) -> RobotState:
     """Return the state of a robot that has gone so far along a way."""
     x, y = way[-1]
     left = travelled_m
-    for a, b in zip(way, way[1:], strict=False):
+    for a, b in pairwise(way):
         leg = math.dist(a, b)
         if left < leg:
             part = left / leg

@@ -1,4 +1,4 @@
-"""Ends a run whose mission code does not come back: in virtual time the physics waits for it, and so would everybody."""
+"""Ends a run whose mission code does not come back: in virtual time the physics waits for it."""
 
 from __future__ import annotations
 

@@ -77,11 +77,11 @@ class Fleet(ABC):
         for robot in self.robots:
             try:
                 robot.close(CLOSE_TIMEOUT_S)
-            except Exception as failure:
+            except Exception as failure:  # noqa: BLE001 - the other robots must be stopped too
                 failures.append(failure)
         try:
             self._close()
-        except Exception as failure:
+        except Exception as failure:  # noqa: BLE001 - raised below
             failures.append(failure)
         if failures:
             raise failures[0]
@@ -99,7 +99,7 @@ class Backend(ABC):
     robot_class: ClassVar[type[Robot]]
 
     @abstractmethod
-    def open(self, config: Any, robots: Sequence[RobotSpec]) -> Fleet:  # noqa: ANN401 - an instance of config_model
+    def open(self, config: Any, robots: Sequence[RobotSpec]) -> Fleet:
         """Open the robots; they are not ready before `init()`.
 
         Raises:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 from soter.rta import DecisionModule, Mode, Node, ReachModel, Region, RTAModule, Sample, Situation, Timing, Topic
@@ -51,7 +52,7 @@ class PathClearance(Region):
         wanted = min(self.least_m, self.terrain.clearance_m(*start))
         places = [start, *situation.offered.path]
         clear = min(
-            (self.terrain.segment_clearance_m(*a, *b) for a, b in zip(places, places[1:], strict=False)),
+            (self.terrain.segment_clearance_m(*a, *b) for a, b in pairwise(places)),
             default=-math.inf,
         )
         return clear - wanted
@@ -158,7 +159,8 @@ class PathGuard:
         self._topic: Topic[PlanResult] = Topic(PATH)
         self.module: Final = RTAModule(
             PATH, OfferedPath(self._topic, delta_s), CertifiedPath(self._topic, delta_s, terrain, clearance_m),
-            delta_s, PathClearance(terrain, phi_safe_m), PathClearance(terrain, phi_safer_m), StandsStill(), dwell_s=0.0,
+            delta_s, PathClearance(terrain, phi_safe_m), PathClearance(terrain, phi_safer_m), StandsStill(),
+            dwell_s=0.0,
         )  # fmt: skip
         self.module.check(Timing(), delta_s)
         self._decision: Final = DecisionModule(self.module, Timing(), delta_s)

@@ -1,7 +1,7 @@
 """Shortest ways to one place past the boxes: a visibility graph over the corners of the grown boxes.
 
-Lozano-Perez and Wesley, "An algorithm for planning collision-free paths among polyhedral obstacles", CACM 1979. Axis-aligned boxes
-grown to rectangles keep it exact and small, and its polylines are straight legs that can be certified one by one.
+Lozano-Perez and Wesley, "An algorithm for planning collision-free paths among polyhedral obstacles", CACM 1979.
+Axis-aligned boxes grown to rectangles keep it exact and small; its straight legs can be certified one by one.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Final
 
 from soter.stack.terrain import Point, Terrain, crosses, grown
@@ -39,10 +40,8 @@ class Routes:
         self._rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
         corners = [place]
         for low_x, low_y, high_x, high_y in self._rectangles:
-            for x in (low_x - _CORNER_M, high_x + _CORNER_M):
-                for y in (low_y - _CORNER_M, high_y + _CORNER_M):
-                    if terrain.fence_m(x, y) >= inset_m - 1e-3 and not self._covered(x, y):
-                        corners.append((x, y))
+            around = product((low_x - _CORNER_M, high_x + _CORNER_M), (low_y - _CORNER_M, high_y + _CORNER_M))
+            corners += [(x, y) for x, y in around if terrain.fence_m(x, y) >= inset_m and not self._covered(x, y)]
         self._corners: Final = tuple(corners)
         self._to_go_m: Final = self._distances()
 

@@ -61,10 +61,9 @@ class Terrain:
         for low_x, low_y, high_x, high_y in self._edges:
             dx = low_x - x_m if x_m < low_x else x_m - high_x
             dy = low_y - y_m if y_m < low_y else y_m - high_y
-            if dx > 0.0:
-                distance = math.sqrt(dx * dx + dy * dy) if dy > 0.0 else dx
-            else:
-                distance = dy if dy > dx else dx
+            distance = max(dx, dy)
+            if dx > 0.0 and dy > 0.0:
+                distance = math.sqrt(dx * dx + dy * dy)
             if distance < least:
                 least = distance
         return least - self.body_radius_m
