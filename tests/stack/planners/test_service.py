@@ -127,7 +127,7 @@ def test_garbage_is_a_failed_plan(answers: PlanService, kind: str, reason: str) 
 
 @pytest.mark.parametrize("planner", ["Sleeps", "Spins", "HoldsTheInterpreter", "Ignores"])
 def test_silence_beyond_the_limit_costs_the_worker(opened: Open, planner: str) -> None:
-    service = opened(f"{HERE}:{planner}", time_limit_s=0.3)
+    service = opened(f"{HERE}:{planner}", time_limit_s=0.5)
     pids = service.pids
     service.submit(request(1, BAD), 0.0)
     service.submit(request(2, GOOD), 0.0)
@@ -135,9 +135,9 @@ def test_silence_beyond_the_limit_costs_the_worker(opened: Open, planner: str) -
     (result,) = service.due(0.05)
     assert (result.request_id, result.ok) == (2, True)
     (result,) = service.due(1.0)
-    assert result.reason == "the planner did not answer within 0.3 s of host time"
+    assert result.reason == "the planner did not answer within 0.5 s of host time"
     assert not service.deterministic
-    assert service.incidents == ("request 1: the planner did not answer within 0.3 s of host time",)
+    assert service.incidents == ("request 1: the planner did not answer within 0.5 s of host time",)
     assert service.pids != pids
     assert is_gone(pids[0])
 
@@ -218,8 +218,7 @@ def test_workers_die_with_the_mission(planner: str) -> None:
     script = f"""if True:
         import os
         from soter.stack.planners import PlanRequest, PlanService
-        from tests.stack.planners.misbehaving import KINDS
-from tests.stack.planners.places import CASE
+        from tests.stack.planners.places import CASE
         service = PlanService({planner!r}, CASE, 0.1, in_process=False)
         service.ready()
         service.submit(PlanRequest(1, 1, (1.0, 1.0), (-1.0, 1.0)), 0.0)
@@ -240,8 +239,7 @@ def test_main_module_is_not_run_again(tmp_path: Path) -> None:
     file.write_text(
         "print('main')\n"
         "from soter.stack.planners import PlanRequest, PlanService\n"
-        "from tests.stack.planners.misbehaving import KINDS
-from tests.stack.planners.places import CASE\n"
+        "from tests.stack.planners.places import CASE\n"
         "with PlanService('straight-line', CASE, 0.1, in_process=False) as service:\n"
         "    service.submit(PlanRequest(1, 1, (1.0, 1.0), (2.0, 1.0)), 0.0)\n"
         "    print(service.due(0.05)[0].path)\n"
@@ -347,7 +345,7 @@ def test_planner_that_cannot_start_is_an_error(
     opened: Open, planner: str, error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        opened(f"{HERE}:{planner}", start_limit_s=1.0)
+        opened(f"{HERE}:{planner}", start_limit_s=1.0 if planner == "NeverBuilt" else 60.0)
 
 
 def test_planner_that_cannot_start_again_costs_plans_only() -> None:
