@@ -117,7 +117,7 @@ def line(progress: Progress) -> str:
 
 
 def _robot_in_words(robot: RobotProgress) -> str:
-    charge = "" if robot.battery is None else f" {robot.battery:.0%}"
+    charge = "" if robot.battery is None else f" {100.0 * robot.battery:.0f} %"
     return f"robot {robot.robot_id}: {robot.driver}{charge}"
 
 
@@ -153,15 +153,15 @@ class LiveDisplay:
 
 def frame(progress: Progress, width: int, height: int) -> RenderableType:
     """Return the live display for a terminal of a size in characters."""
-    # The table's head and foot take three lines, the line below it and the cursor's line two.
-    room = max(1, height - 6)
+    # The table's head and foot take four lines, the lines below it and the cursor's line three.
+    room = max(2, height - 7)
     shown = progress.robots if len(progress.robots) <= room else progress.robots[: room - 1]
     hidden = len(progress.robots) - len(shown)
     parts: list[RenderableType] = [_robot_table(shown, wide=width >= WIDE_COLUMNS)]
     if hidden:
         in_ac = sum(robot.driver == "AC" for robot in progress.robots[len(shown) :])
         parts.append(Text(f"and {hidden} more robots, {in_ac} of them in AC", "dim"))
-    parts.append(_status_line(progress))
+    parts += [_bar_line(progress), _violations_line(progress)]
     return Group(*parts)
 
 
@@ -170,8 +170,7 @@ def _robot_table(robots: tuple[RobotProgress, ...], *, wide: bool) -> Table:
     columns = modules if wide and modules else ["least margin"]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, expand=True)
     table.add_column("robot", justify="right", no_wrap=True)
-    table.add_column("driven by", no_wrap=True, min_width=9)
-    table.add_column("because", no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column("driven by", no_wrap=True, overflow="ellipsis", ratio=1)
     table.add_column("charge", no_wrap=True, min_width=12)
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True, min_width=7 if wide else 16)
@@ -181,8 +180,7 @@ def _robot_table(robots: tuple[RobotProgress, ...], *, wide: bool) -> Table:
         margins = [margin_in_words(module, robot.margins.get(module, math.nan)) for module in modules]
         table.add_row(
             str(robot.robot_id),
-            Text(robot.driver, "blue" if robot.driver == "AC" else MODULE_STYLES.get(robot.driver, "red")),
-            Text(robot.cause),
+            _driver(robot),
             _charge_bar(robot.battery),
             *(margins if columns is modules else [least_margin(robot)]),
             str(robot.targets_reached),
@@ -191,23 +189,33 @@ def _robot_table(robots: tuple[RobotProgress, ...], *, wide: bool) -> Table:
     return table
 
 
+def _driver(robot: RobotProgress) -> Text:
+    if robot.driver == "AC":
+        return Text("AC", "blue")
+    style = f"bold {MODULE_STYLES.get(robot.driver, 'red')}"
+    return Text.assemble((robot.driver, style), f": {robot.cause}" if robot.cause else "")
+
+
 def _charge_bar(charge: float | None) -> RenderableType:
     if charge is None:
         return Text("unknown", "dim")
     style = "red" if charge < 0.2 else "yellow" if charge < 0.5 else "green"
     row = Table.grid(padding=(0, 1, 0, 0))
     row.add_row(ProgressBar(1.0, min(max(charge, 0.0), 1.0), width=6, complete_style=style, finished_style=style),
-                Text(f"{charge:4.0%}"))  # fmt: skip
+                Text(f"{100.0 * charge:3.0f} %"))  # fmt: skip
     return row
 
 
-def _status_line(progress: Progress) -> RenderableType:
+def _bar_line(progress: Progress) -> RenderableType:
     row = Table.grid(padding=(0, 2, 0, 0))
-    counted = any((progress.violations or {}).values())
     row.add_row(
-        ProgressBar(progress.duration_s, progress.time_s, width=24),
+        ProgressBar(progress.duration_s, progress.time_s, width=30),
         Text(f"{progress.time_s:.0f} of {progress.duration_s:.0f} s"),
         Text(speed(progress)),
-        Text(violations_in_words(progress.violations), "bold red" if counted else ""),
     )
     return row
+
+
+def _violations_line(progress: Progress) -> RenderableType:
+    counted = any((progress.violations or {}).values())
+    return Text(violations_in_words(progress.violations), "bold red" if counted else "", no_wrap=True)

@@ -94,7 +94,7 @@ def run(
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         done, stopped_by = _run(loaded, quiet=quiet, to_stderr=str(json) == "-")
-        written = _write(done, result_file, picture_file)
+        written = _write(done, loaded, result_file, picture_file)
         raise typer.Exit(_exit_code(done.result, stopped_by) if written else ExitCode.RUN_FAILED)
 
 
@@ -115,7 +115,9 @@ def _run(mission: Mission, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | 
     return done, stop.received
 
 
-def _write(done: Run, result_file: Output | StandardOutput | None, picture_file: Output | None) -> bool:
+def _write(
+    done: Run, mission: Mission, result_file: Output | StandardOutput | None, picture_file: Output | None
+) -> bool:
     """Write the files that were asked for; return whether all could be written."""
     written = True
     try:
@@ -129,7 +131,7 @@ def _write(done: Run, result_file: Output | StandardOutput | None, picture_file:
             from soter.cli.summary import caption
             from soter.report.picture import draw_png
 
-            picture_file.write(draw_png(done.tracks, caption(done.result)))
+            picture_file.write(draw_png(done.tracks, caption(done.result, mission.rta.battery.phi_safer)))
     except OSError as failure:
         complain(f"the picture could not be written: {failure}")
         written = False

@@ -16,7 +16,7 @@ from soter.runner.result import THESIS_AC_SHARE, THESIS_DISENGAGEMENTS
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soter.report.caption import Caption
+    from soter.report.caption import Caption, Rule
     from soter.runner import RunResult
 
 THESIS_DURATION_S: Final = 7200.0
@@ -84,8 +84,8 @@ def _violations(result: RunResult) -> Iterator[Row]:
 
 
 def _control(result: RunResult) -> Iterator[Row]:
-    yield Row("AC in control", f"{result.ac_share:.1%}", f"{THESIS_AC_SHARE:.1%}", "bold")
-    yield Row("  without charging", f"{result.ac_share_without_charging:.1%}")
+    yield Row("AC in control", _percent(result.ac_share), _percent(THESIS_AC_SHARE), "bold")
+    yield Row("  without charging", _percent(result.ac_share_without_charging))
     comparable = not differences(result)
     total = result.disengagements_total
     yield Row("disengagements", str(total), str(THESIS_DISENGAGEMENTS) if comparable else "", "bold")
@@ -169,8 +169,13 @@ def print_summary(console: Console, result: RunResult) -> None:
     console.print(Text(f"trace {result.trace_sha256}", "dim"), soft_wrap=True)
 
 
-def caption(result: RunResult) -> Caption:
-    """Return what stands above and beside the picture of a run."""
+def caption(result: RunResult, safer_charge: float) -> Caption:
+    """Return what stands above and beside the picture of a run.
+
+    Args:
+        result: the run's figures.
+        safer_charge: phi_safer of the battery module, from 0 to 1.
+    """
     from soter.report.caption import Caption
 
     name = PurePath(result.mission).stem or "mission"
@@ -179,19 +184,29 @@ def caption(result: RunResult) -> Caption:
     else:
         total = sum(result.violations.values())
         violations = _many(total, "violation") if total else "no violation"
+    on = f"the {result.engine} engine" if result.engine else result.backend
     ended = "" if result.status == "completed" else f" ({result.status})"
     return Caption(
-        title=f"{name}: {_many(result.robots, 'robot')}, {_time(result.duration_s)} on "
-              f"{result.engine or result.backend}{ended}",
+        title=f"{name}: {_many(result.robots, 'robot')}, {_time(result.duration_s)} on {on}{ended}",
         figures=(
-            f"AC in control {result.ac_share:.1%}",
+            f"AC in control {_percent(result.ac_share)}",
             _many(result.disengagements_total, "disengagement"),
             violations,
         ),
         alarming=result.violated,
-        disengagements=dict(result.disengagements),
         details=f"{result.targets_from} targets, planner {result.planner}, seed {result.seed}",
+        disengagements=dict(result.disengagements),
+        rules=tuple(_rules(result)),
+        safer_charge=safer_charge if "battery" in result.modules else None,
     )  # fmt: skip
+
+
+def _rules(result: RunResult) -> Iterator[Rule]:
+    from soter.report.caption import Rule
+
+    for rule, count in (result.violations or {}).items():
+        margin = (result.min_margin or {}).get(rule, math.nan)
+        yield Rule(rule, f"{count} ×", _precise(rule, margin) if math.isfinite(margin) else "-", broken=count > 0)
 
 
 # --- words -------------------------------------------------------------------------------------------------
@@ -213,5 +228,10 @@ def _listed(names: tuple[str, ...]) -> str:
     return ", ".join(names)
 
 
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.1f} %"
+
+
 def _precise(rule: str, margin: float) -> str:
-    return f"{margin:.1%}" if rule == "battery" else f"{margin:.3f} m"
+    # Adding zero makes minus zero plain.
+    return _percent(margin) if rule == "battery" else f"{round(margin, 3) + 0.0:.3f} m"

@@ -4,6 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+
+class Rule(NamedTuple):
+    """How a safety rule fared, in words.
+
+    Attributes:
+        name: the rule.
+        violations: how often it was broken.
+        margin: the least margin that was left, with its unit; negative where it was broken.
+        broken: whether it was.
+    """
+
+    name: str
+    violations: str
+    margin: str
+    broken: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,12 +31,16 @@ class Caption:
         title: what was run.
         figures: the few numbers that matter most, each a few words.
         alarming: whether the figures are bad news, and set as such.
-        disengagements: by safety module; empty where they were not counted.
         details: what else it takes to run it again.
+        disengagements: by safety module; a module that is not in it was not counted.
+        rules: as ground truth judged them; empty without it.
+        safer_charge: charge from 0 to 1 from which a robot is given back; None without that module.
     """
 
     title: str = ""
     figures: tuple[str, ...] = ()
     alarming: bool = False
-    disengagements: Mapping[str, int] = field(default_factory=dict)
     details: str = ""
+    disengagements: Mapping[str, int] = field(default_factory=dict)
+    rules: tuple[Rule, ...] = ()
+    safer_charge: float | None = None

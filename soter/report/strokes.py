@@ -1,0 +1,122 @@
+"""What of a run is drawn, before anything is drawn: who was in control when, for how long, and where it changed."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from soter.record.tracks import RunTracks, Track
+from soter.rta import SwitchRecord
+
+LONG_S: Final = 900.0
+"""Ways of a longer run hide each other."""
+
+LAST_S: Final = 600.0
+"""Of a long run only the ways of its end are drawn."""
+
+
+class Stretch(NamedTuple):
+    """Neighbouring samples with one driver.
+
+    Attributes:
+        driver: index into `RunTracks.drivers`.
+        first: index of the first sample.
+        last: index of the last; the first of the next stretch, so that there is no gap between them.
+    """
+
+    driver: int
+    first: int
+    last: int
+
+
+class Mark(NamedTuple):
+    """A place at which a robot changed hands, in metres.
+
+    Attributes:
+        robot_id: which robot.
+        x_m: east.
+        y_m: north.
+        module: the module that took over from the AC, or None where the AC got the robot back.
+    """
+
+    robot_id: int
+    x_m: float
+    y_m: float
+    module: str | None
+
+
+def stretches(track: Track, since_s: float = -math.inf) -> list[Stretch]:
+    """Return who drove a robot, in order, from a time on."""
+    first = bisect_left(track.time_s, since_s)
+    found: list[Stretch] = []
+    driver, count = track.driver, len(track.time_s)
+    for index in range(first + 1, count):
+        if driver[index] != driver[first]:
+            found.append(Stretch(driver[first], first, index))
+            first = index
+    if first < count - 1:
+        found.append(Stretch(driver[first], first, count - 1))
+    return found
+
+
+def end_s(run: RunTracks) -> float:
+    """Return when a run ended; 0 if there is nothing of it."""
+    return max((track.time_s[-1] for track in run.tracks.values() if len(track.time_s)), default=0.0)
+
+
+def ways_since_s(run: RunTracks) -> float:
+    """Return the time from which on a run's ways are drawn: all of a short run, the end of a long one."""
+    end = end_s(run)
+    return end - LAST_S if end > LONG_S else 0.0
+
+
+def shares(run: RunTracks) -> list[float]:
+    """Return the part of the robots' time in which each driver was in control; they add up to 1, or are all 0."""
+    spent = [0.0] * len(run.drivers)
+    for track in run.tracks.values():
+        for driver, first, last in stretches(track):
+            spent[driver] += track.time_s[last] - track.time_s[first]
+    total = sum(spent)
+    return [part / total for part in spent] if total > 0.0 else spent
+
+
+def place_at(track: Track, time_s: float) -> tuple[float, float] | None:
+    """Return where a robot was, x and y in metres, between two samples on the straight line; None if never sampled."""
+    times = track.time_s
+    if not times:
+        return None
+    after = min(bisect_left(times, time_s), len(times) - 1)
+    before = max(after - 1, 0)
+    span_s = times[after] - times[before]
+    part = min(max((time_s - times[before]) / span_s, 0.0), 1.0) if span_s > 0.0 else 0.0
+    return (
+        track.x_m[before] + part * (track.x_m[after] - track.x_m[before]),
+        track.y_m[before] + part * (track.y_m[after] - track.y_m[before]),
+    )
+
+
+def marks(run: RunTracks, since_s: float) -> list[Mark]:
+    """Return where robots left and got back their AC, from a time on. A change from one module to another is none."""
+    found = []
+    for switch in _between_ac_and_sc(run.switches):
+        track = run.tracks.get(switch.robot_id)
+        # Every module starts in SC: giving the robot to its AC for the first time tells nothing.
+        if track is None or switch.time_s < since_s or (switch.after is None and switch.time_s <= 0.0):
+            continue
+        place = place_at(track, switch.time_s)
+        if place is not None:
+            found.append(Mark(switch.robot_id, *place, switch.after))
+    return found
+
+
+def _between_ac_and_sc(switches: Sequence[SwitchRecord]) -> list[SwitchRecord]:
+    return [switch for switch in switches if (switch.before is None) != (switch.after is None)]
+
+
+def time_unit(seconds: float) -> tuple[float, str]:
+    """Return the unit for an axis of so many seconds: its length in seconds, and its name."""
+    if seconds < 180.0:
+        return 1.0, "s"
+    return (60.0, "min") if seconds <= 4 * 3600.0 else (3600.0, "h")
