@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from soter.machine.errors import MachineError, SpecError, UnhandledEventError
 from soter.machine.events import Event, Halt, MachineRef
 from soter.machine.intake import EVENT, INTERRUPTED, NOTHING, RECEIVED, START, Intake, Wait
-from soter.machine.states import NO_PAYLOAD, Goto, Raise, Stay
+from soter.machine.states import NO_PAYLOAD, Goto, Raise, State, Stay
 from soter.machine.tables import (
     CROSS,
     ENTER,
@@ -110,13 +110,17 @@ class Cell(Intake):
         self.waiting = None
         if event.__class__ is Halt and not wait.explicit_halt:
             self.abandon()
-            if handler.role >= FIRST_SILENT:
-                # The state is already being left: nothing can handle the Halt any more.
-                self.ending = None
+            if handler.role < FIRST_SILENT:
+                self._run(self._dispatch(event))
+                return
+            # The state is being left already: nothing can handle the Halt any more. But an event that was not
+            # handled, which may be why the state is being left, must not go unnoticed.
+            assert self.ending is not None
+            if self.ending[0] is None:
+                self._run(self._proceed(crossed=True))
+            else:
                 self.handler = None
                 self.core.halt(self)
-            else:
-                self._run(self._dispatch(event))
             return
         self._follow(self._advance(event))
 
@@ -169,9 +173,11 @@ class Cell(Intake):
         except StopIteration as stop:
             self.coro = None
             return stop.value
-        except Exception as exc:
+        except BaseException as exc:
             self.coro = None
-            raise self.failure(exc) from exc
+            if isinstance(exc, Exception):
+                raise self.failure(exc) from exc
+            raise
         if request.__class__ is not Wait or request.cell is not self:
             what = "receive() of another machine" if isinstance(request, Wait) else type(request).__name__
             line = coro.cr_frame.f_lineno if coro.cr_frame is not None else "?"
@@ -238,7 +244,7 @@ class Cell(Intake):
             raise self.error(f"returned {result!r}, but while a state is left nothing can be decided")
         self.entry_lost = False
         if cls is Goto:
-            target = self.table.by_state.get(result.state)
+            target = self.table.by_state.get(result.state) if isinstance(result.state, State) else None
             if target is None:
                 raise self.error(f"returned {result!r}, but that is no state of {self.table.name}")
             return self._leave((target, result.payload, None, self.event))

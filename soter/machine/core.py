@@ -10,6 +10,7 @@ from soter.machine.cell import Cell, SpecCell
 from soter.machine.errors import MachineError, MisuseError
 from soter.machine.events import Event, MachineRef, guard_of
 from soter.machine.intake import NOTHING
+from soter.machine.machines import Machine
 from soter.machine.states import NO_PAYLOAD, State
 from soter.machine.tables import DEFER, LAST_TAKEN, ClassTable, StateTable
 from soter.machine.timers import TimerQueue
@@ -17,7 +18,6 @@ from soter.machine.timers import TimerQueue
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from soter.machine.machines import Machine
     from soter.machine.timers import Timer
 
 
@@ -64,8 +64,10 @@ class Core:
 
     # Machines come and go
 
-    def make(self, machine: type[Machine], payload: object, name: str | None, kwargs: dict[str, Any]) -> Cell:
+    def make(self, machine: Any, payload: object, name: str | None, kwargs: dict[str, Any]) -> Cell:
         """Make a machine that does not run yet."""
+        if not (isinstance(machine, type) and issubclass(machine, Machine)):
+            raise MisuseError(f"create() takes a machine class, not {machine!r}")
         table = machine.__table__
         if table.start is None:
             raise MisuseError(f"{table.name} has no start state; create a subclass that has one")
@@ -253,8 +255,6 @@ class Core:
 
     def run(self, max_steps: int | None) -> int:
         """Do steps until nothing can be done now."""
-        if self.current is not None:
-            raise MisuseError("run() was called by a handler; it is for the program outside the machines")
         steps = 0
         ready = self.ready
         posted = self.posted
@@ -346,8 +346,7 @@ class Core:
             # Whether it can take any of it is found out when its turn comes.
             more = bool(cell.queue) or (state.idle is not None and not cell.idled)
         elif state.interrupts or state.idle is not None:
-            # What is taken here depends on what arrives before the next step, so it must be a step of its
-            # own.
+            # What is taken here depends on what arrives before the next step, so it must be a step of its own.
             more = cell.can_take()
         else:
             more = cell.take() != NOTHING

@@ -201,6 +201,8 @@ class Runtime:
             MisuseError: A handler called this.
         """
         core = self._core
+        if core.current is not None:
+            raise MisuseError("run() was called by a handler; it is for the program outside the machines")
         if not (core.ready or core.posted or core.idled or core.audience.failures):
             heap = core.timers.heap
             if not heap or heap[0][0] > core.now():
@@ -285,8 +287,14 @@ class Runtime:
         return tuple(cell.ref for cell in core.ready) if core.choosing else ()
 
     def state(self, machine: MachineRef) -> str | None:
-        """Return the name of the state a machine or spec is in; None if it has stopped."""
+        """Return the name of the state a machine or spec is in; None if it has stopped.
+
+        Raises:
+            MisuseError: The machine belongs to another runtime.
+        """
         core = self._core
+        if machine.node != core.node:
+            raise MisuseError(f"{machine} lives in runtime {machine.node!r}; its state is not known here")
         cell = core.cells.get(machine.id)
         if cell is None:
             cell = next((spec for spec in core.audience.specs if spec.ref.id == machine.id), None)

@@ -276,14 +276,14 @@ class Returns(Logger):
         return None
 
 
-def test_a_path_without_a_return_is_an_error_where_a_return_was_declared() -> None:
+def test_none_is_an_error_where_something_else_was_declared() -> None:
     made, ref = start(Returns)
     made.post(ref, A())
     with pytest.raises(HandlerError, match=r"returned None.*Returns\.S\.on\(A\) \(_forgets\)"):
         made.run()
 
 
-def test_none_is_stay_where_it_was_declared() -> None:
+def test_none_is_stay_where_it_was_declared_too() -> None:
     made, ref = start(Returns)
     feed(made, ref, Num(1))
     assert made.state(ref) == "S"

@@ -61,7 +61,8 @@ def test_the_queue_follows_the_rule(sent: list[type[Event]], at_once: bool) -> N
 
 def _by_the_rule(sent: list[type[Event]]) -> list[str]:
     """Dequeue by scanning from the front; all is queued before the first is taken, or each is taken at once."""
-    queue, closed, log = list(sent), True, []
+    queue, closed = list(sent), True
+    log: list[str] = []
     while True:
         taken = None
         kept = []

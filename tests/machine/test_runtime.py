@@ -1,0 +1,562 @@
+from __future__ import annotations
+
+import pickle
+import threading
+from typing import Any
+
+import pytest
+
+from soter.machine import (
+    Goto,
+    Halt,
+    HandlerError,
+    Machine,
+    MachineError,
+    MachineRef,
+    MisuseError,
+    Next,
+    Runtime,
+    State,
+    Stay,
+    Timer,
+    Transition,
+    UnhandledEventError,
+)
+from tests.machine.helpers import A, B, C, D, Logger, ManualClock, Num, To, feed, runtime, start
+
+
+class Timed(Logger):
+    S = State(start=True)
+    timer: Timer
+
+    @S.on(Num)
+    def _start(self, e: Num) -> None:
+        self.timer = self.after(e.n, A())
+
+    @S.on(A, C)
+    def _fired(self, e: A | C) -> None:
+        self.log.append((type(e).__name__, self.now()))
+
+    @S.on(B)
+    def _cancel(self) -> None:
+        self.log.append(self.timer.cancel())
+
+
+def _next_timer(made: Runtime) -> float | None:
+    return made.next_timer_s
+
+
+def test_timers_fire_at_their_time_in_the_order_of_their_times() -> None:
+    clock = ManualClock()
+    made = runtime(now=clock)
+    log: list[object] = []
+    ref = made.create(Timed, log=log)
+    assert _next_timer(made) is None
+    feed(made, ref, Num(3))
+    made.call_at(2.0, ref, C())
+    made.call_at(2.0, ref, A())
+    assert _next_timer(made) == 2.0
+    assert made.run() == 0
+    clock.time_s = 2.0
+    assert not made.idle
+    assert made.run() == 2
+    clock.time_s = 3.5
+    assert made.run() == 1
+    assert log == [("C", 2.0), ("A", 2.0), ("A", 3.5)]
+    assert made.next_timer_s is None
+
+
+def test_a_timer_can_be_cancelled_once() -> None:
+    clock = ManualClock()
+    made = runtime(now=clock)
+    log: list[object] = []
+    ref = made.create(Timed, log=log)
+    feed(made, ref, Num(1), B(), B())
+    assert log == [True, False]
+    assert made.next_timer_s is None
+    timer = made.call_at(1.0, ref, A())
+    assert (timer.active, timer.time_s) == (True, 1.0)
+    clock.time_s = 2.0
+    made.run()
+    assert not timer.active
+    assert not timer.cancel()
+    assert log == [True, False, ("A", 2.0)]
+
+
+def test_a_time_in_the_past_is_due_at_once() -> None:
+    log: list[object] = []
+    made, ref = start(Timed, log=log)
+    made.call_at(-5.0, ref, A())
+    assert made.run() == 1
+    assert log == [("A", 0.0)]
+
+
+def test_a_timer_of_a_halted_machine_does_nothing() -> None:
+    clock = ManualClock()
+    made = runtime(now=clock)
+    ref = made.create(Timed)
+    feed(made, ref, Num(1), Halt())
+    clock.time_s = 1.0
+    assert made.run() == 0
+
+
+@pytest.mark.parametrize("time_s", [float("nan"), float("inf")])
+def test_times_are_finite(time_s: float) -> None:
+    made, ref = start(Timed)
+    with pytest.raises(ValueError, match="finite number of seconds"):
+        made.call_at(time_s, ref, A())
+    made.post(ref, Num(-1))
+    with pytest.raises(HandlerError, match="a delay must be a finite number of seconds, 0 or more, not -1"):
+        made.run()
+
+
+class Failing(Logger):
+    S = State(start=True)
+
+    @S.on(A)
+    def _a(self) -> None:
+        raise RuntimeError("broken")
+
+    @S.on(B)
+    async def _b(self) -> None:
+        await self.receive(C)
+        raise KeyError("later")
+
+    @S.on(To)
+    def _to(self, e: To) -> None:
+        self.send(e.ref, Num(1))
+        raise RuntimeError("after a send")
+
+    @S.on(Num)
+    def _num(self, e: Num) -> None:
+        self.log.append(e.n)
+
+
+def test_an_exception_is_wrapped_with_the_place() -> None:
+    made, ref = start(Failing, name="failing")
+    made.post(ref, A())
+    with pytest.raises(HandlerError) as caught:
+        made.run()
+    error = caught.value
+    assert isinstance(error, MachineError)
+    assert (error.machine, error.state, error.handler) == ("failing", "S", "Failing.S.on(A) (_a)")
+    assert error.event == A()
+    assert isinstance(error.__cause__, RuntimeError)
+    assert str(error) == ("RuntimeError: broken [machine failing, state S, handler Failing.S.on(A) (_a), event A()]")
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301
+    assert made.state(ref) is None
+    assert made.run() == 0
+
+
+def test_a_long_event_is_shortened_in_the_message() -> None:
+    error = HandlerError("x", machine="m", state="s", handler=None, event=Num(10**300))
+    assert len(str(error)) < 300
+    assert str(error).endswith("...]")
+
+
+def test_an_exception_after_a_receive_is_too() -> None:
+    made, ref = start(Failing)
+    feed(made, ref, B())
+    made.post(ref, C())
+    with pytest.raises(HandlerError, match=r"KeyError: 'later'.*on\(B\) \(_b\), event C\(\)"):
+        made.run()
+
+
+@pytest.mark.parametrize("pick", [None, lambda n: 0])
+def test_an_application_can_isolate_the_machine_that_failed(pick: Any) -> None:
+    failures: list[MachineError] = []
+    log: list[object] = []
+    made = runtime(on_failure=failures.append, pick=pick)
+    bad, good = made.create(Failing), made.create(Failing, log=log)
+    for event in (A(), Num(1)):
+        made.post(bad, event)
+        made.post(good, Num(7))
+    made.run()
+    assert [failure.machine for failure in failures] == ["Failing-1"]
+    assert made.state(bad) is None
+    assert log == [7, 7]
+    feed(made, made.create(Failing), To(good), D())
+    assert log == [7, 7, 1]
+    assert [type(failure) for failure in failures] == [HandlerError, HandlerError]
+
+
+def test_run_can_be_called_again_after_a_failure() -> None:
+    log: list[object] = []
+    made, bad = start(Failing)
+    good = made.create(Failing, log=log)
+    made.run()
+    made.post(bad, A())
+    made.post(good, Num(1))
+    with pytest.raises(HandlerError):
+        made.run()
+    made.run()
+    assert log == [1]
+
+
+def test_what_the_policy_raises_leaves_run() -> None:
+    class Stop(Exception):
+        pass
+
+    def stop(error: MachineError) -> None:
+        raise Stop from error
+
+    made = runtime(on_failure=stop)
+    ref = made.create(Failing)
+    made.post(ref, A())
+    with pytest.raises(Stop):
+        made.run()
+
+
+def test_the_policy_may_replace_the_machine() -> None:
+    log: list[object] = []
+    made = runtime(on_failure=lambda error: replace())
+
+    def replace() -> None:
+        made.post(made.create(Failing, log=log), Num(5))
+
+    ref = made.create(Failing)
+    feed(made, ref, A())
+    assert log == [5]
+
+
+class Interrupted(Logger):
+    S = State(start=True)
+
+    @S.on(A)
+    def _a(self) -> None:
+        raise KeyboardInterrupt
+
+    @S.on(B)
+    async def _b(self) -> None:
+        raise KeyboardInterrupt
+
+    @S.on(Num)
+    def _num(self, e: Num) -> None:
+        self.log.append(e.n)
+
+
+def test_ctrl_c_leaves_the_runtime_usable() -> None:
+    log: list[object] = []
+    made, ref = start(Interrupted, log=log)
+    for event in (A(), Num(1), B(), Num(2)):
+        made.post(ref, event)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            made.run()
+        assert made.current_handler is None
+    made.run()
+    assert log == [1, 2]
+    made.close()
+
+
+class Looker(Logger):
+    S = State(start=True)
+    T = State()
+
+    @S.on(A)
+    async def _a(self) -> Next:
+        made: Runtime = self.log[0]
+        self.log.append(made.current_handler)
+        await self.receive(B)
+        self.log.append(made.current_handler)
+        return Goto(self.T)
+
+    @T.entry
+    def _enter(self) -> None:
+        self.log.append(self.log[0].current_handler)
+
+    @T.on(C)
+    def _run(self) -> None:
+        self.log[0].run()
+
+
+def test_the_running_handler_can_be_named() -> None:
+    made = runtime()
+    log: list[Any] = [made]
+    ref = made.create(Looker, log=log, name="looker")
+    feed(made, ref, A())
+    assert made.current_handler is None
+    feed(made, ref, B())
+    assert log[1:] == ["looker: Looker.S.on(A) (_a)"] * 2 + ["looker: Looker.T.entry (_enter)"]
+    made.post(ref, C())
+    with pytest.raises(HandlerError, match=r"run\(\) was called by a handler"):
+        made.run()
+
+
+class Blocking(Machine):
+    S = State(start=True)
+
+    def __init__(self, entered: threading.Event, leave: threading.Event) -> None:
+        self.entered, self.leave = entered, leave
+
+    @S.entry
+    def _block(self) -> None:
+        self.entered.set()
+        assert self.leave.wait(10.0)
+
+
+def test_another_thread_can_see_who_blocks() -> None:
+    entered, leave = threading.Event(), threading.Event()
+    made = runtime()
+    made.create(Blocking, name="robot", entered=entered, leave=leave)
+    seen: list[str | None] = []
+
+    def watch() -> None:
+        entered.wait(10.0)
+        seen.append(made.current_handler)
+        leave.set()
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    made.run()
+    thread.join()
+    assert seen == ["robot: Blocking.S.entry (_block)"]
+
+
+def test_post_may_be_called_by_any_thread_and_wakes_the_main_loop() -> None:
+    woken = threading.Semaphore(0)
+    made = runtime(wake=woken.release)
+    log: list[object] = []
+    ref = made.create(Failing, log=log)
+    made.run()
+
+    def post(base: int) -> None:
+        for n in range(100):
+            made.post(ref, Num(base + n))
+
+    threads = [threading.Thread(target=post, args=(base,)) for base in (0, 1000, 2000)]
+    for thread in threads:
+        thread.start()
+    for _ in range(300):
+        assert woken.acquire(timeout=10.0)
+        made.run()
+    for thread in threads:
+        thread.join()
+    for base in (0, 1000, 2000):
+        assert [n for n in log if isinstance(n, int) and base <= n < base + 1000] == list(range(base, base + 100))
+
+
+class Silent(Machine):
+    S = State(start=True, ignore=(A,))
+
+    def __init__(self, shelf: list[Machine]) -> None:
+        shelf.append(self)
+
+
+def test_machines_act_only_in_their_handlers() -> None:
+    shelf: list[Machine] = []
+    made, ref = start(Silent, shelf=shelf)
+    machine = shelf[0]
+    assert machine.ref == ref
+    assert machine.now() == 0.0
+    for act in (
+        lambda: machine.send(ref, A()),
+        lambda: machine.announce(A()),
+        lambda: machine.create(Failing),
+        lambda: machine.after(1.0, A()),
+        lambda: machine.choose(2),
+    ):
+        with pytest.raises(MisuseError, match=r"of Silent-1 was called while none of its handlers runs"):
+            act()
+    del made
+
+
+def test_a_machine_that_was_called_into_being_belongs_to_no_runtime() -> None:
+    machine = Failing()
+    with pytest.raises(MisuseError, match=r"this Failing belongs to no runtime: make it with create\(\)"):
+        machine.send(MachineRef(1, "x"), A())
+    with pytest.raises(MisuseError, match="belongs to no runtime"):
+        _ = machine.ref
+
+
+class WithPayload(Logger):
+    S: State[int] = State(start=True)
+
+    @S.entry
+    def _enter(self, n: int) -> None:
+        self.log.append(n)
+
+
+def test_the_payload_of_create_goes_to_the_start_state() -> None:
+    log: list[object] = []
+    made = runtime()
+    made.create(WithPayload, 7, log=log)
+    made.run()
+    assert log == [7]
+    with pytest.raises(MisuseError, match=r"WithPayload\.S\.entry \(_enter\) takes a payload: create"):
+        made.create(WithPayload)
+    with pytest.raises(MisuseError, match=r"the entry handler of Failing\.S takes no payload"):
+        made.create(Failing, 7)
+
+
+class Teller(Logger):
+    S = State(start=True)
+
+    @S.on(To)
+    def _to(self, e: To) -> None:
+        self.send(e.ref, A())
+
+    @S.on(A)
+    def _a(self) -> None:
+        self.send("x", A())  # type: ignore[arg-type]
+
+
+def test_events_need_a_target() -> None:
+    made, ref = start(Teller)
+    with pytest.raises(MisuseError, match="there is no machine"):
+        made.post(MachineRef(99, "x"), A())
+    with pytest.raises(MisuseError, match="lives in runtime 'mars', to which this one has no link"):
+        made.call_at(0.0, MachineRef(1, "x", "mars"), A())
+    made.post(ref, A())
+    with pytest.raises(HandlerError, match="MisuseError: events are sent to a MachineRef, not to 'x'"):
+        made.run()
+
+
+@pytest.mark.parametrize("pick", [None, lambda n: 0])
+def test_events_for_other_runtimes_are_forwarded(pick: Any) -> None:
+    sent: list[object] = []
+    made = runtime(forward=lambda ref, event: sent.append((ref.name, event)), pick=pick)
+    ref = made.create(Teller)
+    there = MachineRef(1, "there", "mars")
+    made.post(there, B())
+    feed(made, ref, To(there))
+    assert sent == [("there", B()), ("there", A())]
+    with pytest.raises(MisuseError, match="its state is not known here"):
+        made.state(there)
+
+
+class Steps(Logger):
+    S = State(start=True)
+    T = State()
+    S.on(A, goto=T)
+    T.on(B, goto=T)
+
+    @T.on(C)
+    def _halt(self) -> Next:
+        return Halt()
+
+    @T.on(D)
+    def _stay(self) -> Next:
+        return Stay()
+
+
+def test_observers_see_every_change_of_state() -> None:
+    clock = ManualClock()
+    made = runtime(now=clock)
+    seen: list[Transition] = []
+    stop = made.observe(seen.append)
+    ref = made.create(Steps)
+    made.run()
+    clock.time_s = 1.0
+    feed(made, ref, A(), D(), B(), C())
+    assert seen == [
+        (0.0, ref, None, None, "S"),
+        (1.0, ref, "S", A(), "T"),
+        (1.0, ref, "T", B(), "T"),
+        (1.0, ref, "T", Halt(), None),
+    ]
+    stop()
+    stop()
+    made.create(Steps)
+    made.run()
+    assert len(seen) == 4
+
+
+def test_what_an_observer_raises_is_not_blamed_on_a_machine() -> None:
+    made, ref = start(Steps)
+    made.observe(lambda transition: print(1 / 0))
+    made.post(ref, A())
+    with pytest.raises(ZeroDivisionError):
+        made.run()
+    assert made.state(ref) == "T"
+
+
+class Closing(Logger):
+    S = State(start=True)
+
+    @S.on(A)
+    async def _a(self) -> None:
+        try:
+            await self.receive(B)
+        finally:
+            self.send(self.ref, C())
+            self.log.append("closed")
+
+    @S.on(B)
+    async def _b(self) -> None:
+        try:
+            await self.receive(B)
+        finally:
+            self.log.append("raises")
+            raise RuntimeError("no")
+
+
+def test_close_ends_the_waiting_handlers() -> None:
+    log: list[object] = []
+    made, ref = start(Closing, log=log)
+    made.call_at(9.0, ref, A())
+    feed(made, ref, A())
+    made.close()
+    made.close()
+    assert log == ["closed"]
+    assert made.next_timer_s is None
+    made.post(ref, A())
+    assert made.run() == 0
+    made.create(Closing)
+    with pytest.raises(MisuseError, match=r"run\(\) after close\(\)"):
+        made.run()
+
+
+def test_close_closes_all_and_reports_the_first_failure() -> None:
+    log: list[object] = []
+    made, first = start(Closing, log=log)
+    second = made.create(Closing, log=log)
+    feed(made, first, B())
+    feed(made, second, A())
+    with pytest.raises(HandlerError, match="while being abandoned, raised RuntimeError: no"):
+        made.close()
+    assert log == ["raises", "closed"]
+
+
+def test_a_failure_closes_a_waiting_handler_quietly() -> None:
+    class Bad(Logger):
+        S = State(start=True)
+
+        @S.entry
+        async def _enter(self) -> None:
+            try:
+                await self.receive(A, match=lambda a: 1 / 0 > 0)
+            finally:
+                self.log.append("closed")
+                raise RuntimeError("hidden by the first failure")
+
+    log: list[object] = []
+    made, ref = start(Bad, log=log)
+    made.post(ref, A())
+    with pytest.raises(HandlerError, match="ZeroDivisionError"):
+        made.run()
+    assert log == ["closed"]
+
+
+def test_a_run_with_nothing_to_do_does_not_reach_the_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, ref = start(Failing)
+    made.call_at(1.0, ref, A())
+    monkeypatch.delattr("soter.machine.core.Core.run")
+    assert made.run() == 0
+
+
+def test_the_default_clock_is_the_steady_one() -> None:
+    made = Runtime()
+    log: list[object] = []
+    ref = made.create(Timed, log=log)
+    made.call_at(0.0, ref, A())
+    made.run()
+    assert len(log) == 1
+
+
+def test_an_unhandled_event_names_no_handler() -> None:
+    made, ref = start(Steps)
+    made.post(ref, D())
+    with pytest.raises(UnhandledEventError) as caught:
+        made.run()
+    assert caught.value.handler is None
