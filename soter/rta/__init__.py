@@ -3,6 +3,7 @@
 from soter.rta.decision import DecisionModule, Permission
 from soter.rta.models import DischargeBound, PairBound, ReachModel, SpeedBound
 from soter.rta.module import Region, RTAModule, Timing
+from soter.rta.monitors import ModuleMonitor
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
 from soter.rta.situation import Mode, Sample, Situation
 from soter.rta.supervisor import SUPERVISOR, Actuator, RobotSupervisor, Supervisor, SwitchRecord, Watch
@@ -16,6 +17,7 @@ __all__ = [
     "DischargeBound",
     "GoalReport",
     "Mode",
+    "ModuleMonitor",
     "Node",
     "PairBound",
     "Permission",

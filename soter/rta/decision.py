@@ -11,6 +11,7 @@ import math
 from typing import Final, Protocol
 
 from soter.rta.module import Region, RTAModule, Timing
+from soter.rta.monitors import ModuleMonitor
 from soter.rta.situation import Mode, Situation
 
 
@@ -36,6 +37,7 @@ class DecisionModule:
         margin: as last judged.
         reach: R(2 Delta + L + J + age) as last judged; 0 for a rule given by predicates.
         since_s: fleet time of the last change of mode.
+        monitor: the spec monitor and metrics.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class DecisionModule:
         self.reach = 0.0
         self.since_s = 0.0
         self.delta_s: Final = module.delta_s
+        self.monitor: Final = ModuleMonitor(module.model)
         self._permission = permission
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
@@ -68,12 +71,18 @@ class DecisionModule:
 
     def decide(self, situation: Situation) -> bool:
         """Judge the situation, as is done every Delta; return whether the mode changed."""
+        before = self.mode
+        changed = self._decide(situation)
+        self.monitor.look(situation.now_s, self.margin, before, self.mode)
+        return changed
+
+    def _decide(self, situation: Situation) -> bool:
         if self.mode is Mode.AC:
             if self._in_danger(situation):
                 self.force(situation.now_s, self.cause)
                 return True
             return False
-        self.observe(situation)
+        self._follow(situation)
         if not situation.now_s - self._judged_ok_since_s >= self.module.dwell_s - 1e-9:
             return False
         if self._permission is not None and not self._permission.permits(self.name, situation):
@@ -87,6 +96,10 @@ class DecisionModule:
 
     def observe(self, situation: Situation) -> None:
         """Follow the margin between two decisions while in SC, so that a dwell may be shorter than Delta."""
+        self._follow(situation)
+        self.monitor.look(situation.now_s, self.margin, self.mode, self.mode)
+
+    def _follow(self, situation: Situation) -> None:
         if not self._fit_for_ac(situation):
             self._judged_ok_since_s = math.nan
         elif math.isnan(self._judged_ok_since_s):

@@ -89,14 +89,16 @@ class DischargeBound(ReachModel):
         drive_per_s: charge used per second at driving power.
         v_max_m_s: top speed.
         cost_per_m: charge that one metre of the way home is accounted for.
+        jump: charge by which the cost of the way home may jump, where a short way gets out of sight.
     """
 
-    def __init__(self, drive_per_s: float, v_max_m_s: float, cost_per_m: float) -> None:
+    def __init__(self, drive_per_s: float, v_max_m_s: float, cost_per_m: float, jump: float = 0.0) -> None:
         self.drive_per_s = drive_per_s
         self.rate_per_s = drive_per_s + v_max_m_s * cost_per_m
+        self.jump = jump
 
     def bound(self, time_s: float) -> float:
-        return self.rate_per_s * time_s
+        return self.rate_per_s * time_s + self.jump
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         if before.battery is None or after.battery is None:

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from soter.record.tracks import RunTracks, Track
-from soter.rta import Mode, RobotSupervisor, SwitchRecord
-from soter.runner.result import TargetCounts, TickTimes
+from soter.rta import Mode, ModuleMonitor, RobotSupervisor, SwitchRecord
+from soter.runner.result import ModuleFigures, TargetCounts, TickTimes
 from soter.stack.events import Outcome, Place
 from soter.workspace import Workspace
 
@@ -171,3 +171,27 @@ class Metrics:
 def counts(counter: Mapping[str, int], names: Sequence[str]) -> dict[str, int]:
     """Return counts for all names, zeros included, then for any others that occurred."""
     return {name: counter.get(name, 0) for name in (*names, *sorted(set(counter) - set(names)))}
+
+
+def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, ModuleFigures]:
+    """Return what the spec monitors of every module saw, all robots together."""
+    by_name: dict[str, list[ModuleMonitor]] = {}
+    for robot in robots:
+        for module in robot.modules:
+            by_name.setdefault(module.name, []).append(module.monitor)
+    return {
+        name: ModuleFigures(
+            looks=sum(monitor.looks for monitor in monitors),
+            to_sc=sum(monitor.to_sc for monitor in monitors),
+            to_ac=sum(monitor.to_ac for monitor in monitors),
+            sc_s=round(sum(monitor.sc_s for monitor in monitors), 2),
+            least_margin=_finite(min(monitor.least_margin for monitor in monitors)),
+            broken=sum(monitor.broken for monitor in monitors),
+            surprises=sum(monitor.surprises for monitor in monitors),
+        )
+        for name, monitors in by_name.items()
+    }
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 5) if math.isfinite(value) else None

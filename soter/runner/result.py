@@ -42,6 +42,29 @@ class NeedlessCounts(BaseModel):
     whole_path: int = 0
 
 
+class ModuleFigures(BaseModel):
+    """What the spec monitors of one module saw, all robots together. Not ground truth.
+
+    Attributes:
+        looks: margins judged.
+        to_sc: changes of its decision modules from AC to SC.
+        to_ac: changes back.
+        sc_s: robot time that it spent in SC.
+        least_margin: the least margin seen, in the module's unit; None if there was none.
+        broken: looks at which the margin was negative.
+        surprises: looks at which it had fallen by more than the model allows.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    looks: int
+    to_sc: int
+    to_ac: int
+    sc_s: float
+    least_margin: float | None
+    broken: int
+    surprises: int
+
+
 class RunResult(BaseModel):
     """What happened in a run.
 
@@ -66,6 +89,7 @@ class RunResult(BaseModel):
         duration_s: simulated or vehicle time.
         wall_s: host time.
         real_time_factor: the one divided by the other.
+        monitors: by module, what its spec monitors saw.
         dm_tick_us: host time of the decisions.
         missed_ticks: ticks that came later than declared.
         deterministic: the same seed gives the same run; False where host time had a say.
@@ -101,6 +125,7 @@ class RunResult(BaseModel):
     min_margin: dict[str, float] | None
     paths_replaced: int
     no_certified_motion: int
+    monitors: dict[str, ModuleFigures]
     dm_tick_us: TickTimes
     missed_ticks: int
     deterministic: bool

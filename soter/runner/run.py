@@ -13,7 +13,7 @@ from soter.config import Mission, validate_options
 from soter.errors import RunFailed
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
-from soter.runner.metrics import Metrics, counts
+from soter.runner.metrics import Metrics, counts, module_figures
 from soter.runner.mission_side import MissionSide
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
@@ -235,6 +235,7 @@ class _Loop:
             min_margin=None if report is None else {rule: round(m, 5) for rule, m in report.min_margin.items()},
             paths_replaced=self.side.paths_replaced,
             no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
+            monitors=module_figures(self.robots),
             dm_tick_us=metrics.tick_times(),
             missed_ticks=self.missed_ticks,
             deterministic=self.plans.deterministic and status == "completed",

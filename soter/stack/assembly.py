@@ -253,7 +253,7 @@ def _declare(
             rta.battery.delta_s,
             ChargeForTheWayHome(dock, rta.battery.reserve_factor * dock.longest_m * dock.cost_per_m),
             Charged(rta.battery.phi_safer),
-            DischargeBound(drive_per_s, capabilities.v_max_m_s, dock.cost_per_m),
+            DischargeBound(drive_per_s, capabilities.v_max_m_s, dock.cost_per_m, jump=dock.longest_m * dock.cost_per_m),
             dwell_s=rta.battery.dwell_s,
         ),
     }
