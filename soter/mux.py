@@ -15,7 +15,7 @@ T = TypeVar("T")
 """What a controller commands, such as a goal or a velocity."""
 
 # Times that are meant to be equal may differ by rounding; a lease must not live a whole period longer for that.
-_ROUNDING_S: Final = 1e-9
+_ROUNDING_S: Final = 1e-6
 
 
 class Mux(Generic[C, T]):

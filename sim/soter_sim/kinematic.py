@@ -118,7 +118,8 @@ class KinematicEngine:
                         to_y[i] = y[i]
                     else:
                         half = 0.5 * turn
-                        chord = length * (sin(half) / half)
+                        # Half of the smallest number is 0.
+                        chord = length * (sin(half) / half) if half != 0.0 else length
                         to_x[i] = x[i] + chord * cos(angle + half)
                         to_y[i] = y[i] + chord * sin(angle + half)
                     angle += turn

@@ -13,6 +13,9 @@ from soter_sim import BODY_RADIUS_M, LIMITS, World
 PERIOD_S: Final = 0.05
 LEASE_S: Final = 0.2
 
+# Fleet time that is summed up tick by tick misses whole periods by so little.
+_ROUNDING_S: Final = 1e-6
+
 # Long enough to brake from top speed, with periods to spare.
 _REST_PERIODS: Final = 20
 _REST_M_S: Final = 1e-3
@@ -72,7 +75,11 @@ class SimulatedRobot(Robot):
         self._mux.give(goal.by, goal, self._world.now_s)
 
     def _sample(self) -> RobotState:
-        now_s = self._world.now_s
+        vehicle_s = self._world.now_s
+        now_s = self.clock.now()
+        if not -_ROUNDING_S < now_s - vehicle_s < _ROUNDING_S:
+            # Between two periods the sample is that of the last one.
+            now_s = vehicle_s
         mux = self._mux
         goal = mux.command
         goal_id = None if goal is None else goal.id
@@ -87,7 +94,7 @@ class SimulatedRobot(Robot):
         index = self._index
         east, north = self._velocity(index)
         self._latest = latest = RobotState(
-            self.id, now_s, now_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
+            self.id, now_s, vehicle_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
             self._yaw_rate[index], self._charge[index], mux.in_charge, goal_id, Link.UP,
         )  # fmt: skip
         return latest
