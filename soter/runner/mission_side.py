@@ -12,11 +12,12 @@ from soter.config import Mission
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.rta import ControlReport, Report
 from soter.runner.metrics import Metrics
-from soter.stack import HOME_CLEARANCE_M, RobotKit, TaskPlanner, Tasks
+from soter.stack.assembly import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
-from soter.stack.kit import RobotPort
+from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
 from soter.stack.planners import PlanRequest, PlanService
+from soter.stack.task_planner import TaskPlanner, Tasks
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
 from soter.sdk import RobotState, Waypoint
-from soter.stack import PortForwarder
+from soter.stack.actuator import PortForwarder
 
 STEP_S: Final = 0.05
 LONGEST_S: Final = 60.0

@@ -21,7 +21,7 @@ from soter.runner.result import NeedlessCounts, RunResult
 from soter.runner.trace import Trace
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
-from soter.stack import SafetySide, assemble, enabled
+from soter.stack.assembly import SafetySide, assemble, enabled
 from soter.stack.planners import PlanService
 from soter.workspace import Workspace
 
