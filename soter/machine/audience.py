@@ -6,7 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
 from soter.machine.errors import LivenessError, MachineError
-from soter.machine.events import Event, MachineRef
+from soter.machine.events import Event, Halt, MachineRef
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,6 +31,12 @@ class Transition(NamedTuple):
     source: str | None
     event: Event | None
     target: str | None
+
+
+def _observes(spec: SpecCell, event: type[Event]) -> bool:
+    observed: tuple[type[Event], ...] = type(spec.machine).__observes__
+    # As in states, Halt counts only where it is named.
+    return event in observed if event is Halt else issubclass(event, observed)
 
 
 class Audience:
@@ -66,7 +72,7 @@ class Audience:
         """Show an event to the specs that observe it, now."""
         watchers = self._watchers.get(event.__class__)
         if watchers is None:
-            watchers = tuple(spec for spec in self.specs if isinstance(event, type(spec.machine).__observes__))
+            watchers = tuple(spec for spec in self.specs if _observes(spec, event.__class__))
             self._watchers[event.__class__] = watchers
         for spec in watchers:
             teller, self.core.current = self.core.current, spec

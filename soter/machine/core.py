@@ -53,6 +53,7 @@ class Core:
         self.posted: deque[tuple[MachineRef, Event]] = deque()
         self.timers = TimerQueue()
         self.current: Cell | None = None
+        self.running = False
         self.choosing = False
         self.steps = 0
         self.next_id = 1

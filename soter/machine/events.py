@@ -25,7 +25,7 @@ class Event:
     A subclass is a frozen dataclass whose fields are immutable: ``@dataclass(frozen=True, slots=True)``. An
     event without fields needs no decorator. The fields are checked when the class is first used, and a value
     that its annotation leaves open is checked at every send, so a mutable field is an `EventError` and not a
-    data race.
+    data race. A frozenset is refused as well: its order differs between processes, and replays with it.
     """
 
     __slots__ = ()

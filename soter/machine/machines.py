@@ -187,7 +187,8 @@ class Spec:
     defer or choose, and its handlers are plain functions.
 
     Args:
-        observes: The event classes it is told of, each with its subclasses. By default those of the base
+        observes: The event classes it is told of, each with its subclasses, but `Halt` only if it is named
+            itself. By default those of the base
             class.
         abstract: The class lacks a start state and cannot be used itself.
     """

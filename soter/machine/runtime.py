@@ -198,18 +198,22 @@ class Runtime:
             MachineError: A machine or spec failed and `on_failure` did not take it. `run` can be called
                 again.
             LivenessError: A spec stayed hot for too long.
-            MisuseError: A handler called this.
+            MisuseError: Called from inside `run`, or after `close`.
         """
         core = self._core
-        if core.current is not None:
-            raise MisuseError("run() was called by a handler; it is for the program outside the machines")
+        if core.running:
+            raise MisuseError("run() was called while it is running; it is for the program outside the machines")
         if not (core.ready or core.posted or core.idled or core.audience.failures):
             heap = core.timers.heap
             if not heap or heap[0][0] > core.now():
                 return 0
         if self._closed:
             raise MisuseError("run() after close()")
-        return core.run(max_steps)
+        core.running = True
+        try:
+            return core.run(max_steps)
+        finally:
+            core.running = False
 
     def finish(self) -> None:
         """Check that nothing is owed at the end of a run.

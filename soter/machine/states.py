@@ -216,7 +216,8 @@ class State(Generic[P]):
         handler of the other state with the event. Such a method returns nothing. ``Waiting.on(Ping,
         goto=Busy)`` may stand alone.
 
-        An event class stands for its subclasses too, unless the state says something about them as well.
+        An event class stands for its subclasses too, unless the state says something about them as well. Only
+        `Halt` is never meant by its base class, so that a catch-all ``on(Event)`` does not keep a machine alive.
         """
         return self._register(ON, events, goto)
 
@@ -247,8 +248,7 @@ class State(Generic[P]):
 def _attach(registration: Registration, handler: H) -> H:
     """Note a handler. Whether it is right is checked with the class, when all names are known."""
     if registration.handler is not None:
-        # One decorator object applied twice: the second method must be reported as a duplicate, not
-        # forgotten.
+        # One decorator object applied twice: the second method must be reported as a duplicate, not forgotten.
         registration = Registration(registration.state, registration.kind, registration.events, registration.goto)
         registration.state.pending.append(registration)
     elif registration.goto is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from soter.errors import nearest
 from soter.machine.errors import MachineDefinitionError
-from soter.machine.events import is_event_class
+from soter.machine.events import Halt, is_event_class
 from soter.machine.states import ENTRY, EXIT, IDLE, INTERRUPT, Registration, State
 
 if TYPE_CHECKING:
@@ -76,7 +76,9 @@ class StateTable:
         """Find what is done with an event class, by the nearest of its bases, and remember it."""
         action = self.actions.get(cls)
         if action is None:
-            bases = (self.declared.get(base) for base in cls.__mro__)
+            # Halt counts only where it is named: a catch-all must not keep a machine alive.
+            meant = (cls,) if cls is Halt else cls.__mro__
+            bases = (self.declared.get(base) for base in meant)
             action = next((found for found in bases if found is not None), _UNHANDLED)
             self.actions[cls] = action
         return action

@@ -259,9 +259,8 @@ class Returns(Logger):
     S = State(start=True)
 
     @S.on(A)
-    def _forgets(self, e: A) -> Next:  # type: ignore[return]
-        if self.log:
-            return Stay()
+    def _forgets(self, e: A) -> Next:
+        return None  # type: ignore[return-value]
 
     @S.on(B)
     def _wrong(self, e: B) -> Next:

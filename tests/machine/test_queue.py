@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.machine import Event, Next, Runtime, State, Stay
+from soter.machine import Event, Halt, Next, Runtime, State, Stay
 from tests.machine.helpers import A, B, C, D, Logger, Num, feed, runtime, start
 
 
@@ -123,6 +123,25 @@ def test_an_event_class_stands_for_its_subclasses_unless_the_state_names_them() 
     made, ref = start(Kinds, log=log)
     feed(made, ref, Derived(), Base(), A(), Derived(), B())
     assert log == ["derived", "Base", "B"]
+
+
+class CatchAll(Logger):
+    S = State(start=True)
+    T = State(ignore=(Event,))
+    U = State()
+    S.on(Event, goto=T)
+    T.on(A, goto=U)
+
+    @U.on(Halt)
+    def _named(self) -> None:
+        self.log.append("named")
+
+
+def test_halt_counts_only_where_it_is_named() -> None:
+    for events, state in (((), None), ((B(), B()), None), ((B(), A()), "U")):
+        made, ref = start(CatchAll)
+        feed(made, ref, *events, Halt())
+        assert made.state(ref) == state
 
 
 class Idle(Logger):

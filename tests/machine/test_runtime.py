@@ -279,7 +279,7 @@ def test_the_running_handler_can_be_named() -> None:
     feed(made, ref, B())
     assert log[1:] == ["looker: Looker.S.on(A) (_a)"] * 2 + ["looker: Looker.T.entry (_enter)"]
     made.post(ref, C())
-    with pytest.raises(HandlerError, match=r"run\(\) was called by a handler"):
+    with pytest.raises(HandlerError, match=r"run\(\) was called while it is running"):
         made.run()
 
 

@@ -95,6 +95,22 @@ class HaltsAtOnce(Logger):
         return Halt()
 
 
+class WatchHalt(Order, observes=(Event, Halt)):
+    @Order.S.on(Halt)
+    def _halt(self) -> None:
+        self.log.append("halt")
+
+
+def test_a_spec_that_observes_everything_observes_halt_only_if_that_is_named() -> None:
+    made, sink = start(Sink)
+    log: list[object] = []
+    made.monitor(Order, log=log)
+    made.monitor(WatchHalt, log=log)
+    feed(made, sink, A(), Halt())
+    assert log == [A(), A(), "halt"]
+    assert len(made.specs()) == 2
+
+
 def test_raised_events_are_not_seen() -> None:
     made, ref = start(Quiet)
     log: list[object] = []
