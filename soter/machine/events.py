@@ -157,8 +157,6 @@ def _level(hint: object, seen: set[type]) -> tuple[int, str]:
     if isinstance(hint, typing.NewType):
         return _level(hint.__supertype__, seen)
     origin = typing.get_origin(hint)
-    if origin is typing.Annotated:
-        return _level(typing.get_args(hint)[0], seen)
     if origin is typing.Literal or origin is collections.abc.Callable or origin is type:
         return _TRUSTED, ""
     if origin is typing.Union or origin is types.UnionType or origin is tuple:
