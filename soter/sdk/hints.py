@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-INSTALL: Final = 'pip install "soter-rta[{extra}]"'
-"""The command that installs an extra, with its name left open."""
+DISTRIBUTION: Final = "soter-rta"
+"""What SOTER is called on package indexes, where `soter` is somebody else's."""
 
 
-def install_hint(extra: str) -> str:
+def install_command(extra: str) -> str:
     """Return the command that installs one of SOTER's extras, such as `pybullet`."""
-    return INSTALL.format(extra=extra)
+    return f'pip install "{DISTRIBUTION}[{extra}]"'

@@ -14,6 +14,9 @@ from soter.sdk.values import Capabilities, Controller, GoalStatus, Link, RobotSp
 STALE_AFTER_S: Final = 0.5
 DOWN_AFTER_S: Final = 3.0
 
+FUTURE_S: Final = 0.1
+"""A sample stamped later than now by more than this is a broken clock's: believed, it would never grow old."""
+
 
 class Robot(ABC):
     """One robot. Used from one thread, the supervisor's.
@@ -47,7 +50,7 @@ class Robot(ABC):
         self._state: RobotState | None = None
         self._switch: Switch | None = None
         self.discarded = 0
-        """Samples dropped because they were not finite, not this robot's, or older than the one before."""
+        """Samples dropped: not finite, not this robot's, older than the one before, or from the future."""
 
     # --- the interface -------------------------------------------------------------------------------------
 
@@ -85,9 +88,13 @@ class Robot(ABC):
 
         Raises:
             ValueError: a coordinate is not finite or absurd; nothing was sent.
+            TypeError: it is no waypoint, or a value in it is no number; nothing was sent.
             LifecycleError: before `init()` or after `close()`.
         """
         self._require_ready("goto")
+        # Targets come from untrusted code: a look-alike or a subclass could pass its own check and fail in the vehicle.
+        if type(target) is not Waypoint:
+            raise TypeError(f"robot {self.id}: a target is a Waypoint, not a {type(target).__name__}")
         target.check()
         now_s = self.clock.now()
         goal = Goal(self, self._next_goal_id, target, by, now_s)
@@ -141,13 +148,17 @@ class Robot(ABC):
         switch = Switch(to, reason, now_s)
         if to is self._in_charge:
             self._renew_lease()
-            switch.effective_s = switch.confirmed_s = now_s
+            switch.effective_s = now_s
+            # Only the robot's own report confirms; a change that is not confirmed yet is not by being repeated.
+            if self._switch is None and self._state is not None and self._state.controller is to:
+                switch.confirmed_s = now_s
             return switch
+        # First of all, so that where it fails nothing has changed here, and calling again tries again.
+        self._hand_over(to)
+        self._in_charge = to
         if self._goal is not None:
             self._goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
             self._goal = None
-        self._in_charge = to
-        self._hand_over(to)
         self._renew_lease()
         switch.effective_s = now_s
         self._switch = switch
@@ -224,6 +235,7 @@ class Robot(ABC):
             or sample.robot_id != self.id
             or (battery is not None and not 0.0 <= battery <= 1.0)
             or (previous is not None and sample.stamp_s < previous.stamp_s)
+            or sample.stamp_s > self.clock.now() + FUTURE_S
         ):
             self.discarded += 1
             return previous

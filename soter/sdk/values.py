@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from numbers import Real
 from typing import NamedTuple
 
 MAX_COORDINATE_M = 10_000.0
@@ -70,7 +71,12 @@ class Waypoint(NamedTuple):
 
         Raises:
             ValueError: a value is not finite or out of range; the message names it, and nothing was sent.
+            TypeError: a value is not a number: what only compares like one would fail later, in the vehicle.
         """
+        values: tuple[object, ...] = self
+        for value in values:
+            if type(value) is not float and value is not None and not isinstance(value, Real):
+                raise TypeError(f"Waypoint has a {type(value).__name__} in {self!r}, allowed: numbers")
         for name in ("x_m", "y_m", "z_m"):
             value = getattr(self, name)
             # Written so that NaN fails too.
