@@ -115,5 +115,8 @@ class Port(Generic[C, S]):
 
     def control(self, engaged: bool, module: str, cause: str) -> None:
         """Tell the owner that control was lost or has come back."""
+        if engaged and not self.engaged:
+            # What other threads have asked for since the last tick, they asked for without having control.
+            self.refuse()
         self.engaged = engaged
         self._listener(ControlReport(self.robot_id, engaged, module, cause))
