@@ -116,11 +116,14 @@ class RobotSupervisor:
         self._sent = waypoint.count
         self._models: Final = tuple(models)
         self._timing: Final = timing
+        self._lateness_s: Final = timing.jitter_s + 1e-6
         self._watches: Final = tuple(watches)
         self.ac_failure = ""
         self._alarm = ""
         self._alarmed_until_s = -math.inf
         self._refused = False
+        self._owed: tuple[str, str] | None = None
+        self._looked_s = [math.nan] * len(self.modules)
         self._announced_ac = False
 
     def fail_ac(self, cause: str) -> None:
@@ -139,15 +142,19 @@ class RobotSupervisor:
         self._alarm = ""
         try:
             sample = self.actuator.read()
+            if not math.isfinite(sample.x_m + sample.y_m + sample.stamp_s):
+                # Comparisons with NaN are false: a minimum over distances would leave it out, for this robot and peers.
+                raise ValueError(f"the sample is not finite: {sample}")
         except Exception as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
             self._alarm = f"no state: {failure}"
             situation.now_s = now_s
-            situation.age_s = now_s - before.stamp_s
+            situation.age_s = max(0.0, now_s - before.stamp_s)
             self._alarmed_until_s = now_s + ALARM_S
             return before
         situation.own = sample
         situation.now_s = now_s
-        age_s = now_s - sample.stamp_s
+        # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
+        age_s = max(0.0, now_s - sample.stamp_s)
         situation.age_s = age_s
         if age_s > self._timing.sample_age_s + 1e-9:
             self._alarm = f"sample is {age_s:.3f} s old, declared at most {self._timing.sample_age_s:.3f} s"
@@ -166,10 +173,19 @@ class RobotSupervisor:
         fired: list[DecisionModule] = []
         released: DecisionModule | None = None
         driver: DecisionModule | None = None
-        for module in self.modules:
+        now_s = situation.now_s
+        # While an assumption has failed, what was judged before it did says nothing: everybody looks at every tick,
+        # and the AC gets control back only on what was seen afterwards.
+        alarmed = now_s < self._alarmed_until_s
+        for rank, module in enumerate(self.modules):
             try:
-                if tick % module.every_ticks == 0:
-                    if module.decide(situation):
+                if alarmed or tick % module.every_ticks == 0:
+                    since_s = now_s - self._looked_s[rank]
+                    self._looked_s[rank] = now_s
+                    if module.mode is Mode.AC and since_s > module.delta_s + self._lateness_s:
+                        module.force(now_s, f"looked after {since_s:.3f} s, declared every {module.delta_s:g} s")
+                        fired.append(module)
+                    elif module.decide(situation):
                         if module.mode is Mode.SC:
                             fired.append(module)
                         else:
@@ -180,16 +196,18 @@ class RobotSupervisor:
                 logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
                 if module.mode is Mode.AC:
                     fired.append(module)
-                module.force(situation.now_s, f"decision module failed: {failure!r}")
+                module.force(now_s, f"decision module failed: {failure!r}")
             if driver is None and module.mode is Mode.SC:
                 driver = module
-        if driver is None and (self._alarm or self.ac_failure or situation.now_s < self._alarmed_until_s):
+        if driver is None and (alarmed or self.ac_failure):
             driver = self._without_module()
         if driver is not self.driver or (driver is None and self.mode is Mode.SC):
             self._change_driver(driver, fired, released)
         elif driver is None and not self._announced_ac:
             self._announced_ac = True
-            self._attempt(lambda: self.actuator.hand_over(Mode.AC, "", "no safety module is enabled"))
+            self._hand_over("", "no safety module is enabled")
+        elif self._owed is not None:
+            self._hand_over(*self._owed)
 
     def act(self) -> None:
         """Let the controller in charge take its step, send what it published, renew the lease."""
@@ -201,12 +219,23 @@ class RobotSupervisor:
             node.step(situation)
         except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
             self._isolate(node, failure)
+            self._sent = waypoint.count
         if waypoint.count != self._sent:
             self._sent = waypoint.count
             self._attempt(lambda: self.actuator.drive(waypoint.value, self.mode))
         if not self._refused:
             self._attempt(self.actuator.renew)
         self._refused = False
+
+    def _hand_over(self, module: str, cause: str) -> None:
+        """Put the controller of the present mode in charge; if that fails it is owed, and tried at every tick.
+
+        Until then the lease is not renewed: a robot that did not hear of its disengagement must not go on.
+        """
+        self._owed = (module, cause)
+        self._attempt(lambda: self.actuator.hand_over(self.mode, module, cause))
+        if not self._refused:
+            self._owed = None
 
     def _attempt(self, call: Callable[[], None]) -> None:
         """Call the actuator; where it fails the lease is left to run out, and the AC loses control for a while."""
@@ -245,7 +274,7 @@ class RobotSupervisor:
                 self._attempt(lambda: self.actuator.drive(None, self.mode))
             else:
                 self._announced_ac = True
-                self._attempt(lambda: self.actuator.hand_over(self.mode, name, cause))
+                self._hand_over(name, cause)
         record = SwitchRecord(
             self.situation.now_s,
             self.robot_id,
@@ -256,7 +285,11 @@ class RobotSupervisor:
             tuple(module.name for module in fired[1:]),
         )
         for watch in self._watches:
-            watch.on_switch(record, self)
+            try:
+                watch.on_switch(record, self)
+            except Exception:
+                # Watches look at what the AC intends, which is untrusted; statistics must not cost the robots anything.
+                logger.exception("robot %d: a watch failed", self.robot_id)
         self._sent = self._waypoint.count
         if driver is not None:
             try:
