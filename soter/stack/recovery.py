@@ -22,6 +22,7 @@ PAIR_NEAR_M: Final = 0.6
 
 SEPARATION_M: Final = 0.3
 _ARRIVED_M: Final = 0.02
+_ROUNDING_M: Final = 1e-9
 _MOVING_M_S: Final = 0.02
 _ALIGNED_COS: Final = math.cos(0.35)
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
@@ -110,11 +111,15 @@ class RecoveryPlanner:
         return worst
 
     def _leaves_boxes(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        """Whether the clearance rises along the leg: it is convex, so rising at its start is rising throughout."""
+        """Whether the leg leads away from boxes: the clearance rises at its start and is nowhere less than there.
+
+        The distance to one box is convex along the leg, so that rising at the start would do; that to several is not.
+        """
         clearance = self.terrain.clearance_m
         start = clearance(ax, ay)
         nearby = clearance(ax + 0.05 * (bx - ax), ay + 0.05 * (by - ay))
-        return nearby > start and clearance(bx, by) > nearby
+        least = self.terrain.segment_clearance_m(ax, ay, bx, by)
+        return nearby > start and clearance(bx, by) > nearby and least >= start - _ROUNDING_M
 
     def _pair_spare_m(self, situation: Situation, dx: float, dy: float) -> float:
         """Return by how much the motion stays below each robot's half of the gap, along the line to each near peer.
