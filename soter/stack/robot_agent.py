@@ -149,7 +149,8 @@ class RobotAgent(Machine):
 
     def _stop_clock(self) -> None:
         if self.timer is not None:
-            self.left_s -= self.now() - self.running_since_s
+            # The timer may be overdue by part of a tick already, when something else was delivered before it.
+            self.left_s = max(0.0, self.left_s - (self.now() - self.running_since_s))
             self.timer.cancel()
             self.timer = None
 
