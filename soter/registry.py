@@ -15,9 +15,9 @@ from typing import Final
 
 from soter.errors import BackendError, BackendUnavailable, UnknownBackend, nearest
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Robot
+from soter.sdk.hints import DISTRIBUTION, install_command
 
 ENTRY_POINT_GROUP: Final = "soter.adapters"
-DISTRIBUTION: Final = "soter-rta"
 
 BUILT_IN: Final[Mapping[str, str]] = {
     "pybullet": "soter.adapters.pybullet:PyBulletBackend",
@@ -60,7 +60,7 @@ class BackendRow:
 def install_hint(library: str) -> str | None:
     """Return the command that installs a vendor library, or None for one that is not ours to install."""
     extra = INSTALL_HINTS.get(library.partition(".")[0])
-    return f'pip install "{DISTRIBUTION}[{extra}]"' if extra else None
+    return install_command(extra) if extra else None
 
 
 def load_backend(name: str) -> type[Backend]:

@@ -13,8 +13,7 @@ from importlib.resources import as_file, files
 from math import atan2, cos, sin
 from typing import Final
 
-from soter.errors import BackendError, BackendUnavailable
-from soter.sdk.hints import install_hint
+from soter.errors import BackendError
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
 from soter_sim.bodies import BODY_RADIUS_M, CHARGE_PER_S, DRIVE_PER_S, IDLE_PER_S, LIMITS, Bodies
@@ -34,14 +33,8 @@ def _nothing_printed() -> Iterator[None]:
         os.close(nothing)
 
 
-try:
-    with _nothing_printed():
-        import pybullet as bullet
-except ImportError as missing:
-    raise BackendUnavailable(
-        f"the engine 'pybullet' needs PyBullet, which is not installed: {install_hint('pybullet')}; "
-        "the engine 'kinematic' needs nothing"
-    ) from missing
+with _nothing_printed():
+    import pybullet as bullet
 
 PERIOD_S: Final = 0.05
 """The control period."""

@@ -49,7 +49,7 @@ class World:
 
     Raises:
         ValueError: no such engine, two robots with one id, or a start that is not finite.
-        BackendUnavailable: the engine's library is not installed.
+        ImportError: the engine's library is not installed.
     """
 
     def __init__(

@@ -7,8 +7,9 @@ from typing import ClassVar, Literal
 
 from soter.adapters.pybullet.robot import SimulatedRobot
 from soter.clock import VirtualClock
-from soter.errors import RobotUnavailable
+from soter.errors import BackendUnavailable, RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
+from soter.sdk.hints import install_command
 from soter_sim import World
 
 
@@ -68,6 +69,11 @@ class PyBulletBackend(Backend):
         """
         try:
             world = World(config.workspace, robots, config.engine)
+        except ImportError as missing:
+            raise BackendUnavailable(
+                f"the engine '{config.engine}' needs PyBullet: {missing}; run: {install_command('pybullet')}; "
+                "the engine 'kinematic' needs nothing"
+            ) from missing
         except ValueError as failure:
             raise RobotUnavailable(str(failure)) from failure
         return SimulatedFleet(world, robots)
