@@ -35,7 +35,7 @@ class DecisionModule:
         mode: AC or SC.
         cause: why it is in SC, in words.
         margin: as last judged.
-        reach: R(2 Delta + L + J + age) as last judged; 0 for a rule given by predicates.
+        reach: R(H), with the sample's own age in place of A_max, as last judged; 0 for a rule given by predicates.
         since_s: fleet time of the last change of mode.
         monitor: the spec monitor and metrics.
     """
@@ -57,7 +57,8 @@ class DecisionModule:
         self._permission = permission
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
-        self._look_s = 2.0 * module.delta_s + timing.latency_s + timing.jitter_s
+        # The age of the sample is known when it is judged; the horizon has its bound instead.
+        self._look_s = module.horizon_s(timing) - timing.sample_age_s
         self._phi_safe = module.phi_safe
         self._model = module.model
         self._noise = module.phi_safe.noise(timing.noise_m) if module.phi_safe is not None else 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from soter.errors import IllFormedModule
 from soter.rta.models import ReachModel
@@ -24,12 +24,14 @@ class Timing:
         sample_age_s: age of a sample when it is judged, at most (A_max).
         jitter_s: how late a tick may come, at most (J).
         noise_m: error of a reported position, at most.
+        lease_s: how long the robot moves on when the supervisor falls silent.
     """
 
     latency_s: float = 0.0
     sample_age_s: float = 0.0
     jitter_s: float = 0.0
     noise_m: float = 0.0
+    lease_s: float = 0.0
 
 
 class Region(ABC):
@@ -82,8 +84,11 @@ class RTAModule:
     dwell_s: float = 0.3
 
     def horizon_s(self, timing: Timing) -> float:
-        """Return H = 2 Delta + L + A_max + J, the time that no controller may be able to use up."""
-        return 2.0 * self.delta_s + timing.latency_s + timing.sample_age_s + timing.jitter_s
+        """Return H = 2 Delta + L + A_max + J, the time that no controller may be able to use up.
+
+        A lease that outlives 2 Delta takes its place: a supervisor that dies must leave the robot inside phi_safe.
+        """
+        return max(2.0 * self.delta_s, timing.lease_s) + timing.latency_s + timing.sample_age_s + timing.jitter_s
 
     def edge_margin(self) -> float:
         """Return the margin at the edge of phi_safer, or NaN for a rule given by predicates."""
@@ -121,11 +126,12 @@ class RTAModule:
     def _check_periods(self, base_tick_s: float) -> None:
         for role, node in (("AC", self.ac), ("SC", self.sc)):
             if node.period_s > self.delta_s + _ROUNDING:
+                fits = math.ceil(node.period_s / base_tick_s - 1e-6) * base_tick_s
                 raise IllFormedModule(
                     self.name,
                     "P1a",
                     f"the {role} '{node.name}' has a period of {node.period_s:g} s, longer than Delta = "
-                    f"{self.delta_s:g} s; a period of {self.delta_s:g} s or a Delta of {node.period_s:g} s would do",
+                    f"{self.delta_s:g} s; a period of {self.delta_s:g} s or a Delta of {fits:g} s would do",
                 )
         ticks = self.delta_s / base_tick_s
         if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
@@ -152,20 +158,23 @@ class RTAModule:
         if reach <= edge + _ROUNDING:
             return
         unit = phi_safe.unit
-        remedy = f"a phi_safer whose edge has a margin of {reach:.3f} {unit}"
+        # Rounded up, because who takes this value must pass.
+        remedy = f"a phi_safer whose edge has a margin of {math.ceil(reach * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
+        head = "2 Delta" if 2.0 * self.delta_s >= timing.lease_s else "the lease"
         fits_s = self._largest_delta_s(model, edge, timing, base_tick_s)
         if fits_s is not None:
             remedy += f", or Delta = {fits_s:g} s,"
         raise IllFormedModule(
             self.name,
             "P3",
-            f"within 2 Delta + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}, "
+            f"within {head} + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}, "
             f"but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do",
         )
 
     def _largest_delta_s(self, model: ReachModel, edge: float, timing: Timing, base_tick_s: float) -> float | None:
-        extra_s = self.horizon_s(timing) - 2.0 * self.delta_s
-        for ticks in range(round(self.delta_s / base_tick_s) - 1, 0, -1):
-            if model.bound(2.0 * ticks * base_tick_s + extra_s) <= edge + _ROUNDING:
-                return ticks * base_tick_s
+        least = max(1, math.ceil(max(self.ac.period_s, self.sc.period_s) / base_tick_s - 1e-6))
+        for ticks in range(round(self.delta_s / base_tick_s) - 1, least - 1, -1):
+            fits_s = ticks * base_tick_s
+            if model.bound(replace(self, delta_s=fits_s).horizon_s(timing)) <= edge + _ROUNDING:
+                return fits_s
         return None

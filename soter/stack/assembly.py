@@ -125,8 +125,9 @@ def assemble(
             SpeedBound(peer_v_max_m_s, peer_brake_m_s2),
         )
         timing = Timing(
-            capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m
-        )
+            capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
+            capabilities.lease_s,
+        )  # fmt: skip
         for module in declared:
             module.check(timing, mission.base_tick_s)
         supervisors.append(
@@ -172,7 +173,10 @@ def enabled(mission: Mission) -> tuple[str, ...]:
 
 def _trigger_m(mission: Mission, robots: Sequence[Robot]) -> float:
     collision = mission.rta.collision
-    look_s = 2.0 * collision.delta_s + max(r.capabilities.latency_s + r.capabilities.jitter_s for r in robots)
+    look_s = max(
+        max(2.0 * collision.delta_s, r.capabilities.lease_s) + r.capabilities.latency_s + r.capabilities.jitter_s
+        for r in robots
+    )
     reach_m = max(SpeedBound(r.capabilities.v_max_m_s, r.capabilities.brake_m_s2).bound(look_s) for r in robots)
     return collision.phi_safe_m + 2.0 * reach_m
 
