@@ -105,6 +105,7 @@ def picture_output(path: Path) -> Output:
         raise ConfigError(
             f"pictures are drawn with matplotlib, which cannot be imported ({failure}); install it with: "
             f"{install_hint('matplotlib')}",
-            source="command line", key="--picture",
+            source="command line",
+            key="--picture",
         ) from failure
     return output

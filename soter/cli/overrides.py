@@ -23,7 +23,8 @@ def module_list(text: str) -> list[str]:
     if not names:
         raise ConfigError(
             "it names no module; write them as a,b, or remove all of them with --no-rta",
-            source="command line", key="--modules",
+            source="command line",
+            key="--modules",
         )
     return names
 
@@ -39,7 +40,8 @@ def parse_setting(setting: str) -> tuple[str, object]:
     if not equals or not key or not text:
         raise ConfigError(
             f"'{setting}' is not of the form key=value, such as rta.geofence.delta_s=0.25",
-            source="command line", key="--set",
+            source="command line",
+            key="--set",
         )
     try:
         found = tomllib.loads(f"value = {text}")

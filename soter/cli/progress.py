@@ -42,9 +42,9 @@ class Display(Protocol):
         """Show how the run is doing."""
 
 
-def make_display(console: Console) -> Display:
-    """Return the display that suits a console."""
-    return LiveDisplay(console) if is_live(console) else LineDisplay(console)
+def make_display(console: Console, name: str) -> Display:
+    """Return the display that suits a console; `name` is the mission's."""
+    return LiveDisplay(console) if is_live(console) else LineDisplay(console, name)
 
 
 # --- figures in words --------------------------------------------------------------------------------------
@@ -84,17 +84,20 @@ def least_margin(robot: RobotProgress) -> str:
 
 
 class LineDisplay:
-    """A plain line every `LINE_EVERY_S` of host time.
+    """A plain line at the start and every `LINE_EVERY_S` of host time.
 
     Args:
         console: where to.
+        name: the mission's.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, name: str) -> None:
         self._console: Final = console
+        self._name: Final = name
         self._next_s = LINE_EVERY_S
 
     def __enter__(self) -> Self:
+        self._console.print(f"running {self._name}; Ctrl-C stops the robots", soft_wrap=True)
         return self
 
     def __exit__(self, *_: object) -> None:

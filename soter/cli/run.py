@@ -108,7 +108,7 @@ def _run(mission: Mission, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | 
     console = make_console(stderr=to_stderr)
     with ExitStack() as stack:
         stop = stack.enter_context(StopSignals())
-        display = None if quiet else stack.enter_context(make_display(console))
+        display = None if quiet else stack.enter_context(make_display(console, mission.source or ""))
         done = run_mission(mission, on_progress=display.update if display else None, stop=stop)
     if not quiet:
         print_summary(console, done.result)

@@ -106,6 +106,8 @@ def _targets(result: RunResult) -> Iterator[Row]:
     yield Row("  given up", f"{targets.unsafe} unsafe, {targets.blocked} blocked, {targets.timed_out} timed out")
     yield Row("longest stall", f"{result.longest_stall_s:.1f} s")
     yield Row("no progress for", f"{result.no_progress_s:.1f} s")
+    if result.paths_replaced:
+        yield Row("plans replaced", f"{result.paths_replaced} by certified ways")
     if result.no_certified_motion:
         yield Row("no certified motion", _many(result.no_certified_motion, "tick"))
 

@@ -391,5 +391,3 @@ def _charge(axes: Axes, track: Track, caption: Caption, unit_s: float) -> None:
 
 def _known(charges: Sequence[float]) -> list[float]:
     return [min(max(charge, 0.0), 1.0) if not math.isnan(charge) else math.nan for charge in charges]
-
-

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from soter.record.tracks import RunTracks, Track
-from soter.rta import SwitchRecord
 
 LONG_S: Final = 900.0
 """Ways of a longer run hide each other."""
@@ -100,19 +98,17 @@ def place_at(track: Track, time_s: float) -> tuple[float, float] | None:
 def marks(run: RunTracks, since_s: float) -> list[Mark]:
     """Return where robots left and got back their AC, from a time on. A change from one module to another is none."""
     found = []
-    for switch in _between_ac_and_sc(run.switches):
+    for switch in run.switches:
         track = run.tracks.get(switch.robot_id)
+        between_modules = (switch.before is None) == (switch.after is None)
         # Every module starts in SC: giving the robot to its AC for the first time tells nothing.
-        if track is None or switch.time_s < since_s or (switch.after is None and switch.time_s <= 0.0):
+        starts = switch.after is None and switch.time_s <= 0.0
+        if track is None or between_modules or starts or switch.time_s < since_s:
             continue
         place = place_at(track, switch.time_s)
         if place is not None:
             found.append(Mark(switch.robot_id, *place, switch.after))
     return found
-
-
-def _between_ac_and_sc(switches: Sequence[SwitchRecord]) -> list[SwitchRecord]:
-    return [switch for switch in switches if (switch.before is None) != (switch.after is None)]
 
 
 def time_unit(seconds: float) -> tuple[float, str]:

@@ -1,0 +1,99 @@
+"""`soter` itself: help, version, what is no command."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+import soter
+from soter.cli import app
+from tests.project.source import ROOT
+
+# Typer itself may load pydantic.
+LIBRARIES = {"pybullet", "ompl", "matplotlib", "numpy", "scipy", "defusedxml"}
+
+
+def said(*arguments: str) -> tuple[int, str]:
+    """Exit code and output of a command, on a wide terminal so that nothing is broken into lines."""
+    result = CliRunner().invoke(app, arguments, env={"COLUMNS": "200", "TERMINAL_WIDTH": "200"})
+    return result.exit_code, result.output
+
+
+def test_help_names_the_commands_and_an_example() -> None:
+    code, text = said("--help")
+    assert code == 0
+    for expected in ("run", "backends", "--version", "soter run examples/surveillance.toml"):
+        assert expected in text
+
+
+def test_help_of_run_names_every_option_the_examples_and_the_exit_codes() -> None:
+    code, text = said("run", "--help")
+    assert code == 0
+    options = (
+        "--backend --engine --duration --seed --targets --robots --planner --no-rta --modules --json --picture --set "
+        "--quiet"
+    )
+    for expected in (*options.split(), "MISSION", "grid|uniform|hostile", "Exit codes:", "130  interrupted"):
+        assert expected in text
+
+
+def test_examples_in_the_help_name_files_that_exist() -> None:
+    _, text = said("run", "--help")
+    named = {word for word in text.split() if word.startswith("examples/")}
+    assert named
+    assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
+def test_version() -> None:
+    assert said("--version") == (0, f"soter {soter.__version__}\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "examples/surveillance.toml", "--sed", "2"), "No such option: --sed"),
+        (("run",), "Missing argument 'MISSION'"),
+        (("fly",), "No such command 'fly'"),
+        (("run", "m.toml", "--duration", "long"), "Invalid value for '--duration'"),
+        (("run", "m.toml", "--robots", "2.5"), "Invalid value for '--robots'"),
+        (("backends", "pybullet"), "unexpected extra argument"),
+    ],
+)
+def test_what_the_parser_refuses_exits_with_2(arguments: tuple[str, ...], message: str) -> None:
+    code, text = said(*arguments)
+    assert code == 2
+    assert message in text
+
+
+def test_without_a_command_it_shows_the_help() -> None:
+    _, text = said()
+    assert "Usage" in text
+    assert "backends" in text
+
+
+def test_help_is_quick_since_it_loads_no_library() -> None:
+    program = (
+        "import sys\n"
+        "from soter.cli import app\n"
+        "try:\n"
+        "    app(['run', '--help'])\n"
+        "except SystemExit:\n"
+        "    pass\n"
+        "print('loaded', *sorted({name.partition('.')[0] for name in sys.modules}))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    loaded = done.stdout.rsplit("loaded", 1)[1].split()
+    assert "typer" in loaded
+    assert not LIBRARIES & set(loaded)
+
+
+def test_python_m_soter_cli_is_soter() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "soter.cli", "--version"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"soter {soter.__version__}\n"

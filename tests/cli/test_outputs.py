@@ -1,0 +1,99 @@
+"""Files that are written at the end of a run."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from soter.cli.outputs import Output, StandardOutput, json_output, picture_output
+from soter.errors import ConfigError
+
+
+def test_nothing_is_there_before_it_is_written(tmp_path: Path) -> None:
+    output = Output(tmp_path / "out.json", "--json")
+    assert list(tmp_path.iterdir()) == []
+    output.write(b"{}")
+    assert [path.name for path in tmp_path.iterdir()] == ["out.json"]
+    assert (tmp_path / "out.json").read_bytes() == b"{}"
+
+
+def test_a_file_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "out.json"
+    file.write_text("before")
+    output = Output(file, "--json")
+
+    def fails(self: Path, target: Path) -> Path:
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", fails)
+        with pytest.raises(OSError, match="disk full"):
+            output.write(b"after")
+    assert file.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [file]
+    output.write(b"after")
+    assert file.read_text() == "after"
+
+
+def test_a_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "real.json").write_text("before")
+    (tmp_path / "link.json").symlink_to("real.json")
+    Output(tmp_path / "link.json", "--json").write(b"after")
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "real.json").read_text() == "after"
+
+
+def test_a_device_stays_one() -> None:
+    before = Path("/dev/null").stat().st_ino
+    Output(Path("/dev/null"), "--json").write(b"{}")
+    assert Path("/dev/null").stat().st_ino == before
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"command line: --json: .* cannot be written: it is a folder"):
+        Output(tmp_path, "--json")
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"there is no folder '.*/absent'; make it first"):
+        Output(tmp_path / "absent" / "out.json", "--json")
+
+
+def test_a_folder_that_takes_no_file_is_found_out_before() -> None:
+    with pytest.raises(ConfigError, match="cannot be written"):
+        Output(Path("/proc/out.json"), "--json")
+
+
+def test_a_file_that_may_not_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "out.json"
+    file.touch()
+    # Whoever runs this as root may write everything.
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(ConfigError, match="it may not be written"):
+        Output(file, "--json")
+
+
+def test_a_name_that_is_too_long_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="too long"):
+        Output(tmp_path / ("x" * 300), "--json")
+
+
+def test_a_dash_is_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    output = json_output(Path("-"))
+    assert isinstance(output, StandardOutput)
+    output.write(b"{}\n")
+    assert capsys.readouterr().out == "{}\n"
+
+
+def test_pictures_are_png(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--picture: .* does not end in \.png"):
+        picture_output(tmp_path / "run.jpg")
+
+
+def test_without_matplotlib_the_hint_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "soter.report.picture", None)
+    with pytest.raises(ConfigError, match=r'install it with: pip install "soter-rta\[report\]"'):
+        picture_output(tmp_path / "run.png")

@@ -1,0 +1,262 @@
+"""`soter run`: what it refuses, how it exits, what it writes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from soter import runner
+from soter.cli import app
+from soter.runner import Run, RunResult
+from tests.cli.conftest import MISSION
+from tests.project.source import ROOT
+
+QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "20")
+
+
+def ran(*arguments: str | Path) -> Result:
+    """`soter run` on the surveillance mission in this process."""
+    return CliRunner().invoke(app, ["run", str(MISSION), *map(str, arguments)], env={"COLUMNS": "100"})
+
+
+# --- exit codes --------------------------------------------------------------------------------------------
+
+
+def test_a_run_without_violation_exits_with_0_and_sums_up() -> None:
+    done = ran(*QUICK)
+    assert done.exit_code == 0
+    assert done.stderr == ""
+    for expected in ("completed", "violations", "AC in control", "80.2 %", "disengagements", "real time", "trace "):
+        assert expected in done.stdout
+    assert all(character == "\n" or character.isprintable() for character in done.stdout)
+
+
+def test_a_violation_exits_with_1() -> None:
+    done = ran(*QUICK[:-1], "120", "--targets", "hostile", "--no-rta")
+    assert done.exit_code == 1
+    assert "completed, with violations" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--targets", "gird"), "did you mean 'grid'?"),
+        (("--duration", "-1"), "command line: duration_s: it is -1.0, allowed: above 0"),
+        (("--duration", "nan"), "command line: duration_s: it is nan"),
+        (("--seed", "-1"), "command line: seed: it is -1, allowed: at least 0"),
+        (("--robots", "0"), "command line: robots: it is 0, allowed: at least 1"),
+        (("--robots", "9"), "it is 9, but"),
+        (("--backend", "pibullet"), "did you mean 'pybullet'?"),
+        (("--backend", "kinematic", "--engine", "steam"), "engine"),
+        (("--backend", "kinematic", "--planner", "ompl-bitstarr"), "did you mean 'ompl-bitstar'?"),
+        (("--modules", "geofense"), "did you mean 'geofence'?"),
+        (("--modules", ""), "--no-rta"),
+        (("--modules", "battery", "--no-rta"), "command line: --modules: it contradicts --no-rta"),
+        (("--set", "sed=2"), "unknown key, did you mean 'seed'?"),
+        (("--set", "seed"), "not of the form key=value"),
+        (("--seed", "1", "--set", "seed=2"), "command line: seed: it is given twice"),
+        (("--json", "/absent/result.json"), "command line: --json: '/absent/result.json' cannot be written"),
+        (("--picture", "/absent/run.png"), "command line: --picture: '/absent/run.png' cannot be written"),
+        (("--picture", "run.gif"), "does not end in .png"),
+        (("--backend", "kinematic", "--set", "rta.collision.delta_s=3.0"), "module 'collision' is ill-formed (P3)"),
+    ],
+)
+def test_bad_input_exits_with_2_and_one_message(arguments: tuple[str, ...], message: str) -> None:
+    done = ran(*arguments)
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "completed" not in done.stdout
+
+
+def test_a_missing_mission_exits_with_2_and_names_the_nearest() -> None:
+    done = CliRunner().invoke(app, ["run", str(MISSION.with_name("surveilance.toml"))])
+    assert done.exit_code == 2
+    assert "did you mean 'surveillance.toml'?" in done.stderr
+
+
+def test_a_missing_library_exits_with_2_and_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    done = ran("--backend", "pybullet", "--duration", "1")
+    assert done.exit_code == 2
+    assert 'pip install "soter-rta[pybullet]"' in done.stderr
+
+
+def test_files_are_refused_before_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(runner, "run_mission", lambda *_, **__: pytest.fail("it ran"))
+    assert ran(*QUICK, "--json", tmp_path).exit_code == 2
+    assert ran(*QUICK, "--picture", tmp_path / "absent" / "run.png").exit_code == 2
+
+
+def ending(monkeypatch: pytest.MonkeyPatch, run: Run, **changes: object) -> None:
+    """Let every run end like this one, with some figures changed."""
+    result = run.result.model_copy(update=changes)
+    monkeypatch.setattr(runner, "run_mission", lambda *_, **__: Run(result, run.tracks))
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"status": "failed", "failure": "a handler hangs"}, 3),
+        ({"status": "failed", "violations": {"collision": 1}}, 1),
+        ({"status": "interrupted"}, 130),
+        ({"status": "interrupted", "violations": {"collision": 1}}, 130),
+        ({"violations": None}, 0),
+    ],
+)
+def test_how_a_run_ended_decides_the_exit_code(
+    monkeypatch: pytest.MonkeyPatch, kinematic_run: Run, tmp_path: Path, changes: dict[str, object], code: int
+) -> None:
+    ending(monkeypatch, kinematic_run, **changes)
+    file = tmp_path / "result.json"
+    done = ran("--json", file)
+    assert done.exit_code == code
+    assert json.loads(file.read_text())["status"] == changes.get("status", "completed")
+
+
+def test_a_fault_of_ours_is_no_violation(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> Run:
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(runner, "run_mission", broken)
+    done = ran(*QUICK)
+    assert done.exit_code == 3
+    assert "ZeroDivisionError: oops" in done.stderr
+    assert "please report it" in done.stderr
+
+
+def test_ctrl_c_before_the_run_exits_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> Run:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner, "run_mission", interrupted)
+    done = ran(*QUICK)
+    assert done.exit_code == 130
+    assert done.stderr == "error: interrupted\n"
+
+
+def test_a_result_that_cannot_be_written_in_the_end_exits_with_3(
+    monkeypatch: pytest.MonkeyPatch, kinematic_run: Run, tmp_path: Path
+) -> None:
+    ending(monkeypatch, kinematic_run)
+    file = tmp_path / "result.json"
+
+    def full(self: Path, data: bytes) -> int:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    done = ran("--json", file)
+    assert done.exit_code == 3
+    assert "the result could not be written: disk full" in done.stderr
+    assert "completed" in done.stdout
+
+
+# --- what it writes ----------------------------------------------------------------------------------------
+
+
+def test_the_json_file_is_the_result(tmp_path: Path) -> None:
+    file = tmp_path / "result.json"
+    assert ran(*QUICK, "--seed", "3", "--json", file).exit_code == 0
+    result = RunResult.model_validate_json(file.read_text())
+    assert (result.seed, result.duration_s, result.backend, result.status) == (3, 20.0, "kinematic", "completed")
+    assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+    assert file.read_text().startswith('{\n  "')
+    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_json_on_standard_output_is_alone_there() -> None:
+    done = ran(*QUICK, "--json", "-")
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["status"] == "completed"
+    assert "AC in control" in done.stderr
+
+
+def test_quiet_says_nothing() -> None:
+    done = ran(*QUICK, "--quiet")
+    assert (done.exit_code, done.output) == (0, "")
+
+
+def test_options_reach_the_run() -> None:
+    done = ran(*QUICK, "--quiet", "--json", "-", "--robots", "1", "--targets", "uniform", "--modules",
+               "battery,geofence", "--set", "rta.geofence.delta_s=0.25")  # fmt: skip
+    result = RunResult.model_validate_json(done.stdout)
+    assert (result.robots, result.targets_from, result.modules) == (1, "uniform", ("geofence", "battery"))
+    bare = RunResult.model_validate_json(ran(*QUICK, "-q", "--json", "-", "--no-rta").stdout)
+    assert (bare.modules, bare.disengagements_total, bare.ac_share) == ((), 0, 1.0)
+
+
+def test_the_same_seed_gives_the_same_trace() -> None:
+    first, second, other = (
+        json.loads(ran(*QUICK, "-q", "--json", "-", "--seed", seed).stdout)["trace_sha256"] for seed in ("1", "1", "2")
+    )
+    assert first == second != other
+
+
+def test_the_engine_is_chosen_for_the_backend() -> None:
+    done = ran("--engine", "kinematic", *QUICK[2:], "--quiet", "--json", "-")
+    assert done.exit_code == 0
+    result = RunResult.model_validate_json(done.stdout)
+    assert (result.backend, result.engine) == ("pybullet", "kinematic")
+
+
+def test_a_picture_is_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "run.png"
+    assert ran(*QUICK, "--quiet", "--picture", file).exit_code == 0
+    assert file.read_bytes().startswith(b"\x89PNG\r\n")
+
+
+# --- in a process of its own -------------------------------------------------------------------------------
+
+
+@contextmanager
+def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """`soter run` as a process, in the moment in which it begins to run."""
+    command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), *map(str, arguments)]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("running ")
+            yield process
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_stops_the_run_and_keeps_its_result(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    file = tmp_path / "result.json"
+    with started(*QUICK[:-1], "1e6", "--json", file) as process:
+        # To the whole group, as a terminal does it: the planners' processes get it as well.
+        os.killpg(process.pid, number)
+        stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert "interrupted after" in stdout
+    assert "AC in control" in stdout
+    assert stderr == ""
+    result = RunResult.model_validate_json(file.read_text())
+    assert result.status == "interrupted"
+    assert result.duration_s < 1e6
+
+
+def test_a_run_outlives_the_reader_of_its_progress(tmp_path: Path) -> None:
+    file = tmp_path / "result.json"
+    with started(*QUICK, "--json", file) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait(timeout=60) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == ""
+    assert RunResult.model_validate_json(file.read_text()).status == "completed"

@@ -1,0 +1,149 @@
+"""What is said at the end of a run."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import pytest
+from rich.console import Console
+
+from soter.cli.summary import caption, differences, headline, outcome, per_robot_hour, print_summary, remarks, rows
+from soter.runner import NeedlessCounts, RunResult
+
+THESIS_LIKE = {"duration_s": 7200.0, "robots": 2, "targets_from": "grid"}
+
+
+def made(result: RunResult, **changes: object) -> RunResult:
+    """A result that differs in some figures."""
+    return result.model_copy(update=changes)
+
+
+def values(result: RunResult) -> dict[str, tuple[str, str]]:
+    """Value and thesis's value by name."""
+    return {row.name.strip(): (row.value, row.thesis) for block in rows(result) for row in block}
+
+
+def printed(result: RunResult, width: int = 80) -> str:
+    """The summary as it goes into a file."""
+    file = io.StringIO()
+    print_summary(Console(file=file, width=width), result)
+    return file.getvalue()
+
+
+def test_a_run_like_the_thesiss_is_compared_in_totals(result: RunResult) -> None:
+    like = made(result, **THESIS_LIKE, disengagements_total=700)
+    assert differences(like) == []
+    assert values(like)["disengagements"] == ("700", "313")
+    assert values(like)["per robot-hour"] == ("175", "78")
+    assert not any("thesis" in remark for remark in remarks(like))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"duration_s": 600.0}, "10 min instead of 2 h"),
+        ({"robots": 1}, "1 robot instead of 2"),
+        ({"robots": 6}, "6 robots instead of 2"),
+        ({"targets_from": "hostile"}, "hostile targets instead of grid"),
+        ({"modules": ()}, "no modules instead of all four"),
+        ({"modules": ("battery",)}, "battery module instead of all four"),
+    ],
+)
+def test_what_differs_from_the_thesis_is_said(result: RunResult, changes: dict[str, object], said: str) -> None:
+    other = made(result, **{**THESIS_LIKE, **changes})
+    assert differences(other) == [said]
+    assert values(other)["disengagements"][1] == ""
+    assert values(other)["per robot-hour"][1] == "78"
+    assert f"Not the thesis's run ({said})" in printed(other, 300)
+
+
+def test_rates() -> None:
+    assert per_robot_hour(313, 2, 7200.0) == 78.25
+    assert math.isnan(per_robot_hour(0, 2, 0.0))
+
+
+def test_violations_are_listed_by_rule_with_their_margins(result: RunResult) -> None:
+    shown = values(made(result, violations={"geofence": 3, "battery": 0}, contacts=2))
+    assert shown["violations"] == ("3", "0")
+    assert shown["contacts"] == ("2", "")
+    block = {row.name.strip(): row.value for row in rows(made(
+        result, violations=dict.fromkeys(("collision", "battery", "geofence", "obstacle"), 0),
+        min_margin={"collision": -0.0904, "battery": 0.171, "geofence": math.inf, "obstacle": -0.0001},
+    ))[0]}  # fmt: skip
+    assert block["collision"] == "0, least margin -0.090 m"
+    assert block["battery"] == "0, least margin 17.1 %"
+    assert block["geofence"] == "0"
+    assert block["obstacle"] == "0, least margin 0.000 m"
+
+
+def test_without_truth_violations_are_unknown(result: RunResult) -> None:
+    blind = made(result, violations=None, min_margin=None, contacts=None)
+    assert values(blind)["violations"][0] == "unknown: there is no ground truth"
+    assert caption(blind, 0.85).figures[-1] == "violations unknown"
+    assert caption(blind, 0.85).rules == ()
+
+
+def test_disengagements_are_listed_by_module_with_the_needless(result: RunResult) -> None:
+    shown = values(made(
+        result, disengagements={"geofence": 4, "collision": 1}, joined={"collision": 2}, disengagements_total=5,
+        needless=NeedlessCounts(one_delta=3, whole_path=2),
+    ))  # fmt: skip
+    assert shown["geofence"][0] == "4"
+    assert shown["collision"][0] == "1, joined 2 more"
+    assert shown["needless"][0] == "3 by one more Delta, 2 by the whole path"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, "completed"),
+        ({"violations": {"battery": 1}}, "completed, with violations"),
+        ({"status": "interrupted", "duration_s": 90.0}, "interrupted after 90 s; the robots are stopped"),
+        ({"status": "failed", "failure": "a handler hangs", "duration_s": 600.0}, "failed after 10 min: a handler"),
+    ],
+)
+def test_how_it_ended_comes_first(result: RunResult, changes: dict[str, object], said: str) -> None:
+    assert said in outcome(made(result, **changes))[0]
+    assert said in printed(made(result, **changes)).splitlines()[0]
+
+
+def test_what_makes_a_run_special_is_remarked(result: RunResult) -> None:
+    special = made(result, deterministic=False, nondeterminism="a worker was killed", failed_robots={2: "it raised"},
+                   missed_ticks=4, no_certified_motion=1, paths_replaced=2)  # fmt: skip
+    text = printed(special, 300)
+    for expected in ("Another run of this seed may differ: a worker was killed", "Robot 2 lost its AC: it raised"):
+        assert expected in text
+    shown = values(special)
+    assert shown["missed ticks"][0] == "4"
+    assert shown["no certified motion"][0] == "1 tick"
+    assert shown["plans replaced"][0] == "2 by certified ways"
+
+
+def test_the_summary_names_all_it_takes_to_run_it_again(result: RunResult) -> None:
+    assert headline(result) == (
+        "2 robots for 60 s on kinematic, engine kinematic; planner straight-line, grid targets, collision, obstacle, "
+        "geofence, battery, seed 1"
+    )
+    text = printed(result)
+    assert text.startswith("surveillance.toml: completed\n")
+    assert f"trace {result.trace_sha256}\n" in text
+
+
+def test_the_summary_in_a_file_has_no_control_characters(result: RunResult) -> None:
+    text = printed(result)
+    assert all(character == "\n" or character.isprintable() for character in text)
+
+
+def test_the_caption_of_the_picture(result: RunResult) -> None:
+    shown = caption(made(result, engine="kinematic", disengagements_total=1, violations={"battery": 1, "geofence": 1}),
+                    0.85)  # fmt: skip
+    assert shown.title == "surveillance: 2 robots, 60 s on the kinematic engine"
+    assert shown.figures[1:] == ("1 disengagement", "2 violations")
+    assert shown.alarming
+    assert [rule.broken for rule in shown.rules] == [True, True]
+    assert shown.safer_charge == 0.85
+    assert caption(made(result, modules=("geofence",)), 0.85).safer_charge is None
+    assert caption(made(result, engine=None, backend="zenoh", status="interrupted"), 0.85).title == (
+        "surveillance: 2 robots, 60 s on zenoh (interrupted)"
+    )

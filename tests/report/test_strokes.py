@@ -1,0 +1,88 @@
+"""What of a run is drawn."""
+
+from __future__ import annotations
+
+import pytest
+
+from soter.record.tracks import RunTracks, Track
+from soter.report.strokes import (
+    LAST_S,
+    LONG_S,
+    Mark,
+    Stretch,
+    end_s,
+    marks,
+    place_at,
+    shares,
+    stretches,
+    time_unit,
+    ways_since_s,
+)
+from soter.rta import SwitchRecord
+from tests.report.conftest import make_run, make_track
+
+
+def test_stretches_follow_each_other_without_gap() -> None:
+    assert stretches(make_track(1, "1000200")) == [
+        Stretch(1, 0, 1), Stretch(0, 1, 4), Stretch(2, 4, 5), Stretch(0, 5, 6),
+    ]  # fmt: skip
+
+
+def test_stretches_from_a_time_on() -> None:
+    assert stretches(make_track(1, "1000200"), 2.5) == [Stretch(0, 3, 4), Stretch(2, 4, 5), Stretch(0, 5, 6)]
+    assert stretches(make_track(1, "1000200"), 99.0) == []
+
+
+@pytest.mark.parametrize(("drivers", "count"), [("", 0), ("0", 0), ("00", 1), ("01", 1), ("011", 2)])
+def test_a_stretch_needs_two_samples(drivers: str, count: int) -> None:
+    assert len(stretches(make_track(1, drivers))) == count
+
+
+def test_shares_add_up() -> None:
+    # Of each robot's 9 s the modules had 0 to 1 and 8 to 9, and 4 to 5; the AC had the rest.
+    assert shares(make_run()) == pytest.approx([6 / 9, 2 / 9, 1 / 9])
+    assert sum(shares(make_run(5, "0120120120"))) == pytest.approx(1.0)
+
+
+def test_shares_of_nothing_are_nothing() -> None:
+    empty = make_run(1, "")
+    assert shares(empty) == [0.0, 0.0, 0.0]
+    assert end_s(empty) == 0.0
+
+
+def test_places_lie_between_samples() -> None:
+    track = make_track(2, "000")
+    assert place_at(track, 0.5) == pytest.approx((0.05, 2.0))
+    assert place_at(track, -1.0) == pytest.approx((0.0, 2.0))
+    assert place_at(track, 9.0) == pytest.approx((0.2, 2.0))
+    assert place_at(Track(1), 0.0) is None
+
+
+def test_marks_are_changes_between_ac_and_sc() -> None:
+    run = make_run(1)
+    assert [(mark.robot_id, round(mark.x_m, 3), mark.y_m, mark.module) for mark in marks(run, 0.0)] == [
+        (1, 0.1, 1.0, None), (1, 0.4, 1.0, "geofence"), (1, 0.5, 1.0, None), (1, 0.8, 1.0, "collision"),
+    ]  # fmt: skip
+    assert len(marks(run, 4.5)) == 2
+
+
+def test_neither_the_start_nor_a_change_of_module_is_marked() -> None:
+    run = make_run(1, "0000")
+    run.switches = [
+        SwitchRecord(0.0, 1, "collision", None, "", "", ()),
+        SwitchRecord(1.0, 1, "collision", "geofence", "", "", ()),
+        SwitchRecord(2.0, 7, None, "geofence", "", "", ()),
+        SwitchRecord(2.0, 1, None, "geofence", "", "", ()),
+    ]
+    assert marks(run, 0.0) == [Mark(1, 0.2, 1.0, "geofence")]
+
+
+def test_of_a_long_run_only_the_end_is_drawn(run: RunTracks) -> None:
+    assert ways_since_s(run) == 0.0
+    assert ways_since_s(make_run(1, "0" * 10, LONG_S / 9)) == 0.0
+    assert ways_since_s(make_run(1, "0" * 10, 800.0)) == 7200.0 - LAST_S
+
+
+@pytest.mark.parametrize(("seconds", "unit"), [(60.0, "s"), (600.0, "min"), (7200.0, "min"), (86400.0, "h")])
+def test_time_units(seconds: float, unit: str) -> None:
+    assert time_unit(seconds)[1] == unit
