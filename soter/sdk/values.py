@@ -178,31 +178,9 @@ class Capabilities:
 
     def widened_beyond(self, declared: Capabilities) -> str | None:
         """Return the name of a promise that is larger than `declared` allows, or None."""
-        for name in (
-            "in_process",
-            "deterministic",
-            "reverses",
-            "reports_battery",
-            "reports_controller",
-            "pivots_first",
-            "brake_m_s2",
-            "yaw_rate_max_rad_s",
-        ):
-            if getattr(self, name) > getattr(declared, name):
-                return name
-        for name in (
-            "v_max_m_s",
-            "body_radius_m",
-            "latency_s",
-            "sample_age_s",
-            "jitter_s",
-            "setpoint_period_s",
-            "lease_s",
-            "tube_m",
-            "overshoot_m",
-            "position_noise_m",
-        ):
-            if getattr(self, name) > getattr(declared, name):
+        for name in self.__slots__:
+            # Written so that NaN counts as larger.
+            if not getattr(self, name) <= getattr(declared, name):
                 return name
         return None
 
