@@ -2,9 +2,6 @@
 
 from soter_sim.bodies import (
     BODY_RADIUS_M,
-    CHARGE_PER_S,
-    DRIVE_PER_S,
-    IDLE_PER_S,
     LIMITS,
     Bodies,
     Control,
@@ -16,10 +13,7 @@ from soter_sim.world import ENGINES, World
 
 __all__ = [
     "BODY_RADIUS_M",
-    "CHARGE_PER_S",
-    "DRIVE_PER_S",
     "ENGINES",
-    "IDLE_PER_S",
     "LIMITS",
     "Bodies",
     "Control",

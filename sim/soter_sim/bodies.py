@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import isfinite
+from math import inf, isfinite
 from typing import Final
 
 from soter.drive import DriveLimits
@@ -14,15 +14,6 @@ BODY_RADIUS_M: Final = 0.105
 
 LIMITS: Final = DriveLimits()
 """What every robot of a world can do: a TurtleBot3 Burger."""
-
-DRIVE_PER_S: Final = 1.0 / 1800.0
-"""Charge used per second at full speed or full turn rate: empty after 30 minutes."""
-
-IDLE_PER_S: Final = 1.0 / 7200.0
-"""Charge used per second at rest: empty after two hours."""
-
-CHARGE_PER_S: Final = 1.0 / 60.0
-"""Charge gained per second while the robot's centre is on a charger, whatever it does there."""
 
 Control = Callable[[float, float, float, float, float, float], tuple[float, float]]
 """A robot's side of the world, called once each control period with now_s, x_m, y_m, heading_rad, v_m_s and
@@ -50,10 +41,25 @@ class Bodies:
         v: speed along the heading in m/s, negative backwards.
         yaw_rate: rad/s, counter-clockwise.
         charge: from 0 to 1.
+        drive_per_s: charge used per second at full speed or full turn rate.
+        idle_per_s: charge used per second at rest.
+        charge_per_s: charge gained per second at rest with the centre on a charger.
         control: what steers each robot.
     """
 
-    __slots__ = ("charge", "control", "heading", "ids", "v", "x", "y", "yaw_rate")
+    __slots__ = (
+        "charge",
+        "charge_per_s",
+        "control",
+        "drive_per_s",
+        "heading",
+        "idle_per_s",
+        "ids",
+        "v",
+        "x",
+        "y",
+        "yaw_rate",
+    )
 
     def __init__(self, specs: Sequence[RobotSpec]) -> None:
         if not specs:
@@ -66,10 +72,18 @@ class Bodies:
                 raise ValueError(f"robot {spec.id} starts at a pose that is not finite")
             if spec.battery is not None and not 0.0 <= spec.battery <= 1.0:
                 raise ValueError(f"robot {spec.id} starts with the charge {spec.battery}, allowed: 0 to 1")
+            if not 0.0 < spec.drive_s <= spec.idle_s < inf or not 0.0 < spec.charge_s < inf:
+                raise ValueError(
+                    f"robot {spec.id} has a battery of {spec.drive_s} s driving, {spec.idle_s} s idle and "
+                    f"{spec.charge_s} s to charge, allowed: above 0, idle at least as long as driving"
+                )
         self.x = [float(spec.x_m) for spec in specs]
         self.y = [float(spec.y_m) for spec in specs]
         self.heading = [float(spec.heading_rad) for spec in specs]
         self.v = [0.0] * len(specs)
         self.yaw_rate = [0.0] * len(specs)
         self.charge = [1.0 if spec.battery is None else float(spec.battery) for spec in specs]
+        self.drive_per_s = [1.0 / spec.drive_s for spec in specs]
+        self.idle_per_s = [1.0 / spec.idle_s for spec in specs]
+        self.charge_per_s = [1.0 / spec.charge_s for spec in specs]
         self.control: list[Control] = [stand_still] * len(specs)

@@ -17,7 +17,7 @@ from typing import Final
 
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
-from soter_sim.bodies import BODY_RADIUS_M, CHARGE_PER_S, DRIVE_PER_S, IDLE_PER_S, LIMITS, Bodies
+from soter_sim.bodies import BODY_RADIUS_M, LIMITS, Bodies
 from soter_sim.judge import Judge, Stops
 from soter_sim.sweep import enter_disc, meet_box
 
@@ -58,10 +58,11 @@ class KinematicEngine:
         half_s = 0.5 * step_s
         # While the speed changes by d at the rate a, the robot falls behind its new speed by d |d| / 2a.
         ramp_v, ramp_w = 0.5 / LIMITS.accel_m_s2, 0.5 / LIMITS.yaw_accel_rad_s2
-        idle = IDLE_PER_S * step_s
-        busy_v = (DRIVE_PER_S - IDLE_PER_S) / v_max
-        busy_w = (DRIVE_PER_S - IDLE_PER_S) / w_max
-        gain = CHARGE_PER_S * step_s
+        idle = [per_s * step_s for per_s in bodies.idle_per_s]
+        busy = [drive - rest for drive, rest in zip(bodies.drive_per_s, bodies.idle_per_s, strict=True)]
+        busy_v = [per_s / v_max for per_s in busy]
+        busy_w = [per_s / w_max for per_s in busy]
+        gain = [per_s * step_s for per_s in bodies.charge_per_s]
         two_pi = 2.0 * pi
 
         for step in range(self._done, until_period):
@@ -125,24 +126,27 @@ class KinematicEngine:
                     angle += turn
                     heading[i] = angle - two_pi if angle > pi else angle + two_pi if angle <= -pi else angle
 
-                if on_charger[i]:
+                if on_charger[i] and length == 0.0 and turn == 0.0:
                     if left <= 0.0:
                         judge.charged(i, now_s)
-                    left += gain
+                    left += gain[i]
                     charge[i] = min(left, 1.0)
                 elif left > 0.0:
-                    use = (length if length > 0.0 else -length) * busy_v
-                    use_turning = (turn if turn > 0.0 else -turn) * busy_w
+                    use = (length if length > 0.0 else -length) * busy_v[i]
+                    use_turning = (turn if turn > 0.0 else -turn) * busy_w[i]
                     if use_turning > use:
                         use = use_turning
-                    use += idle
+                    use += idle[i]
                     if left <= use:
-                        judge.flat(i, now_s + left / use * step_s)
+                        if not on_charger[i]:
+                            judge.flat(i, now_s + left / use * step_s)
                         charge[i] = left = 0.0
                     else:
                         charge[i] = left = left - use
                     if left < least_charge:
                         least_charge = left
+                elif not on_charger[i]:
+                    judge.flat(i, now_s)
 
             if step >= judge.due:
                 judge.look(step, to_x, to_y, self._stop_at_contacts(step))

@@ -16,7 +16,7 @@ from typing import Final
 from soter.errors import BackendError
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
-from soter_sim.bodies import BODY_RADIUS_M, CHARGE_PER_S, DRIVE_PER_S, IDLE_PER_S, LIMITS, Bodies
+from soter_sim.bodies import BODY_RADIUS_M, LIMITS, Bodies
 from soter_sim.judge import Judge
 
 
@@ -198,20 +198,25 @@ class PyBulletEngine:
 
     def _use_charge(self, i: int, now_s: float, v: float, yaw_rate: float) -> None:
         """Charge, or use charge, for one period in which the wheels turn for these speeds."""
-        charge, judge = self.bodies.charge, self._judge
+        bodies, judge = self.bodies, self._judge
+        charge, on_charger = bodies.charge, judge.on_charger[i]
         left = charge[i]
-        if judge.on_charger[i]:
+        if on_charger and v == 0.0 and yaw_rate == 0.0:
             if left <= 0.0:
                 judge.charged(i, now_s)
-            charge[i] = min(left + CHARGE_PER_S * PERIOD_S, 1.0)
+            charge[i] = min(left + bodies.charge_per_s[i] * PERIOD_S, 1.0)
         elif left > 0.0:
             effort = max(v / LIMITS.v_max_m_s, yaw_rate / LIMITS.yaw_rate_max_rad_s)
-            use = (IDLE_PER_S + (DRIVE_PER_S - IDLE_PER_S) * effort) * PERIOD_S
+            idle = bodies.idle_per_s[i]
+            use = (idle + (bodies.drive_per_s[i] - idle) * effort) * PERIOD_S
             if left <= use:
-                judge.flat(i, now_s + left / use * PERIOD_S)
+                if not on_charger:
+                    judge.flat(i, now_s + left / use * PERIOD_S)
                 charge[i] = 0.0
             else:
                 charge[i] = left - use
+        elif not on_charger:
+            judge.flat(i, now_s)
 
     def _turn_wheels(self, i: int, v_to: float, w_to: float) -> None:
         """Move a robot's target by what one physics step allows."""

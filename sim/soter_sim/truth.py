@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final
 
-from soter.sdk.backend import RULES, TruthReport, Violation
+from soter.sdk.values import RULES, TruthReport, Violation
 from soter_sim.bodies import Bodies
 
 FENCE_TOLERANCE_M: Final = 1e-6

@@ -60,7 +60,7 @@ def run_mission(
         mission: from `soter.config.load_mission`.
         on_progress: called every `progress_every_s` of host time.
         progress_every_s: see there.
-        stop: asked every few ticks whether to end the run early, as Ctrl-C does.
+        stop: asked at every tick whether to end the run early, as Ctrl-C does.
 
     Returns:
         What happened. Whatever ends the run, its robots are stopped by then.
@@ -176,12 +176,13 @@ class _Loop:
             metrics.tick(now_s, tick, robots, charging)
             clock.sleep_until((tick + 1) * base_tick_s)
             self.ticks = tick + 1
-            if tick % _LOOK_TICKS == 0:
-                if stop is not None and stop():
-                    return "interrupted"
-                if on_progress is not None and time.perf_counter() - shown_s >= progress_every_s:
-                    shown_s = time.perf_counter()
-                    on_progress(self._progress(shown_s - start_s))
+            if stop is not None and stop():
+                return "interrupted"
+            if on_progress is not None and tick % _LOOK_TICKS == 0:
+                wall_s = time.perf_counter()
+                if wall_s - shown_s >= progress_every_s:
+                    shown_s = wall_s
+                    on_progress(self._progress(wall_s - start_s))
         return "completed"
 
     def _fail_acs(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -111,7 +112,11 @@ def assemble(
         forwarder = PortForwarder(port, waypoint, mission.base_tick_s)
         recovery = RecoveryPlanner(terrain, capabilities, _rules(mission), mission.base_tick_s)
         dock = Dock(
-            terrain, places[robot.id].charger, HOME_CLEARANCE_M, _inset_m(mission), _cost_per_m(mission, capabilities)
+            terrain,
+            places[robot.id].charger,
+            HOME_CLEARANCE_M,
+            _inset_m(mission, capabilities),
+            _cost_per_m(mission, capabilities),
         )
         declared = _declare(
             mission,
@@ -191,8 +196,16 @@ def _rules(mission: Mission) -> RecoveryRules:
     )
 
 
-def _inset_m(mission: Mission) -> float:
-    return mission.rta.geofence.phi_safer_inset_m
+def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
+    """Return how near ways home may come to the fence: not so near that the geofence module would step in.
+
+    Without that module robots may be anywhere on the open ground around the fence, and ways lead there too.
+    """
+    if GEOFENCE not in enabled(mission):
+        return -math.inf
+    speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+    look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
+    return speed.bound(look_s) + _SLACK_M
 
 
 def _cost_per_m(mission: Mission, capabilities: Capabilities) -> float:
@@ -213,7 +226,11 @@ def _declare(
     rta, tick_s = mission.rta, mission.base_tick_s
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     refuges = RefugeFinder(
-        terrain, recovery, rta.geofence.phi_safer_inset_m + _SLACK_M, rta.obstacle.phi_safer_m + _SLACK_M
+        terrain,
+        recovery,
+        # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
+        rta.geofence.phi_safer_inset_m + _SLACK_M if GEOFENCE in enabled(mission) else -math.inf,
+        rta.obstacle.phi_safer_m + _SLACK_M,
     )
     inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)

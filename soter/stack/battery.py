@@ -53,12 +53,13 @@ class Dock:
         ax, ay = self._asked
         if abs(ax - x_m) > _SAME_PLACE_M or abs(ay - y_m) > _SAME_PLACE_M:
             self._asked = (x_m, y_m)
-            self._answer_m = min(self._routes.distance_m(x_m, y_m), self.longest_m)
+            found_m = self._routes.distance_m(x_m, y_m)
+            self._answer_m = self.longest_m if found_m == math.inf else found_m
         return self._answer_m
 
     def way(self, x_m: float, y_m: float) -> list[Point]:
-        """Return the legs of the static way home."""
-        return self._routes.legs(x_m, y_m)
+        """Return the legs of the static way home; straight home where none is seen, as far as that is certified."""
+        return self._routes.legs(x_m, y_m) or [self.place]
 
     def detour(self, x_m: float, y_m: float, peers: list[Point]) -> list[Point]:
         """Return the legs of a way home around peers as they stand now; empty if there is none."""

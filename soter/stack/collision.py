@@ -87,12 +87,11 @@ class BackAway(Retreat):
         stays = self._right_of_way.first(situation.robot_id) or self._dock.charging(situation)
         if stays:
             return self.recovery.hold(situation)
-        leg = super().motion(situation)
-        if leg is not None or self._legs:
-            return leg
-        # Nowhere to go: at least away from the nearest peer.
+        return super().motion(situation)
+
+    def without_refuge(self, situation: Situation) -> Waypoint | None:
         own = situation.own
         nearest = min(situation.peers, key=lambda p: (p.x_m - own.x_m) ** 2 + (p.y_m - own.y_m) ** 2, default=None)
         if nearest is None:
-            return None
+            return super().without_refuge(situation)
         return self.recovery.away(situation, own.x_m - nearest.x_m, own.y_m - nearest.y_m)

@@ -22,6 +22,7 @@ PAIR_NEAR_M: Final = 0.6
 
 SEPARATION_M: Final = 0.3
 _ARRIVED_M: Final = 0.02
+_CLIMB_M: Final = 0.005
 _ROUNDING_M: Final = 1e-9
 _MOVING_M_S: Final = 0.02
 _ALIGNED_COS: Final = math.cos(0.35)
@@ -185,17 +186,37 @@ class RecoveryPlanner:
             score = ux * score_x + uy * score_y
             if score > best and self.certify(situation, own.x_m + ux * length, own.y_m + uy * length) >= 0.0:
                 best, chosen = score, (ux, uy)
-        if chosen is None:
-            return self.hold(situation)
-        if self._must_stop_first(own, *chosen):
-            return None
-        return self._leg(own, own.x_m + chosen[0] * length, own.y_m + chosen[1] * length, *chosen)
+        return self._go(situation, chosen, length)
+
+    def climb(self, situation: Situation) -> Waypoint | None:
+        """Return the certified leg at whose end the least static margin is largest, or None to hold at the top."""
+        own, terrain = situation.own, self.terrain
+        length = self._v_max * (self._blind_s + situation.age_s) + self._stop_m
+
+        def height(x_m: float, y_m: float) -> float:
+            fence_m = terrain.fence_m(x_m, y_m) if self.rules.fence else math.inf
+            return min(fence_m, terrain.clearance_m(x_m, y_m))
+
+        best, chosen = height(own.x_m, own.y_m) + _CLIMB_M, None
+        for ux, uy in _DIRECTIONS:
+            bx, by = own.x_m + ux * length, own.y_m + uy * length
+            if height(bx, by) > best and self.certify(situation, bx, by) >= 0.0:
+                best, chosen = height(bx, by), (ux, uy)
+        return self._go(situation, chosen, length)
 
     def sees(self, situation: Situation, bx_m: float, by_m: float, clearance_m: float) -> bool:
         """Return whether a straight way to b keeps `clearance_m` from boxes, or as much as the robot has now."""
         own = situation.own
         needed = min(clearance_m, self.terrain.clearance_m(own.x_m, own.y_m)) - 1e-9
         return self.terrain.segment_clearance_m(own.x_m, own.y_m, bx_m, by_m) >= needed
+
+    def _go(self, situation: Situation, direction: Point | None, length_m: float) -> Waypoint | None:
+        if direction is None:
+            return self.hold(situation)
+        own = situation.own
+        if self._must_stop_first(own, *direction):
+            return None
+        return self._leg(own, own.x_m + direction[0] * length_m, own.y_m + direction[1] * length_m, *direction)
 
     def _must_stop_first(self, own: Sample, ux: float, uy: float) -> bool:
         """Whether the robot moves in a direction that does not lie along the leg: it would brake somewhere else."""

@@ -97,7 +97,11 @@ class Retreat(SafeController):
         if situation.now_s - self._looked_s >= _LOOK_AGAIN_S and not self._settled(situation):
             self._looked_s = situation.now_s
             self._legs = self._refuges.way(situation, self._peer_m)
-        return self.follow(situation, self._legs)
+        return self.follow(situation, self._legs) if self._legs else self.without_refuge(situation)
+
+    def without_refuge(self, situation: Situation) -> Waypoint | None:
+        """Return what to do where no refuge is in reach: get away from fence and boxes as far as that goes."""
+        return self.recovery.climb(situation)
 
     def _settled(self, situation: Situation) -> bool:
         """Whether the way is still good: it leads somewhere, no peer is near its end, and the robot gets along it."""

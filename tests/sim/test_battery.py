@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 
 from soter.workspace import Box
-from soter_sim import CHARGE_PER_S, LIMITS, World
+from soter_sim import LIMITS, World
 from tests.sim.worlds import constant, empty, specs
 
 ENGINES = [pytest.param("kinematic"), pytest.param("pybullet", marks=pytest.mark.pybullet)]
@@ -66,26 +69,51 @@ def test_it_charges_on_any_charger_and_only_there() -> None:
     far = Box(9.9, 9.9, 10.1, 10.1)
     world = World(empty(20, 20, PATCH, far), specs((10.0, 10.0, 0.0), (5.0, 5.5, 0.0), (5.0, 5.6, 0.0), battery=0.5))
     world.advance(6.0)
-    gained = 0.5 + 6 * CHARGE_PER_S
+    gained = 0.5 + 6 / 60
     assert world.bodies.charge == pytest.approx([gained, gained, 0.5 - 6 / 7200])
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_it_starts_and_stops_charging_when_its_centre_crosses_the_edge(engine: str) -> None:
+def test_it_does_not_charge_while_it_drives_across_a_charger(engine: str) -> None:
     with World(empty(20, 20, PATCH), specs((4.0, 5.0, 0.0), battery=0.5), engine) as world:
         world.set_control(1, constant(LIMITS.v_max_m_s))
-        charging = []
-        before = 0.5
-        while world.bodies.x[0] < 6.0:
-            x = world.bodies.x[0]
+        world.advance(3.0)
+        before = world.bodies.charge[0]
+        while world.bodies.x[0] < 5.4:
             world.advance(world.now_s + 0.05)
-            charge = world.bodies.charge[0]
-            if abs(x - 4.5) > 1e-3 and abs(x - 5.5) > 1e-3:
-                assert (charge > before) == (4.5 <= x <= 5.5)
-            charging.append(charge > before)
-            before = charge
-        assert any(charging)
-        assert not all(charging)
+            assert world.bodies.charge[0] < before
+            before = world.bodies.charge[0]
+        world.set_control(1, None)
+        world.advance(world.now_s + 0.5)
+        resting = world.bodies.charge[0]
+        world.advance(world.now_s + 6.0)
+        assert world.bodies.x[0] < 5.5
+        assert world.bodies.charge[0] == pytest.approx(resting + 6 / 60)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_it_is_flat_if_it_rolls_off_a_charger_with_its_last_charge(engine: str) -> None:
+    with World(empty(20, 20, PATCH), specs((5.45, 5.0, 0.0), battery=1.2e-4), engine) as world:
+        world.set_control(1, constant(LIMITS.v_max_m_s))
+        world.advance(3.0)
+        assert world.bodies.x[0] > 5.5
+        (only,) = world.truth.report().violations
+        assert (only.rule, only.end_s) == ("battery", None)
+        assert only.start_s > 0.1
+
+
+def test_each_robot_has_a_battery_of_its_own() -> None:
+    fast, slow = specs((5.0, 5.0, 0.0), (10.0, 10.0, 0.0), battery=0.5)
+    world = World(empty(), [replace(fast, drive_s=60.0, idle_s=100.0), replace(slow, idle_s=3600.0)])
+    world.advance(10.0)
+    assert world.bodies.charge == pytest.approx([0.4, 0.5 - 10 / 3600])
+
+
+@pytest.mark.parametrize("wrong", [{"drive_s": 0.0}, {"idle_s": 60.0}, {"charge_s": float("inf")}])
+def test_a_battery_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
+    (spec,) = specs((5.0, 5.0, 0.0))
+    with pytest.raises(ValueError, match="robot 1 has a battery of"):
+        World(empty(), [replace(spec, **wrong)])
 
 
 def test_flat_on_a_charger_is_no_violation() -> None:
