@@ -1,0 +1,390 @@
+"""One robot under supervision: who drives, what is sent, and that every failure ends with the safe controller."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from soter.rta import SUPERVISOR, Mode, Timing
+from soter.rta.supervisor import ALARM_S
+from tests.rta.doubles import TICK_S, At, Rig
+
+ALARM_TICKS = round(ALARM_S / TICK_S)
+
+
+def at(rig: Rig, x_m: float) -> None:
+    rig.actuator.sample = At(x_m, stamp_s=rig.now_s)
+
+
+# --- start, and the order of driving -----------------------------------------------------------------------
+
+
+def test_a_robot_starts_in_sc_and_is_given_to_the_ac_when_all_modules_agree() -> None:
+    rig = Rig("a", "b")
+    rig.rules["b"].value = 0.0
+    rig.tick(20)
+    assert rig.driver() == "b"
+    assert rig.robot.mode is Mode.SC
+    assert rig.ac.steps == 0
+    rig.rules["b"].value = 10.0
+    assert rig.tick() == [("hand_over", Mode.AC, "b"), ("drive", "ac 1", Mode.AC), ("renew",)]
+
+
+def test_without_modules_the_ac_drives_from_the_first_tick_and_is_told_so_once() -> None:
+    rig = Rig()
+    assert rig.tick() == [("hand_over", Mode.AC, ""), ("drive", "ac 1", Mode.AC), ("renew",)]
+    assert rig.tick() == [("drive", "ac 2", Mode.AC), ("renew",)]
+
+
+def test_without_modules_a_robot_without_a_state_is_stopped() -> None:
+    rig = Rig()
+    rig.tick(3)
+    rig.ac.silent = True
+    rig.actuator.sample = OSError("gone")
+    assert ("drive", None, Mode.AC) in rig.tick()
+
+
+def test_the_highest_module_in_sc_drives() -> None:
+    rig = Rig("a", "b", "c")
+    rig.start()
+    rig.rules["c"].value = 0.0
+    rig.tick()
+    assert rig.driver() == "c"
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    assert rig.driver() == "a"
+    rig.rules["b"].value = 0.0
+    rig.tick()
+    assert rig.driver() == "a"
+    rig.rules["a"].value = 10.0
+    rig.tick()
+    assert rig.driver() == "b"
+    assert [rig.scs[name].engaged for name in "abc"] == [1, 1, 1]
+
+
+# --- attribution -------------------------------------------------------------------------------------------
+
+
+def test_a_disengagement_belongs_to_the_first_module_that_fired_and_others_have_joined() -> None:
+    rig = Rig("a", "b", "c")
+    rig.start()
+    rig.rules["b"].value = rig.rules["c"].value = 0.0
+    rig.tick()
+    (record,) = rig.watch.records
+    assert (record.before, record.after, record.module, record.joined) == (None, "b", "b", ("c",))
+    assert record.cause.startswith("margin 0.000 m < reach")
+    assert record.time_s == pytest.approx(rig.now_s - TICK_S)
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    record = rig.watch.records[-1]
+    assert (record.before, record.after, record.module) == ("b", "a", "a"), "a change of driver is no disengagement"
+    assert len(rig.watch.records) == 2
+
+
+def test_a_lower_module_that_fires_while_another_drives_changes_nothing() -> None:
+    rig = Rig("a", "b")
+    rig.start()
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.rules["b"].value = 0.0
+    calls = rig.tick()
+    assert len(rig.watch.records) == 1
+    assert [call[0] for call in calls] == ["drive", "renew"]
+    assert rig.modules["b"].mode is Mode.SC, "it keeps judging whoever drives"
+
+
+def test_a_release_is_recorded_with_the_last_module_that_released() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.rules["a"].value = 10.0
+    rig.tick()
+    record = rig.watch.records[-1]
+    assert (record.before, record.after, record.module) == ("a", None, "a")
+
+
+# --- what is sent ------------------------------------------------------------------------------------------
+
+
+def test_a_disengagement_is_one_hand_over_then_the_scs_command_then_the_lease() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.rules["a"].value = 0.0
+    steps = rig.scs["a"].steps
+    assert rig.tick() == [("hand_over", Mode.SC, "a"), ("drive", f"a {steps + 1}", Mode.SC), ("renew",)]
+
+
+def test_a_change_between_safe_controllers_flushes_the_goal() -> None:
+    rig = Rig("a", "b")
+    rig.start()
+    rig.rules["b"].value = 0.0
+    rig.tick()
+    rig.rules["a"].value = 0.0
+    rig.scs["a"].silent = True
+    assert rig.tick() == [("drive", None, Mode.SC), ("renew",)]
+
+
+def test_a_command_is_sent_once() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.ac.silent = True
+    assert rig.tick() == [("renew",)]
+    rig.topic.publish("new")
+    assert rig.tick() == [("drive", "new", Mode.AC), ("renew",)]
+    assert rig.tick() == [("renew",)]
+
+
+def test_what_the_other_controller_published_last_is_never_sent() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.scs["a"].silent = True
+    rig.topic.publish("stale")
+    rig.rules["a"].value = 0.0
+    assert [call[0] for call in rig.tick()] == ["hand_over", "renew"]
+    assert rig.tick() == [("renew",)]
+    rig.topic.publish("of the safe controller")
+    rig.ac.silent = True
+    rig.rules["a"].value = 10.0
+    assert [call[0] for call in rig.tick()] == ["hand_over", "renew"]
+
+
+def test_the_lease_is_renewed_once_a_tick_and_last() -> None:
+    rig = Rig("a")
+    for value in (10.0, 0.0, 10.0, math.nan, 10.0, OSError("broken")):
+        rig.rules["a"].value = value
+        for _ in range(10):
+            rig.tick()
+            assert rig.names().count("renew") == 1
+            assert rig.names()[-1] == "renew"
+
+
+# --- what fails --------------------------------------------------------------------------------------------
+
+
+def test_an_ac_that_raises_loses_control_for_good_and_its_robot_goes_home() -> None:
+    rig = Rig("a", "home")
+    rig.start()
+    rig.ac.failing = True
+    calls = rig.tick()
+    assert calls == [("drive", None, Mode.AC), ("renew",)], "nothing that it published before it raised is sent"
+    rig.ac.failing = False
+    rig.tick()
+    assert rig.driver() == "home"
+    assert rig.watch.records[-1].module == SUPERVISOR
+    assert "AC failed" in rig.watch.records[-1].cause
+    rig.tick(200)
+    assert rig.driver() == "home"
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    assert rig.driver() == "a", "its modules go on judging"
+
+
+def test_a_failure_reported_from_outside_takes_control_too() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.robot.fail_ac("the mission ended")
+    rig.robot.fail_ac("and something else")
+    rig.tick()
+    assert rig.driver() == "a"
+    assert rig.watch.records[-1].cause == "the mission ended"
+
+
+@pytest.mark.parametrize("value", [math.nan, OSError("broken"), -math.inf])
+def test_a_decision_module_that_fails_takes_control(value: float | Exception) -> None:
+    rig = Rig("a", "b")
+    rig.start()
+    rig.rules["b"].value = value
+    rig.tick()
+    assert rig.driver() == "b"
+    assert rig.watch.records[-1].module == "b"
+    rig.tick(50)
+    assert rig.driver() == "b"
+    rig.rules["b"].value = 10.0
+    rig.tick(3)
+    assert rig.driver() is None
+
+
+def test_a_decision_module_that_fails_says_how() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.rules["a"].value = ZeroDivisionError("oh")
+    rig.tick()
+    assert "ZeroDivisionError('oh')" in rig.watch.records[-1].cause
+
+
+def test_a_safe_controller_that_raises_leaves_the_robot_stopped() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.rules["a"].value = 0.0
+    rig.scs["a"].failing = True
+    for _ in range(3):
+        calls = rig.tick()
+        drives = [call for call in calls if call[0] == "drive"]
+        assert drives == [("drive", None, Mode.SC)]
+    rig.scs["a"].failing = False
+    rig.scs["a"].silent = True
+    assert rig.tick() == [("renew",)], "what it published before it raised is never sent"
+    rig.scs["a"].silent = False
+    assert rig.tick()[0][1].startswith("a ")
+
+
+def test_a_safe_controller_that_cannot_engage_leaves_the_robot_stopped() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.rules["a"].value = 0.0
+    rig.scs["a"].failing_to_engage = True
+    rig.scs["a"].silent = True
+    assert rig.tick() == [("hand_over", Mode.SC, "a"), ("drive", None, Mode.SC), ("renew",)]
+
+
+def test_a_watch_that_fails_costs_nothing() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.watch.failing = True
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    assert rig.scs["a"].engaged == 1
+    assert rig.names() == ["hand_over", "drive", "renew"]
+
+
+@pytest.mark.parametrize("mode", [Mode.SC, Mode.AC])
+def test_a_hand_over_that_fails_is_repeated_and_the_lease_runs_out_until_it_is_done(mode: Mode) -> None:
+    rig = Rig("a")
+    rig.start()
+    if mode is Mode.AC:
+        rig.rules["a"].value = 0.0
+        rig.tick()
+        rig.rules["a"].value = 10.0
+    else:
+        rig.rules["a"].value = 0.0
+    rig.actuator.failing.add("hand_over")
+    for _ in range(5):
+        rig.tick()
+        assert "hand_over" in rig.names()
+        assert "renew" not in rig.names()
+    rig.actuator.failing.clear()
+    rig.tick()
+    assert rig.names()[0] == "hand_over"
+    rig.tick()
+    assert rig.names() == ["drive", "renew"]
+    assert rig.driver() == "a", "an interface that failed is no reason to go back to the AC"
+
+
+@pytest.mark.parametrize("call", ["drive", "renew"])
+def test_an_interface_that_fails_costs_the_ac_control(call: str) -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.actuator.failing.add(call)
+    rig.tick()
+    assert ("renew" in rig.names()) is (call == "renew")
+    rig.tick()
+    assert rig.driver() == "a"
+    assert rig.watch.records[-1].module == SUPERVISOR
+
+
+# --- samples -----------------------------------------------------------------------------------------------
+
+
+def test_a_sample_outside_the_reach_set_takes_control_for_a_while() -> None:
+    rig = Rig("a")
+    rig.start()
+    at(rig, 10.5)
+    rig.tick()
+    assert rig.driver() == "a"
+    assert rig.watch.records[-1].module == SUPERVISOR
+    assert "reach set of SpeedBound" in rig.watch.records[-1].cause
+    assert rig.modules["a"].mode is Mode.AC, "it costs the modules nothing of what they know"
+    rig.tick(ALARM_TICKS - 1)
+    assert rig.driver() == "a"
+    rig.tick(2)
+    assert rig.driver() is None
+
+
+def test_a_robot_that_moves_as_fast_as_declared_raises_no_alarm() -> None:
+    rig = Rig("a")
+    rig.start()
+    x_m = 10.0
+    for _ in range(100):
+        x_m += 0.22 * TICK_S
+        at(rig, x_m)
+        rig.tick()
+        assert rig.driver() is None
+
+
+def test_after_an_alarm_every_module_has_looked_before_the_ac_gets_control() -> None:
+    rig = Rig("a", "slow", deltas=[TICK_S, 20.0])
+    rig.start()
+    # What moved the robot away was never seen by the slow module, which looks every 20 s.
+    rig.rules["slow"].value = 0.0
+    at(rig, 11.0)
+    rig.tick(ALARM_TICKS + 10)
+    assert rig.driver() == "slow"
+
+
+@pytest.mark.parametrize("sample", [OSError("link lost"), At(math.nan), At(0.0, math.inf), At(10.0, stamp_s=math.nan)])
+def test_no_state_or_one_that_is_no_number_takes_control(sample: At | Exception) -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.fresh = False
+    rig.actuator.sample = sample
+    before = rig.robot.situation.own
+    rig.tick(3)
+    assert rig.driver() == "a"
+    assert rig.watch.records[-1].module == SUPERVISOR
+    assert "no state" in rig.watch.records[-1].cause
+    assert rig.robot.situation.own is before
+    assert rig.robot.situation.age_s == pytest.approx(3 * TICK_S)
+
+
+def test_a_stale_sample_takes_control_and_its_age_is_known() -> None:
+    rig = Rig("a", timing=Timing(latency_s=0.05, sample_age_s=0.1))
+    rig.start()
+    rig.fresh = False
+    rig.actuator.sample = At(10.0, stamp_s=rig.now_s - 0.1)
+    rig.tick()
+    assert rig.driver() is None, "as old as declared"
+    rig.tick()
+    assert rig.driver() == "a"
+    assert "sample is 0.150 s old, declared at most 0.100 s" in rig.watch.records[-1].cause
+
+
+def test_a_stamp_ahead_of_the_clock_does_not_shrink_the_reach_bound() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.fresh = False
+    rig.actuator.sample = At(10.0, stamp_s=rig.now_s + 5.0)
+    rig.rules["a"].value = 0.01
+    rig.tick()
+    assert rig.robot.situation.age_s == 0.0
+    assert rig.driver() == "a"
+
+
+def test_a_look_later_than_declared_takes_control() -> None:
+    rig = Rig("a", "b", deltas=[TICK_S, 0.5], timing=Timing(latency_s=0.05, jitter_s=0.02))
+    rig.start()
+    rig.ticks += 1  # one tick is left out
+    rig.tick()
+    assert rig.driver() == "a"
+    assert rig.watch.records[-1].module == "a"
+    assert "looked after 0.100 s, declared every 0.05 s" in rig.watch.records[-1].cause
+
+
+# --- Delta -------------------------------------------------------------------------------------------------
+
+
+def test_every_module_looks_once_a_delta_and_at_the_first_tick() -> None:
+    rig = Rig("fast", "slow", deltas=[TICK_S, 0.5])
+    rig.start()
+    while rig.ticks % 10 != 1:
+        rig.tick()
+    rig.rules["slow"].value = 0.0
+    rig.tick(9)
+    assert rig.driver() is None
+    rig.tick()
+    assert rig.driver() == "slow"
+    rig.rules["slow"].value = 10.0
+    rig.rules["fast"].value = 0.0
+    rig.tick()
+    assert rig.driver() == "fast"
