@@ -142,8 +142,8 @@ class _Loop:
         """Tick until the time is up; return the status and, for a failure, what it was."""
         start_s = time.perf_counter()
         try:
-            with HandlerWatchdog(lambda: self.side.runtime.current_handler, lambda: self.ticks):
-                return self._tick_on(start_s, on_progress, progress_every_s, stop), ""
+            with HandlerWatchdog(lambda: self.side.runtime.current_handler, lambda: self.ticks) as watchdog:
+                return self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop), ""
         except KeyboardInterrupt:
             return "interrupted", ""
         except RunFailed as failure:
@@ -155,6 +155,7 @@ class _Loop:
 
     def _tick_on(
         self,
+        watchdog: HandlerWatchdog,
         start_s: float,
         on_progress: Callable[[Progress], None] | None,
         progress_every_s: float,
@@ -170,6 +171,7 @@ class _Loop:
             self.missed_ticks += clock.now() - now_s > self.jitter_s
             supervisor.tick(now_s)
             side.run(now_s)
+            watchdog.check()
             if side.failures:
                 self._fail_acs()
             trace.add(now_s, robots)

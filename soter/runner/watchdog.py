@@ -19,7 +19,10 @@ _SIGNAL: Final = signal.SIGALRM
 
 
 class HandlerWatchdog:
-    """Raises `RunFailed` in the main thread when one handler runs for longer than `LIMIT_S`. A context manager.
+    """Interrupts the main thread when one handler runs for longer than `LIMIT_S`. A context manager.
+
+    The interruption is a `RunFailed` inside the handler. The machine that it belongs to fails by it, which the runtime
+    reports as any failure; `check()` then ends the run, whoever caught the exception.
 
     Only code that the interpreter runs, or that waits in a system call, can be interrupted; a library that computes
     without returning ends the run as soon as it returns.
@@ -51,6 +54,15 @@ class HandlerWatchdog:
             self._thread.join()
             signal.signal(_SIGNAL, self._previous)
 
+    def check(self) -> None:
+        """End the run if a handler had to be interrupted.
+
+        Raises:
+            RunFailed: names the handler.
+        """
+        if self._blamed:
+            raise RunFailed(self._blamed)
+
     def _watch(self) -> None:
         seen, since_s = -1, 0.0
         while not self._done.wait(_LOOK_S):
@@ -58,9 +70,9 @@ class HandlerWatchdog:
             if handler is None or progress != seen:
                 seen, since_s = progress, now_s
             elif now_s - since_s >= LIMIT_S:
-                self._blamed = handler
+                self._blamed = f"handler {handler} has blocked the mission for {LIMIT_S:g} s of host time"
                 signal.pthread_kill(self._main_id, _SIGNAL)
                 return
 
     def _end_run(self, number: int, frame: FrameType | None) -> None:
-        raise RunFailed(f"handler {self._blamed} has blocked the mission for {LIMIT_S:g} s of host time")
+        raise RunFailed(self._blamed)
