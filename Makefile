@@ -27,7 +27,14 @@ check: lint types wheel-check test ## Everything a change must pass: lint, types
 .PHONY: accept
 accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped and resumed
 	@tools/env.sh test
-	$(VENV)/python tools/accept.py
+	$(VENV)/python tools/accept.py $(ACCEPT_ARGS)
+
+.PHONY: bench
+bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
+	@tools/env.sh test
+	@for name in stack_cost real_time_factor decision scaling machine; do \
+		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
+	done
 
 .PHONY: lint
 lint: ## Style and formatting

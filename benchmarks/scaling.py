@@ -95,7 +95,9 @@ def main(argv: Sequence[str] | None = None) -> float:
         if name not in {fewest, most}
     ]
     rows.append(Row(f"{most} robots", f"{costs[most]:.0f} us/robot-s", ratio, f"<= {GOAL}", ratio <= GOAL))
-    show("Cost of one robot for one second", rows, f"{duration_s:g} s each; least, and median ratio, of {rounds} rounds.")
+    show(
+        "Cost of one robot for one second", rows, f"{duration_s:g} s each; least, and median ratio, of {rounds} rounds."
+    )
     return ratio
 
 
