@@ -32,6 +32,7 @@ DISC_SLACK_M: Final = 0.05
 """Added to the distance at which the collision module acts, for plans around robots that stand in the way."""
 
 _LOOK_TICKS: Final = 64
+_ROUNDING_S: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,8 @@ def run_mission(
         plans = PlanService(
             mission.planner, workspace, backend_class.robot_class.declared.body_radius_m,
             mission.planners.get(mission.planner, {}),
+            source=mission.source,
+            virtual_time=backend_class.robot_class.declared.in_process,
         )  # fmt: skip
         stack.callback(plans.close)
         try:
@@ -162,13 +165,15 @@ class _Loop:
         stop: Callable[[], bool] | None,
     ) -> str:
         base_tick_s, clock, side = self.mission.base_tick_s, self.fleet.clock, self.side
+        began_s = clock.now()
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
         charging = self.safety.charging
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = start_s
         for tick in range(last):
-            now_s = tick * base_tick_s
-            self.missed_ticks += clock.now() - now_s > self.jitter_s
+            # In virtual time the clock shows just this time; on a wall clock it shows how late the tick really is.
+            now_s = clock.now()
+            self.missed_ticks += now_s - (began_s + tick * base_tick_s) > self.jitter_s + _ROUNDING_S
             supervisor.tick(now_s)
             side.run(now_s)
             watchdog.check()
@@ -176,7 +181,7 @@ class _Loop:
                 self._fail_acs()
             trace.add(now_s, robots)
             metrics.tick(now_s, tick, robots, charging)
-            clock.sleep_until((tick + 1) * base_tick_s)
+            clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
             if stop is not None and stop():
                 return "interrupted"
