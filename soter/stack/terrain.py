@@ -59,8 +59,9 @@ class Terrain:
         """Return the distance of a body at a point to the nearest box; negative where they overlap."""
         least = math.inf
         for low_x, low_y, high_x, high_y in self._edges:
-            dx = low_x - x_m if x_m < low_x else x_m - high_x
-            dy = low_y - y_m if y_m < low_y else y_m - high_y
+            # The nearer edge counts on the inside too: it is where a way out leads.
+            dx = low_x - x_m if x_m + x_m < low_x + high_x else x_m - high_x
+            dy = low_y - y_m if y_m + y_m < low_y + high_y else y_m - high_y
             distance = max(dx, dy)
             if dx > 0.0 and dy > 0.0:
                 distance = math.sqrt(dx * dx + dy * dy)
