@@ -21,6 +21,8 @@ PLANNERS: Final = {
 """What the planners of `tools.acceptance.planners` do to robot 1."""
 
 SURVEILLANCE: Final = "examples/surveillance.toml"
+# The example begins with an almost empty battery, so that a short run shows it charge. Here the seed draws all charges.
+_CHARGE_FROM_SEED: Final = ("--set", "battery.initial={}")
 WAREHOUSE: Final = "examples/warehouse.toml"
 
 
@@ -66,7 +68,10 @@ def _case(
     duration_s: float = TWO_HOURS_S, loaded: bool = False, repeats: str = "",
 ) -> Case:  # fmt: skip
     name = f"{group}-{subject}-{engine}-{seed}".replace("_", "-").lower()
-    return Case(name, group, mission, ("--backend", engine, *more), duration_s, engine, subject, seed, loaded, repeats)
+    charge = _CHARGE_FROM_SEED if mission == SURVEILLANCE else ()
+    return Case(
+        name, group, mission, ("--backend", engine, *more, *charge), duration_s, engine, subject, seed, loaded, repeats
+    )
 
 
 def all_cases() -> list[Case]:
