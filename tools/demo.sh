@@ -20,7 +20,7 @@ can_build() { # a C++ compiler with its headers, and this Python's
 }
 
 tools/env.sh demo
-engine=pybullet
+backend=pybullet
 missing=
 if ! have_pybullet; then
     if ! can_build; then
@@ -35,7 +35,7 @@ if ! have_pybullet; then
         fi
     fi
     if [ -n "$missing" ]; then
-        engine=kinematic
+        backend=kinematic
         missing+=$'\n'"So this demo runs on SOTER's own kinematic engine instead: the same mission, simpler physics."
         printf '%s\n\n' "$missing"
     fi
@@ -43,8 +43,11 @@ fi
 
 mkdir -p "$(dirname "$picture")"
 status=0
-.venv/bin/soter run examples/surveillance.toml --engine "$engine" --duration 600 \
+.venv/bin/soter run examples/surveillance.toml --backend "$backend" --duration 600 \
     --picture "$picture" --json out/surveillance.json "$@" || status=$?
+if [ -e "$picture" ]; then
+    printf '\nThe run as a picture: %s\n' "$picture"
+fi
 if [ -n "$missing" ]; then
     printf '\n%s\n' "$missing"
 fi

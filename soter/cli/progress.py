@@ -120,7 +120,7 @@ def line(progress: Progress) -> str:
 
 
 def _robot_in_words(robot: RobotProgress) -> str:
-    charge = "" if robot.battery is None else f" {100.0 * robot.battery:.0f} %"
+    charge = "" if robot.battery is None else f", charge {100.0 * robot.battery:.0f} %"
     return f"robot {robot.robot_id}: {robot.driver}{charge}"
 
 

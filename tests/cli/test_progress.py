@@ -101,7 +101,7 @@ def test_the_least_margin_is_one_of_the_distances() -> None:
 
 def test_a_line_says_who_drives() -> None:
     assert line(progress(robot(1), robot(2, "battery", 0.17))) == (
-        "120 of 600 s, 10.0 x real time, no violation; robot 1: AC 50 %, robot 2: battery 17 %"
+        "120 of 600 s, 10.0 x real time, no violation; robot 1: AC, charge 50 %, robot 2: battery, charge 17 %"
     )
 
 
