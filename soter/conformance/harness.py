@@ -1,0 +1,102 @@
+"""What the conformance kit needs from an adapter's author: a way to open robots and, for wires, ways to break them."""
+
+from __future__ import annotations
+
+import subprocess
+from abc import ABC, abstractmethod
+from typing import Final
+
+from soter.sdk import Fleet, Waypoint
+
+HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
+"""The optional methods of a harness. One that a subclass does not override is not given."""
+
+
+class Harness(ABC):
+    """Opens the robots of one backend for the kit.
+
+    Only `open` and `close` must be written. The other methods are optional hooks; the clauses that need one that is
+    not given are NOT TESTED, and a backend that is not in process conforms only if all of them are.
+
+    The kit opens one or two robots, one fleet at a time, and calls `close` after every clause. It drives robots only
+    inside their free rooms.
+
+    Attributes:
+        name: what reports call the adapter.
+        room_m: the side of the free square around every robot's start pose, in which the kit may drive it; at least
+            2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
+        connect_timeout_s: what the kit passes to `Robot.init`.
+        speedup: how many seconds of fleet time may pass in one second of the host; needed for `start_driver` only.
+    """
+
+    name: str
+    room_m: float = 2.0
+    connect_timeout_s: float = 10.0
+    speedup: float = 1.0
+
+    @abstractmethod
+    def open(self, robots: int) -> Fleet:
+        """Return a fleet of so many fresh robots, at rest at the start poses in their specs; do not call `init`.
+
+        Fresh means that nothing is left of the fleet before: a simulated world is started anew, a real robot is
+        driven back to its start. `robots` is 1 or 2. Start poses need two different coordinates and a heading that is
+        none of 0, 90, 180 and 270 degrees, so that mixed-up axes show.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all faults, and everything that `open` and `start_driver` started. Idempotent.
+
+        The fleet itself has been closed by then, except where a clause failed to.
+        """
+
+    # --- optional hooks: faults on the wire between SOTER and the robots of the open fleet --------------------
+
+    def cut(self, robot_id: int) -> None:
+        """Let nothing through between SOTER and one robot, in either direction, until `restore`. (Hook `cut`.)"""
+        raise NotImplementedError
+
+    def restore(self, robot_id: int) -> None:
+        """End `cut`. To be given with it."""
+        raise NotImplementedError
+
+    def delay(self, seconds: float) -> None:
+        """Deliver every message so much later, both ways, in fleet time; 0 ends it."""
+        raise NotImplementedError
+
+    def loss(self, fraction: float) -> None:
+        """Lose this share of all messages, both ways, at random from a fixed seed; 0 ends it."""
+        raise NotImplementedError
+
+    def duplicate(self, fraction: float) -> None:
+        """Deliver this share of all messages twice, both ways; 0 ends it."""
+        raise NotImplementedError
+
+    def reorder(self, fraction: float) -> None:
+        """Deliver this share of all messages after the ones that followed them, both ways; 0 ends it."""
+        raise NotImplementedError
+
+    # --- optional hooks: when the SOTER side dies or hangs ----------------------------------------------------
+
+    def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
+        """Start another process that opens robot 1 and drives it, and return that process. It replaces `open`.
+
+        The robots (the simulated world, say) must not live in that process: the kit stops it with SIGSTOP or kills it
+        with SIGKILL, and then watches the robot through `observe`. What the process does is
+        `soter.conformance.driver.drive(fleet, target)`; `soter.conformance.driver.spawn` starts one.
+        """
+        raise NotImplementedError
+
+    def observe(self, robot_id: int) -> tuple[float, float, float]:
+        """Return where a robot really is: x_m, y_m, heading_rad, workspace frame, not through the adapter.
+
+        Needed beside `start_driver`, and taken as the truth where the fleet has none.
+        """
+        raise NotImplementedError
+
+    # --- for the kit ------------------------------------------------------------------------------------------
+
+    def gives(self, hook: str) -> bool:
+        """Return whether a hook out of `HOOKS` is given: `cut` needs `restore` as well."""
+        methods = ("cut", "restore") if hook == "cut" else (hook,)
+        return all(getattr(type(self), method) is not getattr(Harness, method) for method in methods)
