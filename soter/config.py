@@ -1,7 +1,8 @@
 """The mission file: what is to be done, where, by whom, and what the safety modules promise.
 
 A mission says nothing about the robots behind it: the same file runs on every backend. Options of one backend or
-planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model.
+planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model;
+so is each `[[fault]]`.
 """
 
 from __future__ import annotations
@@ -235,6 +236,7 @@ class Mission(_Table):
         rta: the safety modules.
         backends: raw options, by backend.
         planners: raw options, by planner.
+        fault: raw tables of the faults to inject, see `soter.faults`.
     """
 
     app: Literal["surveillance"] = "surveillance"
@@ -251,6 +253,7 @@ class Mission(_Table):
     rta: RtaTable = RtaTable()
     backends: RawTables = Field(default_factory=dict)
     planners: RawTables = Field(default_factory=dict)
+    fault: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = ()
 
     _source: str | None = PrivateAttr(default=None)
     _lines: dict[tuple[str, ...], int] = PrivateAttr(default_factory=dict)

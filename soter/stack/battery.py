@@ -14,6 +14,9 @@ from soter.stack.safe_controller import SafeController
 from soter.stack.terrain import Point, Terrain
 from soter.workspace import Box
 
+COMFORT: Final = 0.05
+"""With so much charge to spare beyond the longest way home, the margin is not computed more exactly than that."""
+
 BLOCKED_S: Final = 15.0
 PROGRESS_M: Final = 0.1
 DETOUR_M: Final = 0.5
@@ -100,7 +103,12 @@ class ChargeForTheWayHome(Region):
         if own.battery is None:
             return math.nan
         dock = self.dock
-        return own.battery - dock.home_m(own.x_m, own.y_m) * dock.cost_per_m - self.reserve
+        spare = own.battery - self.reserve
+        at_least = spare - dock.longest_m * dock.cost_per_m
+        if at_least >= COMFORT:
+            # The longest way home is paid for with a lot to spare: how long it is from here does not matter yet.
+            return at_least
+        return spare - dock.home_m(own.x_m, own.y_m) * dock.cost_per_m
 
     def edge_margin(self, safer: Region) -> float:
         if not isinstance(safer, Charged):

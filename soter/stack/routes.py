@@ -9,15 +9,94 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import product
 from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from soter.stack.terrain import Point, Terrain, crosses, grown
 
 Rectangle = tuple[float, float, float, float]
+Floats = NDArray[np.float64]
 
 _CORNER_M: Final = 1e-6
 """Corners stand off the rectangles by this much, so that a way round a corner does not count as through it."""
+
+_LOOKS: Final = 400
+"""The longest way is looked for from so many places, spread evenly."""
+
+
+class Roadmap:
+    """The corners around which ways may lead, and which of them see each other: the same for all places.
+
+    Args:
+        terrain: fence and boxes.
+        clearance_m: body clearance that ways keep from boxes, as far as the ends of the way allow.
+        inset_m: distance that the corners of ways keep from the fence.
+        extra: more rectangles to keep out of, already grown: robots that stand in the way.
+    """
+
+    def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
+        grow_m = terrain.body_radius_m + clearance_m
+        self._rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
+        self._edges: Final[Floats] = np.array(self._rectangles, dtype=np.float64).reshape(-1, 4)
+        corners: list[Point] = []
+        for low_x, low_y, high_x, high_y in self._rectangles:
+            around = product((low_x - _CORNER_M, high_x + _CORNER_M), (low_y - _CORNER_M, high_y + _CORNER_M))
+            corners += [(x, y) for x, y in around if terrain.fence_m(x, y) >= inset_m and not self._covered(x, y)]
+        self.corners: Final = tuple(corners)
+        self.places: Final[Floats] = np.array(corners, dtype=np.float64).reshape(-1, 2)
+        self.neighbours: Final = tuple(self.seen_from(corner) for corner in corners)
+
+    def seen_from(self, place: Point) -> NDArray[np.intp]:
+        """Return the indices of the corners that a place outside all rectangles sees."""
+        if not len(self.places):
+            return np.zeros(0, dtype=np.intp)
+        start = np.array(place)
+        # Slab method for all corners (rows) and rectangles (columns) at once; touching does not count.
+        enter = np.zeros((len(self.places), len(self._edges)))
+        leave = np.ones_like(enter)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for axis in (0, 1):
+                delta = (self.places[:, axis] - start[axis])[:, None]
+                first = (self._edges[None, :, axis] - start[axis]) / delta
+                second = (self._edges[None, :, axis + 2] - start[axis]) / delta
+                inside = (self._edges[:, axis] < start[axis]) & (start[axis] < self._edges[:, axis + 2])
+                # A leg along the axis is inside this slab all the way or not at all.
+                low = np.where(delta == 0.0, np.where(inside, -np.inf, np.inf), np.minimum(first, second))
+                high = np.where(delta == 0.0, np.where(inside, np.inf, -np.inf), np.maximum(first, second))
+                enter, leave = np.maximum(enter, low), np.minimum(leave, high)
+        return np.flatnonzero(~(enter < leave).any(axis=1))
+
+    def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
+        """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them."""
+        left, right = (ax, bx) if ax < bx else (bx, ax)
+        low, high = (ay, by) if ay < by else (by, ay)
+        for low_x, low_y, high_x, high_y in self._rectangles:
+            if high_x <= left or low_x >= right or high_y <= low or low_y >= high:
+                if left != right and low != high:
+                    continue
+                if not (low_x < left < high_x and low < high) and not (low_y < low < high_y and left < right):
+                    continue
+            if low_x < ax < high_x and low_y < ay < high_y:
+                # From inside a grown box the way may only lead outwards: never deeper than where it begins.
+                depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
+                if crosses(ax, ay, bx, by, low_x + depth, low_y + depth, high_x - depth, high_y - depth):
+                    return False
+            elif crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
+                return False
+        return True
+
+    def _covered(self, x: float, y: float) -> bool:
+        return any(r[0] < x < r[2] and r[1] < y < r[3] for r in self._rectangles)
+
+
+@lru_cache(maxsize=8)
+def _shared_roadmap(terrain: Terrain, clearance_m: float, inset_m: float) -> Roadmap:
+    """Return the roadmap without extra rectangles; the ways of all robots share it."""
+    return Roadmap(terrain, clearance_m, inset_m)
 
 
 class Routes:
@@ -36,87 +115,75 @@ class Routes:
     ) -> None:
         self.place: Final = place
         self._terrain: Final = terrain
-        grow_m = terrain.body_radius_m + clearance_m
-        self._rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
-        corners = [place]
-        for low_x, low_y, high_x, high_y in self._rectangles:
-            around = product((low_x - _CORNER_M, high_x + _CORNER_M), (low_y - _CORNER_M, high_y + _CORNER_M))
-            corners += [(x, y) for x, y in around if terrain.fence_m(x, y) >= inset_m and not self._covered(x, y)]
-        self._corners: Final = tuple(corners)
-        self._to_go_m: Final = self._distances()
+        self._roadmap: Final = (
+            Roadmap(terrain, clearance_m, inset_m, extra) if extra else _shared_roadmap(terrain, clearance_m, inset_m)
+        )
+        # Index 0 is the place, the corners follow.
+        self._corners: Final = (place, *self._roadmap.corners)
+        self._next: Final = [0] * len(self._corners)
+        to_go_m = self._distances()
+        self._x: Final[Floats] = np.array([x for x, _ in self._corners])
+        self._y: Final[Floats] = np.array([y for _, y in self._corners])
+        self._to_go_m: Final[Floats] = np.array(to_go_m)
 
     def legs(self, x_m: float, y_m: float) -> list[Point]:
         """Return the corners of the shortest way from a point, the place last; empty if there is none."""
-        first = self._first(x_m, y_m)
-        if first is None:
+        here, _ = self._first(x_m, y_m)
+        if here is None:
             return []
-        way = [self._corners[first]]
-        while first != 0:
-            first = self._next[first]
-            way.append(self._corners[first])
+        way = [self._corners[here]]
+        while here != 0:
+            here = self._next[here]
+            way.append(self._corners[here])
         return way
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the length of the shortest way from a point; infinite if there is none."""
-        best = math.inf
-        for (cx, cy), to_go_m in zip(self._corners, self._to_go_m, strict=True):
-            length = math.hypot(cx - x_m, cy - y_m) + to_go_m
-            if length < best and self._sees(x_m, y_m, cx, cy):
-                best = length
-        return best
+        return self._first(x_m, y_m)[1]
 
     def longest_m(self) -> float:
-        """Return the length of the longest of all shortest ways, to within a cell of half a metre, rounded up."""
-        step_m, longest = 0.5, 0.0
-        terrain = self._terrain
-        for column in range(round(terrain.width_m / step_m) + 1):
-            for row in range(round(terrain.depth_m / step_m) + 1):
-                x, y = column * step_m, row * step_m
+        """Return the length of the longest of all shortest ways, to within the spacing of the looks, rounded up."""
+        terrain, longest = self._terrain, 0.0
+        step_m = max(0.5, math.sqrt(terrain.width_m * terrain.depth_m / _LOOKS))
+        columns, rows = math.ceil(terrain.width_m / step_m), math.ceil(terrain.depth_m / step_m)
+        for column, row in product(range(columns + 1), range(rows + 1)):
+            x, y = min(column * step_m, terrain.width_m), min(row * step_m, terrain.depth_m)
+            if terrain.clearance_m(x, y) > 0.0:
                 length = self.distance_m(x, y)
-                if terrain.clearance_m(x, y) > 0.0 and length < math.inf:
-                    longest = max(longest, length)
+                if longest < length < math.inf:
+                    longest = length
         return longest + step_m
 
-    def _first(self, x_m: float, y_m: float) -> int | None:
-        best, chosen = math.inf, None
-        for index, ((cx, cy), to_go_m) in enumerate(zip(self._corners, self._to_go_m, strict=True)):
-            length = math.hypot(cx - x_m, cy - y_m) + to_go_m
-            if length < best and self._sees(x_m, y_m, cx, cy):
-                best, chosen = length, index
-        return chosen
-
-    def _covered(self, x: float, y: float) -> bool:
-        return any(r[0] < x < r[2] and r[1] < y < r[3] for r in self._rectangles)
-
-    def _sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        for low_x, low_y, high_x, high_y in self._rectangles:
-            if low_x < ax < high_x and low_y < ay < high_y:
-                # From inside a grown box the way may only lead outwards: never deeper than where it begins.
-                depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
-                if crosses(ax, ay, bx, by, low_x + depth, low_y + depth, high_x - depth, high_y - depth):
-                    return False
-            elif crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
-                return False
-        return True
+    def _first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
+        """Return the first corner of the shortest way, and the way's length."""
+        lengths = np.hypot(self._x - x_m, self._y - y_m) + self._to_go_m
+        sees, corners = self._roadmap.sees, self._corners
+        # Shortest first: the first corner in sight is the one. A stable sort, so that ties end alike everywhere.
+        for index in np.argsort(lengths, kind="stable").tolist():
+            length = float(lengths[index])
+            if length == math.inf:
+                break
+            if sees(x_m, y_m, *corners[index]):
+                return index, length
+        return None, math.inf
 
     def _distances(self) -> list[float]:
-        corners = self._corners
+        """Dijkstra from the place over what sees each other."""
+        corners, roadmap = self._corners, self._roadmap
+        sees_place = [index for index, (x, y) in enumerate(roadmap.corners, start=1) if roadmap.sees(x, y, *self.place)]
         to_go = [math.inf] * len(corners)
-        self._next: list[int] = [0] * len(corners)
         to_go[0] = 0.0
         queue = [(0.0, 0)]
-        done = set()
+        done: set[int] = set()
         while queue:
             length, here = heapq.heappop(queue)
             if here in done:
                 continue
             done.add(here)
-            hx, hy = corners[here]
-            for index, (cx, cy) in enumerate(corners):
-                if index in done:
-                    continue
-                through = length + math.hypot(cx - hx, cy - hy)
-                if through < to_go[index] - 1e-12 and self._sees(cx, cy, hx, hy):
+            neighbours = sees_place if here == 0 else [index + 1 for index in roadmap.neighbours[here - 1].tolist()]
+            for index in neighbours:
+                through = length + math.dist(corners[here], corners[index])
+                if index not in done and through < to_go[index] - 1e-12:
                     to_go[index] = through
                     self._next[index] = here
                     heapq.heappush(queue, (through, index))

@@ -17,6 +17,7 @@ CELL_M: Final = 0.1
 """Side of the cells among which a place to retreat to is chosen."""
 
 Point = tuple[float, float]
+Edges = tuple[float, float, float, float]
 
 
 class Terrain:
@@ -34,6 +35,7 @@ class Terrain:
         self.body_radius_m: Final = body_radius_m
         self.boxes: Final = workspace.boxes
         self._edges: Final = tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in workspace.boxes)
+        self._near: dict[tuple[int, int], tuple[Edges, ...]] = {}
         columns = max(1, round(self.width_m / CELL_M))
         rows = max(1, round(self.depth_m / CELL_M))
         self._columns, self._rows = columns, rows
@@ -57,8 +59,11 @@ class Terrain:
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
         """Return the distance of a body at a point to the nearest box; negative where they overlap."""
+        near = self._near.get((int(x_m), int(y_m)))
+        if near is None:
+            near = self._nearest_boxes(x_m, y_m)
         least = math.inf
-        for low_x, low_y, high_x, high_y in self._edges:
+        for low_x, low_y, high_x, high_y in near:
             # The nearer edge counts on the inside too: it is where a way out leads.
             dx = low_x - x_m if x_m + x_m < low_x + high_x else x_m - high_x
             dy = low_y - y_m if y_m + y_m < low_y + high_y else y_m - high_y
@@ -71,12 +76,32 @@ class Terrain:
 
     def segment_clearance_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> float:
         """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact."""
-        least = math.inf
+        # No less near than where the leg begins: boxes farther than that from all of the leg need no second look.
+        least = max(self.clearance_m(ax_m, ay_m) + self.body_radius_m, 0.0)
+        left, right = (ax_m, bx_m) if ax_m < bx_m else (bx_m, ax_m)
+        low, high = (ay_m, by_m) if ay_m < by_m else (by_m, ay_m)
         for edges in self._edges:
+            low_x, low_y, high_x, high_y = edges
+            if low_x - right >= least or left - high_x >= least or low_y - high >= least or low - high_y >= least:
+                continue
             distance = _segment_to_box(ax_m, ay_m, bx_m, by_m, edges)
             if distance < least:
                 least = distance
         return least - self.body_radius_m
+
+    def _nearest_boxes(self, x_m: float, y_m: float) -> tuple[Edges, ...]:
+        """Return the boxes of which one is the nearest to any point of the same cell of a metre, and remember them.
+
+        A box that is everywhere in the cell farther than another one is at its farthest need not be looked at.
+        """
+        column, row = int(x_m), int(y_m)
+        # int() rounds towards 0: the cells next to an axis reach to both of its sides.
+        cell = (min(column, column - 1.0), min(row, row - 1.0), column + 1.0, row + 1.0)
+        looks = [(_apart(cell, edges), _farthest(cell, edges), edges) for edges in self._edges]
+        bound = min((farthest for _, farthest, _ in looks), default=math.inf)
+        found = tuple(edges for apart, _, edges in looks if apart <= bound)
+        self._near[column, row] = found
+        return found
 
     def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
         """Return the index ranges of the cells within a square of half-width `reach_m` around a point."""
@@ -105,6 +130,16 @@ def _segment_to_box(ax: float, ay: float, bx: float, by: float, edges: tuple[flo
             if away < least:
                 least = away
     return least
+
+
+def _apart(one: Edges, other: Edges) -> float:
+    """Return the least signed distance between two rectangles; at most 0 where they meet."""
+    return max(other[0] - one[2], one[0] - other[2], other[1] - one[3], one[1] - other[3])
+
+
+def _farthest(cell: Edges, box: Edges) -> float:
+    """Return the largest distance of any point of a cell to a box: it is convex, hence largest at a corner."""
+    return max(_point_to_box(x, y, box) for x in (cell[0], cell[2]) for y in (cell[1], cell[3]))
 
 
 def _point_to_box(x: float, y: float, edges: tuple[float, float, float, float]) -> float:

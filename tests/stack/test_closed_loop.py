@@ -85,10 +85,13 @@ def test_without_its_module_the_same_ac_breaks_that_rule(module: str, ac: AC) ->
     assert report.count(module) > 0
 
 
-@pytest.mark.parametrize(("module", "ac"), CASES, ids=lambda value: getattr(value, "__name__", str(value)))
+# The battery's rule is left out: its way home is kept free by the collision module.
+@pytest.mark.parametrize(
+    ("module", "ac"),
+    [case for case in CASES if case[0] != "battery"],
+    ids=lambda value: getattr(value, "__name__", str(value)),
+)
 def test_one_module_alone_keeps_its_rule(module: str, ac: AC) -> None:
-    if module == "battery":
-        pytest.skip("the way home is kept free by the collision module")
     assert loop(module, ac, (module,)).run(60.0 * MINUTES).count(module) == 0
 
 

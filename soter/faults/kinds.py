@@ -1,0 +1,103 @@
+"""From the tables of a mission file to faults: kinds by name, or any other as `module:Class`."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import Any, Final
+
+from soter.config import Mission, validate_options
+from soter.errors import ConfigError, nearest
+from soter.faults.fault import Context, Fault
+from soter.faults.options import FaultOptions
+
+BUILT_IN: Final[Mapping[str, str]] = {
+    "delay": "soter.faults.link:Delay",
+    "loss": "soter.faults.link:Loss",
+    "duplicate": "soter.faults.link:Duplicate",
+    "freeze": "soter.faults.telemetry:Freeze",
+    "bias": "soter.faults.telemetry:Bias",
+    "clock_step": "soter.faults.telemetry:ClockStep",
+    "battery": "soter.faults.telemetry:Battery",
+    "wheel_slip": "soter.faults.vehicle:WheelSlip",
+    "weak_brakes": "soter.faults.vehicle:WeakBrakes",
+    "kill": "soter.faults.vehicle:Kill",
+}
+"""The kinds of this distribution."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultTable:
+    """One `[[fault]]` table that has been checked.
+
+    Attributes:
+        index: its place among the tables, from 0.
+        kind: the class of its faults.
+        options: what it says.
+    """
+
+    index: int
+    kind: type[Fault[Any]]
+    options: FaultOptions
+
+    def made_for(self, robot_id: int, seed: int, tick_s: float) -> Fault[Any]:
+        """Return the fault of one robot; its random numbers are drawn from the mission's seed."""
+        random = Random(f"fault {self.index}, robot {robot_id}, seed {seed}")
+        return self.kind(self.options, Context(robot_id, tick_s, random))
+
+    def hits(self, robot_id: int) -> bool:
+        """Return whether a robot suffers it."""
+        return self.options.robot in ("all", robot_id)
+
+
+def read_faults(mission: Mission, robot_ids: Sequence[int]) -> tuple[FaultTable, ...]:
+    """Check the `[[fault]]` tables of a mission, each with the model of its own kind.
+
+    Args:
+        mission: its tables.
+        robot_ids: the robots that there are.
+
+    Raises:
+        ConfigError: an unknown kind, option or robot, or a value that is not allowed.
+    """
+    return tuple(_read(mission, index, raw, robot_ids) for index, raw in enumerate(mission.fault))
+
+
+def _read(mission: Mission, index: int, raw: Mapping[str, Any], robot_ids: Sequence[int]) -> FaultTable:
+    key = f"fault.{index}"
+    name = raw.get("kind")
+    if not isinstance(name, str):
+        said = "it is missing, and has no default" if name is None else f"it is {name!r}, allowed: a text in quotes"
+        raise ConfigError(f"{said}; known kinds are {', '.join(BUILT_IN)}", source=mission.source, key=f"{key}.kind")
+    kind = _kind(name, mission.source, f"{key}.kind")
+    options = validate_options(kind.options_model, raw, mission.source, key)
+    if options.robot != "all" and options.robot not in robot_ids:
+        listed = ", ".join(map(str, robot_ids))
+        message = f'it is {options.robot}, but there is no such robot; allowed: "all", {listed}'
+        raise ConfigError(message, source=mission.source, key=f"{key}.robot")
+    return FaultTable(index, kind, options)
+
+
+def _kind(name: str, source: str | None, key: str) -> type[Fault[Any]]:
+    """Import the class of a kind."""
+
+    def refused(why: str) -> ConfigError:
+        return ConfigError(why, source=source, key=key)
+
+    module_name, colon, class_name = BUILT_IN.get(name, name).partition(":")
+    if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
+        known = ", ".join(BUILT_IN)
+        raise refused(f"unknown kind '{name}'{nearest(name, [*BUILT_IN])}; known are {known}, or a class as module:Class")
+    try:
+        found = getattr(importlib.import_module(module_name), class_name, None)
+    except ImportError as failure:
+        raise refused(f"kind '{name}': cannot import '{module_name}' ({failure})") from failure
+    if not (isinstance(found, type) and issubclass(found, Fault)) or inspect.isabstract(found):
+        raise refused(f"kind '{name}': '{class_name}' in '{module_name}' is not a subclass of soter.faults.Fault")
+    model = getattr(found, "options_model", None)
+    if not (isinstance(model, type) and issubclass(model, FaultOptions)):
+        raise refused(f"kind '{name}': it needs an 'options_model' that is a subclass of soter.faults.FaultOptions")
+    return found

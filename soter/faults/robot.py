@@ -1,0 +1,189 @@
+"""A robot with faults: it stands in front of any backend's robot and spoils what passes."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+from soter.clock import Clock
+from soter.errors import SoterError, Unsupported
+from soter.faults.fault import Call, Command, Fault, Impairable, Impairment, Passage
+from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotState
+
+logger = logging.getLogger(__name__)
+
+_ROUNDING_S: Final = 1e-9
+_WHOLE: Final = Impairment()
+
+
+class FaultyRobot(Robot):
+    """One robot behind its faults. Made by `with_faults`, which gives each its own declared capabilities.
+
+    Commands pass the faults in the order of the tables; samples do so on their way back, in the same order. What is
+    late is delivered by the fleet's clock while it sleeps, so at its very time.
+
+    Args:
+        inner: the backend's robot; nobody else may use it from now on.
+        clock: the clock of the faulty fleet.
+        faults: what it suffers, in the order of the tables.
+    """
+
+    def __init__(self, inner: Robot, clock: Clock, faults: Sequence[Fault[Any]]) -> None:
+        super().__init__(inner.spec, clock)
+        self.stale_after_s, self.down_after_s = inner.stale_after_s, inner.down_after_s
+        self.inner: Final = inner
+        self.faults: Final = tuple(faults)
+        self._ready_s = math.inf
+        self._queue: list[tuple[float, int, Command]] = []
+        self._queued = 0
+        self._last_due_s = -math.inf
+        self._goal_behind: Goal | None = None
+        self._goal_sent: Goal | None = None
+        self._impaired = _WHOLE
+        self._late_failure: Exception | None = None
+        self._vehicle = inner if isinstance(inner, Impairable) else None
+        for fault in self.faults:
+            if fault.needs_vehicle and self._vehicle is None:
+                raise Unsupported(
+                    f"robot {self.id}: a fault of kind '{fault.options.kind}' needs a vehicle that can be impaired, and "
+                    f"a {type(inner).__name__} cannot; use a simulated backend in this process, such as kinematic"
+                )
+
+    # --- what the fleet's clock needs ------------------------------------------------------------------------
+
+    @property
+    def next_due_s(self) -> float:
+        """Fleet time at which the next late command arrives; infinite for none."""
+        return self._queue[0][0] if self._queue else math.inf
+
+    def deliver(self) -> None:
+        """Deliver the commands whose time has come. What fails then is raised at the next reading of the state."""
+        now_s = self.clock.now()
+        while self._queue and self._queue[0][0] <= now_s + _ROUNDING_S:
+            command = heapq.heappop(self._queue)[2]
+            try:
+                self._pass_on(command)
+            except (SoterError, OSError, ValueError) as failure:
+                logger.warning("robot %d: a late %s failed: %s", self.id, command.call.value, failure)
+                self._late_failure = failure
+
+    # --- the hooks -------------------------------------------------------------------------------------------
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        self.inner.init(timeout_s)
+        self._ready_s = self.clock.now()
+        return widened(self.inner.capabilities, self.faults)
+
+    def _send_goto(self, goal: Goal) -> None:
+        self._send(Command(Call.GOTO, goal, goal.target))
+
+    def _hand_over(self, to: Controller) -> None:
+        self._send(Command(Call.SWITCH, to=to))
+
+    def _renew_lease(self) -> None:
+        self._send(Command(Call.RENEW))
+
+    def _halt(self) -> None:
+        self._send(Command(Call.HALT))
+
+    def _sample(self) -> RobotState | None:
+        self._impair()
+        self.deliver()
+        if self._late_failure is not None:
+            failure, self._late_failure = self._late_failure, None
+            raise failure
+        time_s = self.clock.now() - self._ready_s
+        sample: RobotState | None = self._read()
+        for fault in self.faults:
+            sample = fault.sample(time_s, fault.options.active(time_s), sample)
+        return sample
+
+    def _disconnect(self, timeout_s: float) -> None:
+        self._queue.clear()
+        if self._vehicle is not None and self._impaired != _WHOLE:
+            self._vehicle.impair(*_WHOLE)
+        self.inner.close(timeout_s)
+
+    # --- commands --------------------------------------------------------------------------------------------
+
+    def _send(self, command: Command) -> None:
+        now_s = self.clock.now()
+        time_s = now_s - self._ready_s
+        passages = [Passage(command)]
+        for fault in self.faults:
+            if fault.options.active(time_s):
+                passages = [
+                    Passage(out.command, before.delay_s + out.delay_s, before.overtakes or out.overtakes)
+                    for before in passages
+                    for out in fault.command(time_s, before.command)
+                ]
+        for passage in passages:
+            due_s = now_s + passage.delay_s
+            if not passage.overtakes:
+                due_s = self._last_due_s = max(due_s, self._last_due_s)
+            if due_s <= now_s + _ROUNDING_S and not self._queue:
+                self._pass_on(passage.command)
+            else:
+                self._queued += 1
+                heapq.heappush(self._queue, (due_s, self._queued, passage.command))
+
+    def _pass_on(self, command: Command) -> None:
+        inner = self.inner
+        if command.call is Call.RENEW:
+            inner.renew_lease()
+        elif command.call is Call.SWITCH and command.to is not None:
+            inner.switch_ac_sc(command.to, "passed on")
+        elif command.call is Call.HALT:
+            if self._goal_behind is not None:
+                self._goal_behind.cancel()
+        elif command.goal is not None and command.target is not None:
+            self._goal_behind = inner.goto(command.target, command.goal.by)
+            self._goal_sent = command.goal
+
+    # --- samples and the vehicle -----------------------------------------------------------------------------
+
+    def _read(self) -> RobotState:
+        """Return the robot's own sample, with this robot's number of the goal that it works on."""
+        sample = self.inner.read_state()
+        goal_id = None
+        if sample.goal_id is not None:
+            behind, sent = self._goal_behind, self._goal_sent
+            if behind is not None and sent is not None and sample.goal_id == behind.id:
+                goal_id = sent.id
+        if goal_id == sample.goal_id and sample.link is Link.UP:
+            return sample
+        return sample._replace(goal_id=goal_id, link=Link.UP)
+
+    def _impair(self) -> None:
+        """Let the vehicle have the faults that are on now."""
+        if self._vehicle is None:
+            return
+        time_s = self.clock.now() - self._ready_s
+        wanted = _WHOLE
+        for fault in self.faults:
+            if fault.options.active(time_s):
+                wanted = wanted.joined(fault.impairment() or _WHOLE)
+        if wanted == self._impaired:
+            return
+        for fault in self.faults:
+            fault.affected += fault.needs_vehicle and fault.options.active(time_s)
+        came_back = wanted.alive and not self._impaired.alive
+        if not wanted.alive:
+            self._queue.clear()
+        self._impaired = wanted
+        self._vehicle.impair(*wanted)
+        if came_back:
+            # As an adapter does when its robot is there again: nothing that was before holds.
+            self._pass_on(Command(Call.SWITCH, to=Controller.SC))
+            self._send(Command(Call.SWITCH, to=self._in_charge))
+
+
+def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabilities:
+    """Return what a robot can promise under its faults; those that are not declared change nothing."""
+    for fault in faults:
+        if fault.options.declared:
+            capabilities = fault.widened(capabilities)
+    return capabilities
