@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
-from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
+from soter.rta import Mode, PairBound, RobotSupervisor, RTAModule, Situation, SwitchRecord
 from soter.sdk import RobotState, Waypoint
 from soter.stack.actuator import PortForwarder
 
-STEP_S: Final = 0.05
-LONGEST_S: Final = 60.0
+STEP_S: Final = 0.1
+LONGEST_S: Final = 30.0
 
 Place = tuple[float, float]
 
@@ -52,6 +52,7 @@ class NeedlessJudge:
         if not isinstance(own, RobotState):
             return False, False
         way = self._pending(record.robot_id, own)
+        meets = isinstance(module.model, PairBound)
         peers = [(peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)]
         lasts_s = min(_length_m(way) / self._v_max_m_s, LONGEST_S)
         imagined = Situation(record.robot_id, own, record.time_s)
@@ -60,7 +61,8 @@ class NeedlessJudge:
             time_s = step * STEP_S
             travelled = self._v_max_m_s * time_s
             imagined.own = _moved(own, way, travelled)
-            imagined.peers = [_moved(peer, path, travelled) for peer, path in peers]
+            if meets:
+                imagined.peers = [_moved(peer, path, travelled) for peer, path in peers]
             if not module.phi_safe.margin(imagined) >= 0.0:
                 return time_s > module.delta_s, False
         return True, True
