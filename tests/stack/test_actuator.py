@@ -1,0 +1,137 @@
+"""The supervisor's hold on a robot: goals of both controllers, and what the AC is told of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from soter.rta import ControlReport, GoalReport, Mode, Port, Report, Request, Topic
+from soter.sdk import Controller, GoalStatus, RobotState, Waypoint
+from soter.stack.actuator import PortForwarder, RobotActuator
+from tests.rta.doubles import situation
+from tests.sdk.fake import FakeRobot, ready_robot
+
+THERE = Waypoint(1.0, 0.0)
+
+
+class Held:
+    """A robot in its supervisor's hand."""
+
+    def __init__(self, mode: Mode = Mode.AC) -> None:
+        self.reports: list[Report] = []
+        self.robot: FakeRobot = ready_robot(Controller.SC)
+        self.port: Port[Waypoint, RobotState] = Port(1, self.reports.append)
+        self.actuator = RobotActuator(self.robot, self.port)
+        if mode is Mode.AC:
+            self.actuator.hand_over(Mode.AC, "line", "")
+        self.reports.clear()
+        self.robot.calls.clear()
+
+    def ask(self, command: Any = THERE) -> int:
+        """Ask through the port and let it be driven; return the goal's number."""
+        goal_id = self.port.goto(command)
+        request = self.port.take()
+        assert request is not None
+        self.actuator.drive(request, Mode.AC)
+        return goal_id
+
+    def goals(self) -> list[tuple[int, str]]:
+        return [(report.goal_id, report.status) for report in self.reports if isinstance(report, GoalReport)]
+
+
+def test_a_goal_that_is_reached_is_reported_once() -> None:
+    held = Held()
+    goal_id = held.ask()
+    held.actuator.read()
+    assert held.goals() == []
+    held.robot.time.sleep_until(1.0)
+    held.robot.place(x_m=1.0)
+    held.actuator.read()
+    held.actuator.read()
+    assert held.goals() == [(goal_id, "reached")]
+
+
+def test_a_new_goal_of_the_ac_ends_the_one_before() -> None:
+    held = Held()
+    first = held.ask()
+    held.ask()
+    assert held.goals() == [(first, "superseded")]
+
+
+def test_losing_control_preempts_the_goal_and_is_told_after_that() -> None:
+    held = Held()
+    goal_id = held.ask()
+    held.actuator.hand_over(Mode.SC, "line", "too near")
+    assert held.reports == [GoalReport(1, goal_id, "preempted"), ControlReport(1, False, "line", "too near")]
+    assert held.robot.vehicle_in_charge is Controller.SC
+
+
+def test_what_lay_in_the_mailbox_when_control_was_lost_never_moves_anything() -> None:
+    held = Held()
+    goal_id = held.port.goto(THERE)
+    held.actuator.hand_over(Mode.SC, "line", "too near")
+    held.actuator.read()
+    held.actuator.hand_over(Mode.AC, "line", "")
+    assert held.port.take() is None
+    assert (goal_id, "rejected") in held.goals()
+    assert held.robot.sent == []
+
+
+@pytest.mark.parametrize("command", [None, "there", Waypoint(float("nan"), 0.0), Waypoint(0.0, 0.0, radius_m=-1.0)])
+def test_garbage_is_rejected_and_the_goal_before_goes_on(command: object) -> None:
+    held = Held()
+    first = held.ask()
+    bad = held.ask(command)
+    assert held.goals() == [(bad, "rejected")]
+    assert "halt" not in held.robot.calls
+    held.robot.time.sleep_until(1.0)
+    held.robot.place(x_m=1.0)
+    held.actuator.read()
+    assert held.goals()[-1] == (first, "reached")
+
+
+def test_the_scs_goals_are_not_the_acs_business() -> None:
+    held = Held(Mode.SC)
+    held.actuator.drive(THERE, Mode.SC)
+    assert held.robot.sent[-1].by is Controller.SC
+    held.actuator.drive(Waypoint(2.0, 0.0), Mode.SC)
+    held.actuator.drive(None, Mode.SC)
+    held.actuator.read()
+    assert held.reports == []
+
+
+def test_stop_cancels_the_goal_and_only_where_there_is_one() -> None:
+    held = Held()
+    goal_id = held.ask()
+    held.actuator.drive(None, Mode.AC)
+    held.actuator.drive(None, Mode.AC)
+    assert held.robot.calls.count("halt") == 1
+    assert held.goals() == [(goal_id, "cancelled")]
+    assert held.robot.sent[-1].status is GoalStatus.CANCELLED
+
+
+def test_reading_shows_the_ac_the_state_and_renewing_renews() -> None:
+    held = Held()
+    held.robot.place(x_m=7.0)
+    state = held.actuator.read()
+    assert held.port.state is state
+    assert state.x_m == 7.0
+    held.actuator.renew()
+    assert held.robot.calls == ["renew"]
+
+
+def test_the_forwarder_publishes_what_lies_in_the_mailbox_once() -> None:
+    port: Port[Waypoint, RobotState] = Port(1, lambda report: None)
+    topic: Topic[Any] = Topic("waypoint")
+    forwarder = PortForwarder(port, topic, 0.05)
+    forwarder.step(situation())
+    assert topic.count == 0
+    port.goto(THERE)
+    forwarder.step(situation())
+    forwarder.step(situation())
+    assert topic.count == 1
+    assert isinstance(topic.value, Request)
+    assert forwarder.request is topic.value
+    forwarder.engage(situation())
+    assert forwarder.request is None
