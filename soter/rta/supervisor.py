@@ -146,10 +146,9 @@ class RobotSupervisor:
                 # Comparisons with NaN are false: a minimum over distances would leave it out, for this robot and peers.
                 raise ValueError(f"the sample is not finite: {sample}")
         except Exception as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
-            self._alarm = f"no state: {failure}"
             situation.now_s = now_s
             situation.age_s = max(0.0, now_s - before.stamp_s)
-            self._alarmed_until_s = now_s + ALARM_S
+            self._raise_alarm(f"no state: {failure}")
             return before
         situation.own = sample
         situation.now_s = now_s
@@ -157,15 +156,18 @@ class RobotSupervisor:
         age_s = max(0.0, now_s - sample.stamp_s)
         situation.age_s = age_s
         if age_s > self._timing.sample_age_s + 1e-9:
-            self._alarm = f"sample is {age_s:.3f} s old, declared at most {self._timing.sample_age_s:.3f} s"
+            self._raise_alarm(f"sample is {age_s:.3f} s old, declared at most {self._timing.sample_age_s:.3f} s")
         elif sample is not before:
             for model in self._models:
                 if not model.admits(before, sample, self._timing.noise_m):
-                    self._alarm = f"sample outside the reach set of {type(model).__name__}"
+                    self._raise_alarm(f"sample outside the reach set of {type(model).__name__}")
                     break
-        if self._alarm:
-            self._alarmed_until_s = now_s + ALARM_S
         return sample
+
+    def _raise_alarm(self, cause: str) -> None:
+        """Note that an assumption has failed: the AC loses control for a while, whatever the margins are."""
+        self._alarm = cause
+        self._alarmed_until_s = self.situation.now_s + ALARM_S
 
     def decide(self, tick: int) -> None:
         """Let every due decision module judge, settle who drives, and hand over if that changed."""
@@ -182,10 +184,9 @@ class RobotSupervisor:
                 if alarmed or tick % module.every_ticks == 0:
                     since_s = now_s - self._looked_s[rank]
                     self._looked_s[rank] = now_s
-                    if module.mode is Mode.AC and since_s > module.delta_s + self._lateness_s:
-                        module.force(now_s, f"looked after {since_s:.3f} s, declared every {module.delta_s:g} s")
-                        fired.append(module)
-                    elif module.decide(situation):
+                    if since_s > module.delta_s + self._lateness_s:
+                        self._raise_alarm(f"'{module.name}' looked after {since_s:.3f} s, not {module.delta_s:g} s")
+                    if module.decide(situation):
                         if module.mode is Mode.SC:
                             fired.append(module)
                         else:
@@ -199,7 +200,7 @@ class RobotSupervisor:
                 module.force(now_s, f"decision module failed: {failure!r}")
             if driver is None and module.mode is Mode.SC:
                 driver = module
-        if driver is None and (alarmed or self.ac_failure):
+        if driver is None and (now_s < self._alarmed_until_s or self.ac_failure):
             driver = self._without_module()
         if driver is not self.driver or (driver is None and self.mode is Mode.SC):
             self._change_driver(driver, fired, released)
@@ -244,8 +245,7 @@ class RobotSupervisor:
         except Exception as failure:
             logger.exception("robot %d: its interface failed", self.robot_id)
             self._refused = True
-            self._alarmed_until_s = self.situation.now_s + ALARM_S
-            self._alarm = f"interface failed: {failure!r}"
+            self._raise_alarm(f"interface failed: {failure!r}")
 
     def _without_module(self) -> DecisionModule | None:
         """Return whose safe controller drives when no module asks for it, but the AC may not."""

@@ -143,10 +143,10 @@ WRONG: list[tuple[str, str]] = [
     ("duration = 5\n", "m.toml:2: duration: unknown key, did you mean 'duration_s'?; allowed: " + ALL_KEYS),
     ("[rta]\nenable = true\n",
      ("m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, collision, obstacle, "
-     "geofence, battery")),
+     "geofence, battery, path")),
     ("[rta.colision]\ndelta_s = 0.1\n",
      ("m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, collision, obstacle, "
-     "geofence, battery")),
+     "geofence, battery, path")),
     ("[rta.geofence]\nphi_safe_m = 0.0\n",
      ("m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: delta_s, dwell_s, "
      "phi_safer_inset_m")),

@@ -367,8 +367,9 @@ def test_a_look_later_than_declared_takes_control() -> None:
     rig.ticks += 1  # one tick is left out
     rig.tick()
     assert rig.driver() == "a"
-    assert rig.watch.records[-1].module == "a"
-    assert "looked after 0.100 s, declared every 0.05 s" in rig.watch.records[-1].cause
+    assert rig.watch.records[-1].module == SUPERVISOR
+    assert "'a' looked after 0.100 s, not 0.05 s" in rig.watch.records[-1].cause
+    assert all(module.mode is Mode.AC for module in rig.robot.modules), "a late look says nothing about margins"
 
 
 # --- Delta -------------------------------------------------------------------------------------------------
