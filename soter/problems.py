@@ -106,7 +106,7 @@ def _beside(path: Path) -> list[str]:
 
 _KEY_PART = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _KEY = rf"{_KEY_PART}(?:[ \t]*\.[ \t]*{_KEY_PART})*"
-_HEADER = re.compile(rf"\s*\[\[?\s*({_KEY})\s*\]")
+_HEADER = re.compile(rf"\s*(\[\[?)\s*({_KEY})\s*\]")
 _PAIR = re.compile(rf"\s*({_KEY})[ \t]*=")
 
 
@@ -118,16 +118,22 @@ def split_key(key: str) -> tuple[str, ...]:
 def key_lines(text: str) -> dict[tuple[str, ...], int]:
     """Return the line of every table and key in the text of a TOML file, from 1.
 
+    The tables of an array are told apart by their number, from 0: ("fault", "1") is the second `[[fault]]`.
     A line of a multi-line string that looks like a key is taken for one; what comes first wins, so this only ever
     misplaces an error message.
     """
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
+    counts: dict[tuple[str, ...], int] = {}
     # splitlines() would count form feeds and the like as well.
     for number, line in enumerate(text.split("\n"), start=1):
         if header := _HEADER.match(line):
-            table = split_key(header[1])
+            table = split_key(header[2])
             lines.setdefault(table, number)
+            if header[1] == "[[":
+                counts[table] = counts.get(table, -1) + 1
+                table = (*table, str(counts[table]))
+                lines.setdefault(table, number)
         elif pair := _PAIR.match(line):
             lines.setdefault(table + split_key(pair[1]), number)
     return lines

@@ -8,6 +8,7 @@ from soter_sim.bodies import (
     stand_still,
 )
 from soter_sim.engine import Engine, EngineFactory
+from soter_sim.impairment import Impairment
 from soter_sim.truth import WorldTruth
 from soter_sim.world import ENGINES, World
 
@@ -19,6 +20,7 @@ __all__ = [
     "Control",
     "Engine",
     "EngineFactory",
+    "Impairment",
     "World",
     "WorldTruth",
     "stand_still",

@@ -12,6 +12,7 @@ from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
 from soter_sim.bodies import Control, stand_still
 from soter_sim.engine import Engine, EngineFactory
+from soter_sim.impairment import Impairment, impaired
 from soter_sim.kinematic import KinematicEngine
 from soter_sim.truth import WorldTruth
 
@@ -67,6 +68,7 @@ class World:
         self.now_s = 0.0
         self._period = 0
         self._index = {robot_id: index for index, robot_id in enumerate(self.bodies.ids)}
+        self._controls = [*self.bodies.control]
         self._closed = False
 
     def __enter__(self) -> Self:
@@ -89,7 +91,22 @@ class World:
 
     def set_control(self, robot_id: int, control: Control | None) -> None:
         """Let `control` steer a robot from the next period on; None makes it stand still."""
-        self.bodies.control[self.index(robot_id)] = control or stand_still
+        index = self.index(robot_id)
+        self.bodies.control[index] = self._controls[index] = control or stand_still
+
+    def impair(self, robot_id: int, impairment: Impairment) -> None:
+        """Impair a robot's vehicle from the next period on; `Impairment()` makes it whole again.
+
+        It lasts until then, or until the robot gets another control.
+
+        Raises:
+            ValueError: there is no such robot, or a part is not between 0 and 1.
+        """
+        index = self.index(robot_id)
+        control = self._controls[index]
+        if impairment != Impairment():
+            control = impaired(control, impairment, self.period_s)
+        self.bodies.control[index] = control
 
     def advance(self, until_s: float) -> None:
         """Run all periods that end by `until_s`; nothing if that is past.

@@ -90,7 +90,8 @@ def _kind(name: str, source: str | None, key: str) -> type[Fault[Any]]:
     module_name, colon, class_name = BUILT_IN.get(name, name).partition(":")
     if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
         known = ", ".join(BUILT_IN)
-        raise refused(f"unknown kind '{name}'{nearest(name, [*BUILT_IN])}; known are {known}, or a class as module:Class")
+        hint = nearest(name, [*BUILT_IN])
+        raise refused(f"unknown kind '{name}'{hint}; known are {known}, or a class as 'module:Class'")
     try:
         found = getattr(importlib.import_module(module_name), class_name, None)
     except ImportError as failure:

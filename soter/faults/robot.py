@@ -48,8 +48,8 @@ class FaultyRobot(Robot):
         for fault in self.faults:
             if fault.needs_vehicle and self._vehicle is None:
                 raise Unsupported(
-                    f"robot {self.id}: a fault of kind '{fault.options.kind}' needs a vehicle that can be impaired, and "
-                    f"a {type(inner).__name__} cannot; use a simulated backend in this process, such as kinematic"
+                    f"robot {self.id}: a fault of kind '{fault.options.kind}' needs a vehicle that can be impaired, "
+                    f"and a {type(inner).__name__} cannot; use a simulated backend in this process, such as kinematic"
                 )
 
     # --- what the fleet's clock needs ------------------------------------------------------------------------
@@ -74,6 +74,10 @@ class FaultyRobot(Robot):
 
     def _connect(self, timeout_s: float) -> Capabilities:
         self.inner.init(timeout_s)
+        # Faults begin when the robot is ready: a first sample has come through by then, as from any robot.
+        sample: RobotState | None = self._read()
+        for fault in self.faults:
+            sample = fault.sample(0.0, False, sample)
         self._ready_s = self.clock.now()
         return widened(self.inner.capabilities, self.faults)
 

@@ -42,7 +42,7 @@ class Freeze(Fault[FreezeOptions]):
 
     def __init__(self, options: FreezeOptions, context: Context) -> None:
         super().__init__(options, context)
-        self._frozen: RobotState | None = None
+        self._last: RobotState | None = None
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
         duration_s = self.up_to_ticks(self.options.duration_s or 0.0)
@@ -53,12 +53,9 @@ class Freeze(Fault[FreezeOptions]):
         return replace(capabilities, sample_age_s=capabilities.sample_age_s + duration_s)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
-        if not on or sample is None:
-            self._frozen = None
-            return sample
-        frozen = self._frozen
-        if frozen is None:
-            self._frozen = sample
+        frozen = self._last
+        if not on or sample is None or frozen is None:
+            self._last = sample
             return sample
         self.affected += 1
         if not self.options.restamped:

@@ -65,6 +65,23 @@ class ModuleFigures(BaseModel):
     surprises: int
 
 
+class FaultFigures(BaseModel):
+    """One injected fault of one robot.
+
+    Attributes:
+        kind: its kind.
+        robot: the robot's id.
+        declared: whether the robot's promises were widened by it; if not, the stack was not told.
+        affected: commands and samples that it spoilt, or times that it impaired the vehicle.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    kind: str
+    robot: int
+    declared: bool
+    affected: int
+
+
 class RunResult(BaseModel):
     """What happened in a run.
 
@@ -94,6 +111,7 @@ class RunResult(BaseModel):
         missed_ticks: ticks that came later than declared.
         deterministic: the same seed gives the same run; False where host time had a say.
         trace_sha256: over all states and decisions.
+        faults: what was injected, by the mission's `[[fault]]` tables.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -132,6 +150,7 @@ class RunResult(BaseModel):
     nondeterminism: str
     trace_sha256: str
     failed_robots: dict[int, str]
+    faults: tuple[FaultFigures, ...] = ()
 
     @property
     def violated(self) -> bool:

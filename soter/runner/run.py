@@ -11,13 +11,14 @@ from typing import Final
 
 from soter.config import Mission, validate_options
 from soter.errors import RunFailed
+from soter.faults import FaultyFleet, read_faults
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
 from soter.runner.metrics import Metrics, counts, module_figures
 from soter.runner.mission_side import MissionSide
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
-from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.trace import Trace
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
@@ -87,6 +88,7 @@ def run_mission(
         )
         for place in workspace.robots
     ]  # fmt: skip
+    faults = read_faults(mission, [spec.id for spec in specs])
     with ExitStack() as stack:
         plans = PlanService(
             mission.planner, workspace, backend_class.robot_class.declared.body_radius_m,
@@ -99,6 +101,8 @@ def run_mission(
             fleet = stack.enter_context(backend_class().open(config, specs))
         except ImportError as failure:
             raise missing_library(mission.backend, failure) from failure
+        if faults:
+            fleet = stack.enter_context(FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s))
         plans.ready()
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
@@ -249,9 +253,19 @@ class _Loop:
             deterministic=self.plans.deterministic and status == "completed",
             nondeterminism="; ".join(self.plans.incidents),
             trace_sha256=self.trace.hexdigest(),
+            faults=_fault_figures(self.fleet),
             failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},
         )
 
 
 def _violations(report: TruthReport) -> dict[str, int]:
     return {rule: report.count(rule) for rule in RULES}
+
+
+def _fault_figures(fleet: Fleet) -> tuple[FaultFigures, ...]:
+    if not isinstance(fleet, FaultyFleet):
+        return ()
+    return tuple(
+        FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
+        for fault in fleet.report()
+    )

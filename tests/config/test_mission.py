@@ -130,7 +130,7 @@ def test_a_wrong_override_is_blamed_on_the_command_line(overrides: dict[str, obj
 
 ALL_KEYS = (
     "app, workspace, backend, duration_s, seed, targets, robots, planner, target_timeout_s, base_tick_s, battery, rta, "
-    "backends, planners"
+    "backends, planners, fault"
 )
 WRONG: list[tuple[str, str]] = [
     # syntax
@@ -164,6 +164,8 @@ WRONG: list[tuple[str, str]] = [
     ('rta.modules = "battery"\n', "m.toml:2: rta.modules: it is 'battery', allowed: a list"),
     ("backends = 3\n", "m.toml:2: backends: it is 3, allowed: a table"),
     ("[planners]\nx = 3\n", "m.toml:3: planners.x: it is 3, allowed: a table"),
+    ("fault = 3\n", "m.toml:2: fault: it is 3, allowed: a list"),
+    ("fault = [{}, 3]\n", "m.toml:2: fault.1: it is 3, allowed: a table"),
     # choices
     ('targets = "gird"\n',
      "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?"),

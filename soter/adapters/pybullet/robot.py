@@ -8,7 +8,7 @@ from soter.adapters.pybullet.vehicle import Vehicle
 from soter.clock import Clock
 from soter.drive import OVERSHOOT_M, TUBE_M
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState
-from soter_sim import BODY_RADIUS_M, LIMITS, World
+from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World
 
 PERIOD_S: Final = 0.05
 LEASE_S: Final = 0.2
@@ -66,6 +66,20 @@ class SimulatedRobot(Robot):
         self._vehicle = Vehicle(LEASE_S, world.period_s)
         self._mux = self._vehicle.mux
         self._latest: RobotState | None = None
+
+    def impair(self, left: float, right: float, brake: float, alive: bool) -> None:
+        """Impair the vehicle from now on; the optional hook of fault injection, see `soter.faults.Impairable`.
+
+        Args:
+            left: part of the left wheel's motion that reaches the ground, from 0 to 1.
+            right: the same of the right wheel.
+            brake: part of the deceleration that is left, from 0 to 1.
+            alive: False: the motors are off; who was in charge, its goal and its lease are forgotten.
+        """
+        self._world.impair(self.id, Impairment(left, right, brake, alive))
+        if not alive:
+            self._mux.revoke()
+            self._mux.switch(Controller.SC)
 
     def _connect(self, timeout_s: float) -> Capabilities:
         self._world.set_control(self.id, self._vehicle.control)
