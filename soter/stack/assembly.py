@@ -97,6 +97,7 @@ def assemble(
     right_of_way = RightOfWay()
     peer_v_max_m_s = max(robot.capabilities.v_max_m_s for robot in robots)
     peer_brake_m_s2 = min(robot.capabilities.brake_m_s2 for robot in robots)
+    peer_noise_m = max(robot.capabilities.position_noise_m for robot in robots)
     terrain = Terrain(workspace, max(robot.capabilities.body_radius_m for robot in robots))
     places = {place.id: place for place in workspace.robots}
     ports: dict[int, Port[Waypoint, RobotState]] = {}
@@ -110,7 +111,7 @@ def assemble(
         port: Port[Waypoint, RobotState] = Port(robot.id, listener)
         waypoint: Topic[Any] = Topic(WAYPOINT)
         forwarder = PortForwarder(port, waypoint, mission.base_tick_s)
-        recovery = RecoveryPlanner(terrain, capabilities, _rules(mission), mission.base_tick_s)
+        recovery = RecoveryPlanner(terrain, capabilities, _rules(mission), mission.base_tick_s, peer_noise_m)
         dock = Dock(
             terrain,
             places[robot.id].charger,
@@ -128,6 +129,7 @@ def assemble(
             recovery,
             right_of_way,
             SpeedBound(peer_v_max_m_s, peer_brake_m_s2),
+            peer_noise_m,
         )
         timing = Timing(
             capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
@@ -205,7 +207,12 @@ def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
         return -math.inf
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
-    return speed.bound(look_s) + _SLACK_M
+    return speed.bound(look_s) + _unsure_m(capabilities)
+
+
+def _unsure_m(capabilities: Capabilities) -> float:
+    """Return by how much a place must be better than a module asks for: what noise and age take off its margin."""
+    return _SLACK_M + capabilities.position_noise_m + capabilities.v_max_m_s * capabilities.sample_age_s
 
 
 def _cost_per_m(mission: Mission, capabilities: Capabilities) -> float:
@@ -222,15 +229,17 @@ def _declare(
     recovery: RecoveryPlanner,
     right_of_way: RightOfWay,
     peer: SpeedBound,
+    peer_noise_m: float,
 ) -> tuple[RTAModule, ...]:
     rta, tick_s = mission.rta, mission.base_tick_s
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+    unsure_m = _unsure_m(capabilities)
     refuges = RefugeFinder(
         terrain,
         recovery,
         # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
-        rta.geofence.phi_safer_inset_m + _SLACK_M if GEOFENCE in enabled(mission) else -math.inf,
-        rta.obstacle.phi_safer_m + _SLACK_M,
+        rta.geofence.phi_safer_inset_m + unsure_m if GEOFENCE in enabled(mission) else -math.inf,
+        rta.obstacle.phi_safer_m + unsure_m,
     )
     inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
@@ -242,8 +251,8 @@ def _declare(
             ac,
             BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock),
             rta.collision.delta_s,
-            Separation(rta.collision.phi_safe_m, peer.v_max_m_s),
-            Separation(rta.collision.phi_safer_m, peer.v_max_m_s),
+            Separation(rta.collision.phi_safe_m, peer.v_max_m_s, peer_noise_m),
+            Separation(rta.collision.phi_safer_m, peer.v_max_m_s, peer_noise_m),
             PairBound(speed, peer),
             dwell_s=rta.collision.dwell_s,
         ),

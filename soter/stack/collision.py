@@ -29,10 +29,12 @@ class Separation(Region):
     Attributes:
         least_m: distance at the edge of the region.
         peer_v_max_m_s: top speed that peers are assumed to respect.
+        peer_noise_m: error of the positions that peers report, at most.
     """
 
     least_m: float
     peer_v_max_m_s: float
+    peer_noise_m: float = 0.0
 
     def margin(self, situation: Situation) -> float:
         own = situation.own
@@ -55,7 +57,7 @@ class Separation(Region):
         return safer.least_m - self.least_m
 
     def noise(self, noise_m: float) -> float:
-        return 2.0 * noise_m
+        return noise_m + self.peer_noise_m
 
 
 class BackAway(Retreat):

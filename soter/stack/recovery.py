@@ -54,13 +54,22 @@ class RecoveryPlanner:
         capabilities: of the robot: top speed, brake, latency, tracking error.
         rules: the enabled ones.
         period_s: how often a safe controller looks (T_sc).
+        peer_noise_m: error of the positions that peers report, at most.
     """
 
-    def __init__(self, terrain: Terrain, capabilities: Capabilities, rules: RecoveryRules, period_s: float) -> None:
+    def __init__(
+        self,
+        terrain: Terrain,
+        capabilities: Capabilities,
+        rules: RecoveryRules,
+        period_s: float,
+        peer_noise_m: float = 0.0,
+    ) -> None:
         self.terrain: Final = terrain
         self.rules: Final = rules
         self._v_max = capabilities.v_max_m_s
         self._tube = capabilities.tube_m + capabilities.position_noise_m
+        self._pair_noise = capabilities.position_noise_m + peer_noise_m
         self._blind_s = period_s + capabilities.latency_s
         self._stop_m = self._v_max * self._v_max / (2.0 * capabilities.brake_m_s2)
         self._reverses = capabilities.reverses
@@ -135,12 +144,12 @@ class RecoveryPlanner:
             px, py = peer.x_m - own.x_m, peer.y_m - own.y_m
             distance = math.sqrt(px * px + py * py)
             age_s = situation.age_s + max(0.0, situation.now_s - peer.stamp_s)
-            if distance >= PAIR_NEAR_M + self._v_max * age_s:
+            if distance >= PAIR_NEAR_M + self._pair_noise + self._v_max * age_s:
                 continue
             if distance == 0.0:
                 return -1.0
             along = (dx * px + dy * py) / distance
-            half = (distance - separation) / 2.0 - self._v_max * (self._blind_s + age_s)
+            half = (distance - self._pair_noise - separation) / 2.0 - self._v_max * (self._blind_s + age_s)
             if along <= 0.0:
                 # Away, or at rest: always at least as good as anything else.
                 half = max(half, 0.0)
