@@ -1,4 +1,4 @@
-"""The command line: `soter run`, `soter backends`."""
+"""The command line: `soter run`, `soter backends`, `soter conform`."""
 
 from soter.cli.app import app, main
 

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from soter.cli.backends import backends
+from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
+from soter.cli.conform import conform
 from soter.cli.run import EXAMPLES, run
 
 app = typer.Typer(
@@ -23,6 +25,7 @@ app = typer.Typer(
 )
 app.command(epilog=EXAMPLES)(run)
 app.command()(backends)
+app.command(epilog=CONFORM_EXAMPLES)(conform)
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,5 +1,29 @@
-"""The conformance kit: anyone can prove an adapter right. See docs/conformance.md."""
+"""The conformance kit: anyone can prove an adapter right. See docs/conformance.md.
 
+`Harness` is what an adapter's author writes; `judge` tries every clause on it and returns the record;
+`soter.conformance.testing.AdapterSuite` makes tests of them.
+"""
+
+from soter.conformance.clause import CLAUSES, Clause, Tier
+from soter.conformance.find import InProcessHarness, find_harness
 from soter.conformance.harness import HOOKS, Harness
+from soter.conformance.kit import judge, select, try_clause
+from soter.conformance.record import KIT_VERSION, Outcome, Overall, Record, Verdict
 
-__all__ = ["HOOKS", "Harness"]
+__all__ = [
+    "CLAUSES",
+    "HOOKS",
+    "KIT_VERSION",
+    "Clause",
+    "Harness",
+    "InProcessHarness",
+    "Outcome",
+    "Overall",
+    "Record",
+    "Tier",
+    "Verdict",
+    "find_harness",
+    "judge",
+    "select",
+    "try_clause",
+]

@@ -53,7 +53,7 @@ class Harness(ABC):
     # --- optional hooks: faults on the wire between SOTER and the robots of the open fleet --------------------
 
     def cut(self, robot_id: int) -> None:
-        """Let nothing through between SOTER and one robot, in either direction, until `restore`. (Hook `cut`.)"""
+        """Let nothing through between SOTER and one robot, in either direction, until `restore`."""
         raise NotImplementedError
 
     def restore(self, robot_id: int) -> None:

@@ -1,0 +1,362 @@
+"""The bench on which one clause is tried: a fresh fleet, driven as a supervisor drives it, and what was seen of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from soter.conformance.driver import TICK_S
+from soter.conformance.harness import Harness
+from soter.sdk import Capabilities, Controller, Fleet, Goal, GoalStatus, Robot, RobotState, Waypoint
+
+MOVING_M_S: Final = 0.02
+TURNING_RAD_S: Final = 0.1
+STILL_M: Final = 0.005
+STILL_RAD: Final = 0.03
+ROUNDING: Final = 1e-6
+
+SETTLE_S: Final = 2.0
+"""After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
+
+
+class Failed(Exception):
+    """The adapter does not keep the clause; the message says what was seen and the likely cause."""
+
+
+class NotTested(Exception):
+    """The clause cannot be tried; the message says what is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """Something measured.
+
+    Attributes:
+        name: what, with its unit at the end.
+        value: what was measured.
+        bound: what was declared; None if nothing is.
+        resolution: how far the measurement itself may be off.
+    """
+
+    name: str
+    value: float
+    bound: float | None = None
+    resolution: float = 0.0
+
+
+class Sample(NamedTuple):
+    """Where a robot was at one moment, as its own state or the truth has it. Metres, radians, seconds."""
+
+    at_s: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_m_s: float
+    yaw_rate_rad_s: float
+    state: RobotState
+
+    @property
+    def moves(self) -> bool:
+        """Whether it drives or turns, beyond what is noise."""
+        return self.speed_m_s > MOVING_M_S or abs(self.yaw_rate_rad_s) > TURNING_RAD_S
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return how far it is from a place."""
+        return math.hypot(self.x_m - x_m, self.y_m - y_m)
+
+
+def turn(from_rad: float, to_rad: float) -> float:
+    """Return the turn from one heading to another, in [-pi, pi)."""
+    return (to_rad - from_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def drive_until(
+    fleet: Fleet, until: Callable[[], bool], timeout_s: float, *, renew: bool = True, read: bool = True
+) -> bool:
+    """Tick like a supervisor: sleep, read every robot, renew every lease; until a condition holds.
+
+    Args:
+        fleet: robots that are ready.
+        until: asked after every tick.
+        timeout_s: in fleet time.
+        renew: whether leases are renewed.
+        read: whether states are read.
+
+    Returns:
+        Whether the condition held in time.
+    """
+    clock = fleet.clock
+    start_s = clock.now()
+    tick = 0
+    while clock.now() - start_s < timeout_s - ROUNDING:
+        tick += 1
+        # A grid without drift; where the host was too slow for it, the next tick is the next one still ahead.
+        tick = max(tick, math.ceil((clock.now() - start_s) / TICK_S - ROUNDING))
+        clock.sleep_until(start_s + tick * TICK_S)
+        for robot in fleet.robots:
+            if read:
+                robot.read_state()
+            if renew:
+                robot.renew_lease()
+        if until():
+            return True
+    return False
+
+
+class Bench:
+    """What a clause works with.
+
+    Args:
+        harness: of the adapter.
+        truth: whether poses are the truth's instead of the state's.
+        needs: capabilities without which the clause does not apply.
+
+    Attributes:
+        figures: what was measured.
+        tracks: by robot, what was seen while driving, oldest first; one sample for each stamp.
+    """
+
+    def __init__(self, harness: Harness, *, truth: bool = False, needs: tuple[str, ...] = ()) -> None:
+        self.harness = harness
+        self.truth = truth
+        self.needs = needs
+        self.figures: list[Figure] = []
+        self.tracks: dict[int, list[Sample]] = {}
+        self.fleets: list[Fleet] = []
+        self.capabilities: Capabilities | None = None
+
+    # --- opening ---------------------------------------------------------------------------------------------
+
+    def open_raw(self, robots: int = 1) -> Fleet:
+        """Open a fresh fleet whose robots are not initialised."""
+        fleet = self.harness.open(robots)
+        self.fleets.append(fleet)
+        self.require(len(fleet.robots) == robots, f"open({robots}) gave {len(fleet.robots)} robots")
+        if self.truth and fleet.truth is None and not self.harness.gives("observe"):
+            raise NotTested("no truth: neither Fleet.truth nor the hook 'observe' is given")
+        self.tracks = {robot.id: [] for robot in fleet.robots}
+        return fleet
+
+    def open(self, robots: int = 1, in_charge: Controller = Controller.AC) -> tuple[Robot, ...]:
+        """Open a fresh fleet, get its robots ready, and put a controller in charge of each."""
+        fleet = self.open_raw(robots)
+        for robot in fleet.robots:
+            robot.init(self.harness.connect_timeout_s)
+        self.capabilities = fleet.robots[0].capabilities
+        for name in self.needs:
+            if not getattr(self.capabilities, name):
+                raise NotTested(f"not declared: {name}")
+        self.run(2 * TICK_S)
+        for robot in fleet.robots:
+            robot.switch_ac_sc(in_charge, "conformance")
+        self.run(self.caps.latency_s + 2 * TICK_S)
+        return fleet.robots
+
+    def open_one(self, in_charge: Controller = Controller.AC) -> Robot:
+        """Open a fresh fleet of one robot, ready, with a controller in charge."""
+        return self.open(1, in_charge)[0]
+
+    @property
+    def fleet(self) -> Fleet:
+        """The fleet opened last."""
+        return self.fleets[-1]
+
+    @property
+    def caps(self) -> Capabilities:
+        """What the robots declare."""
+        assert self.capabilities is not None
+        return self.capabilities
+
+    @property
+    def now_s(self) -> float:
+        """Fleet time."""
+        return self.fleet.clock.now()
+
+    # --- driving ---------------------------------------------------------------------------------------------
+
+    def run(
+        self, seconds: float, until: Callable[[], bool] | None = None, *, renew: bool = True, read: bool = True
+    ) -> bool:
+        """Tick for so long, or until a condition holds; note what is seen. Return whether it held."""
+
+        def look() -> bool:
+            if read:
+                for robot in self.fleet.robots:
+                    self.look(robot)
+            return until is not None and until()
+
+        return drive_until(self.fleet, look, seconds, renew=renew, read=read)
+
+    def look(self, robot: Robot) -> Sample:
+        """Return where a robot is now, and note it."""
+        state = robot.read_state()
+        track = self.tracks[robot.id]
+        if self.truth:
+            at_s = self.now_s
+            x_m, y_m, heading_rad = self.true_pose(robot.id)
+            speed, rate = 0.0, 0.0
+            if track and at_s - track[-1].at_s > ROUNDING:
+                last, dt_s = track[-1], at_s - track[-1].at_s
+                speed = math.hypot(x_m - last.x_m, y_m - last.y_m) / dt_s
+                rate = turn(last.heading_rad, heading_rad) / dt_s
+            sample = Sample(at_s, x_m, y_m, heading_rad, speed, rate, state)
+        else:
+            sample = Sample(
+                state.stamp_s, state.x_m, state.y_m, state.heading_rad,
+                math.hypot(state.vx_m_s, state.vy_m_s), state.yaw_rate_rad_s, state,
+            )  # fmt: skip
+        if not track or sample.at_s > track[-1].at_s + ROUNDING:
+            track.append(sample)
+        return sample
+
+    def true_pose(self, robot_id: int) -> tuple[float, float, float]:
+        """Return where a robot really is."""
+        truth = self.fleet.truth
+        return self.harness.observe(robot_id) if truth is None else truth.pose(robot_id)
+
+    def since(self, robot: Robot, at_s: float) -> list[Sample]:
+        """Return what was seen of a robot from a moment on."""
+        return [sample for sample in self.tracks[robot.id] if sample.at_s >= at_s - ROUNDING]
+
+    def place(self, robot: Robot, ahead: float, left: float = 0.0, **options: float) -> Waypoint:
+        """Return a waypoint in a robot's room, in shares of its half side, seen from the start pose."""
+        spec, scale = robot.spec, self.harness.room_m / 2.0
+        c, s = math.cos(spec.heading_rad), math.sin(spec.heading_rad)
+        x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
+        return Waypoint(spec.x_m + x_m, spec.y_m + y_m, **options)
+
+    def go(self, robot: Robot, target: Waypoint, by: Controller = Controller.AC) -> Goal:
+        """Send a robot somewhere and see it arrive there."""
+        goal = robot.goto(target, by)
+        self.run(self.way_s(), lambda: not goal.active)
+        self.require(
+            goal.status is GoalStatus.REACHED,
+            f"a goal {self.from_start(robot, target):.2f} m from the start ended {goal.status.value} ({goal.reason}) "
+            f"within {self.way_s():.0f} s, expected reached: the target did not get through, or is in another frame",
+        )
+        return goal
+
+    def get_going(self, robot: Robot, target: Waypoint, by: Controller = Controller.AC) -> Goal:
+        """Send a robot somewhere far and see it come up to speed."""
+        goal = robot.goto(target, by)
+        fast = 0.7 * min(self.caps.v_max_m_s, target.speed_m_s or math.inf)
+        begun = self.run(self.way_s(), lambda: self.tracks[robot.id][-1].speed_m_s > fast or not goal.active)
+        self.require(
+            begun and goal.active,
+            f"it did not come up to {fast:.2f} m/s on a straight leg within {self.way_s():.0f} s: the target did not "
+            "get through, the lease is not renewed by renew_lease(), or v_max_m_s is declared too high",
+        )
+        return goal
+
+    def expect_stop(
+        self, robot: Robot, called_s: float, cause: str, *, extra_s: float = 0.0, renew: bool = True
+    ) -> None:
+        """See that a moving robot stops, in the time and on the way that its capabilities allow, and stays there.
+
+        Args:
+            robot: which.
+            called_s: when it was told to, or had to on its own.
+            cause: the likely cause if it does not.
+            extra_s: how much later it may begin, such as the lease.
+            renew: whether leases are renewed while it is watched.
+        """
+        caps = self.caps
+        before = self.tracks[robot.id][-1]
+        begin_s = extra_s + caps.latency_s + caps.setpoint_period_s + TICK_S
+        allowed_s = begin_s + caps.v_max_m_s / caps.brake_m_s2
+        self.run(allowed_s + 2 * TICK_S + caps.sample_age_s, renew=renew)
+        rest = self.look(robot)
+        self.run(1.0, renew=renew)
+        later = self.look(robot)
+        slipped = later.distance_m(rest.x_m, rest.y_m)
+        stopped_s = max((each.at_s for each in self.since(robot, called_s) if each.moves), default=called_s) - called_s
+        self.measure("stop_s", stopped_s, allowed_s, TICK_S)
+        self.require(
+            slipped <= self.still_m and abs(turn(rest.heading_rad, later.heading_rad)) <= STILL_RAD,
+            f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m within another second: {cause}",
+        )
+        allowed_m = caps.v_max_m_s * (begin_s + caps.sample_age_s) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
+        run_m = rest.distance_m(before.x_m, before.y_m)
+        self.measure("stopping_distance_m", run_m, allowed_m, self.still_m)
+        self.require(
+            run_m <= allowed_m + self.still_m,
+            f"it ran on for {run_m:.3f} m, allowed are {allowed_m:.3f} m: {cause}, or brake_m_s2 is declared too high",
+        )
+
+    def expect_still(self, robot: Robot, seconds: float, cause: str) -> None:
+        """See that a robot at rest stays where it is."""
+        before = self.look(robot)
+        began_s = self.now_s
+        self.run(seconds)
+        moved = max(
+            (each.distance_m(before.x_m, before.y_m) for each in self.since(robot, began_s)),
+            default=0.0,
+        )
+        turned = max(
+            (abs(turn(before.heading_rad, each.heading_rad)) for each in self.since(robot, began_s)), default=0.0
+        )
+        self.require(
+            moved <= self.still_m and turned <= STILL_RAD,
+            f"it moved by {moved:.3f} m and turned by {turned:.2f} rad in {seconds:g} s, expected rest: {cause}",
+        )
+
+    # --- judging ---------------------------------------------------------------------------------------------
+
+    @property
+    def still_m(self) -> float:
+        """A robot whose pose changes by no more than this is at rest."""
+        return STILL_M + (0.0 if self.truth else 2.0 * self.caps.position_noise_m)
+
+    @property
+    def speed_noise_m_s(self) -> float:
+        """How far a speed may be off because positions are."""
+        return 0.002 if self.truth else 0.002 + 2.0 * self.caps.position_noise_m / TICK_S
+
+    def way_s(self) -> float:
+        """Return a time in which a robot gets anywhere in its room, generously."""
+        caps = self.caps
+        return 3.0 * self.harness.room_m / caps.v_max_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
+
+    def from_start(self, robot: Robot, target: Waypoint) -> float:
+        """Return how far a target is from where a robot started."""
+        return math.hypot(target.x_m - robot.spec.x_m, target.y_m - robot.spec.y_m)
+
+    def require(self, holds: bool, message: str) -> None:
+        """Fail the clause with a message unless something holds."""
+        if not holds:
+            raise Failed(message)
+
+    def require_status(self, goal: Goal, status: GoalStatus, cause: str) -> None:
+        """Fail the clause unless a goal has ended, or not, in a certain way."""
+        self.require(
+            goal.status is status,
+            f"goal {goal.id} is {goal.status.value} ({goal.reason or 'no reason'}), expected {status.value}: {cause}",
+        )
+
+    def require_raises(self, kind: type[Exception], call: Callable[[], object], what: str) -> None:
+        """Fail the clause unless a call raises a certain error."""
+        try:
+            call()
+        except kind:
+            return
+        except Exception as other:
+            raise Failed(f"{what} raised {type(other).__name__} ({other}), expected {kind.__name__}") from other
+        raise Failed(f"{what} raised nothing, expected {kind.__name__}: a public method of Robot is overridden")
+
+    def measure(
+        self, name: str, value: float, bound: float | None = None, resolution: float = 0.0, cause: str | None = None
+    ) -> None:
+        """Record a figure; with a cause, also fail the clause where it exceeds its bound.
+
+        Args:
+            name: what, with its unit at the end.
+            value: as measured.
+            bound: what the capabilities declare.
+            resolution: how far the measurement itself may be off.
+            cause: the likely cause of a figure beyond its bound.
+        """
+        self.figures.append(Figure(name, round(value, 6), bound, round(resolution, 6)))
+        if cause is not None and bound is not None and not value <= bound + resolution + ROUNDING:
+            raise Failed(f"{name} is {value:.3f}, declared is {bound:.3f} (resolution {resolution:.3f}): {cause}")

@@ -1,0 +1,15 @@
+"""All clauses; importing this registers them, in the order in which they are judged."""
+
+# The order is that of the reports.
+# isort: off
+from soter.conformance.clauses import lifecycle as lifecycle
+from soter.conformance.clauses import capabilities as capabilities
+from soter.conformance.clauses import state as state
+from soter.conformance.clauses import goto as goto
+from soter.conformance.clauses import goals as goals
+from soter.conformance.clauses import authority as authority
+from soter.conformance.clauses import deadman as deadman
+from soter.conformance.clauses import several as several
+from soter.conformance.clauses import bounds as bounds
+from soter.conformance.clauses import link as link
+from soter.conformance.clauses import process as process

@@ -1,0 +1,112 @@
+"""Goals: every goto has an identity, ends once, and is ended by what names it only."""
+
+from __future__ import annotations
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S
+from soter.sdk import Controller, GoalStatus
+
+
+@clause("goal.ids")
+def ids(bench: Bench) -> None:
+    """Every goal has an id of its own, and samples name the goal in progress, or none."""
+    robot = bench.open_one()
+    goals = [robot.goto(bench.place(robot, 0.5), Controller.AC) for _ in range(5)]
+    bench.require(len({goal.id for goal in goals}) == 5, "two goals have one id: goto() is overridden")
+    bench.run(bench.caps.latency_s + bench.caps.sample_age_s + 4 * TICK_S)
+    seen = bench.look(robot).state.goal_id
+    bench.require(
+        seen in (None, goals[-1].id),
+        f"the sample names goal {seen}, the one in progress is {goals[-1].id}: an older goal, or the vehicle's own "
+        "count",
+    )
+
+
+@clause("goal.superseded", truth=True)
+def superseded(bench: Bench) -> None:
+    """A new goal ends the one before as SUPERSEDED, and the robot turns to the new one."""
+    robot = bench.open_one()
+    first = bench.get_going(robot, bench.place(robot, 0.8))
+    target = bench.place(robot, -0.3, 0.5)
+    second = robot.goto(target, Controller.AC)
+    bench.require_status(first, GoalStatus.SUPERSEDED, "the goal before must end when another takes its place")
+    at = bench.look(robot)
+    began_s = bench.now_s
+    bench.run(bench.way_s(), lambda: not second.active)
+    bench.require_status(second, GoalStatus.REACHED, "after a new goal the robot does not get to it")
+    caps = bench.caps
+    allowed = caps.v_max_m_s * (caps.latency_s + caps.setpoint_period_s + TICK_S + caps.sample_age_s)
+    allowed += caps.v_max_m_s**2 / (2 * caps.brake_m_s2) + caps.tube_m
+    x_m, y_m = first.target.x_m, first.target.y_m
+    nearer = at.distance_m(x_m, y_m) - min(each.distance_m(x_m, y_m) for each in bench.since(robot, began_s))
+    bench.require(
+        nearer <= allowed + bench.still_m,
+        f"after it was superseded, the robot went on to the old target for {nearer:.2f} m, allowed {allowed:.2f} m: "
+        "targets "
+        "are queued instead of replaced",
+    )
+    bench.run(SETTLE_S)
+    bench.expect_still(robot, 2.0, "the old target is driven to after the new one")
+    bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once")
+
+
+@clause("goal.cancel", truth=True)
+def cancel(bench: Bench) -> None:
+    """Cancelling a goal ends it as CANCELLED and stops the robot."""
+    robot = bench.open_one()
+    goal = bench.get_going(robot, bench.place(robot, 0.9))
+    called_s = bench.now_s
+    goal.cancel()
+    bench.require_status(goal, GoalStatus.CANCELLED, "_cancel() is overridden")
+    bench.expect_stop(robot, called_s, "_halt() does nothing, or is not passed on to the vehicle")
+    bench.go(robot, bench.place(robot, 0.2, 0.2))
+
+
+@clause("goal.cancel_own")
+def cancel_own(bench: Bench) -> None:
+    """cancel() of a goal that has ended touches no other goal."""
+    robot = bench.open_one()
+    first = robot.goto(bench.place(robot, 0.8), Controller.AC)
+    second = bench.get_going(robot, bench.place(robot, 0.7))
+    first.cancel()
+    bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once; a late cancel() changes nothing")
+    bench.require_status(second, GoalStatus.ACTIVE, "cancel() ended a goal that it does not name")
+    bench.run(bench.way_s(), lambda: not second.active)
+    bench.require_status(
+        second, GoalStatus.REACHED, "cancel() of an old goal stopped the robot: stop acts on its own goal only"
+    )
+
+
+@clause("goal.timeout", truth=True)
+def timeout(bench: Bench) -> None:
+    """At its time-out a goal is TIMED_OUT, in fleet time, and the robot stops."""
+    robot = bench.open_one()
+    timeout_s = 0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s
+    goal = robot.goto(bench.place(robot, 0.9, timeout_s=timeout_s), Controller.AC)
+    sent_s = bench.now_s
+    bench.run(timeout_s + 1.0, lambda: not goal.active)
+    called_s = bench.now_s
+    bench.require_status(goal, GoalStatus.TIMED_OUT, "the goal's own time-out counts, in fleet time")
+    bench.measure(
+        "timeout_s",
+        called_s - sent_s,
+        timeout_s,
+        2 * TICK_S + bench.caps.jitter_s,
+        "the time-out is not kept in fleet time",
+    )
+    bench.require(called_s - sent_s >= timeout_s - 1e-6, "it timed out early: host time instead of fleet time")
+    bench.expect_stop(robot, called_s, "a goal that timed out is not stopped on the vehicle")
+
+
+@clause("goal.written_in_read_state")
+def written_in_read_state(bench: Bench) -> None:
+    """Goals change when the state is read, and at no other time."""
+    robot = bench.open_one()
+    goal = robot.goto(bench.place(robot, 0.4), Controller.AC)
+    bench.run(bench.way_s() / 2, read=False)
+    bench.require_status(
+        goal, GoalStatus.ACTIVE, "something besides read_state() wrote the handle: a thread or a callback"
+    )
+    robot.read_state()
+    bench.require_status(goal, GoalStatus.REACHED, "read_state() did not bring the goal up to date with the sample")

@@ -1,0 +1,233 @@
+"""Goto: sent at once, driven to the place itself, with the goal's own radius, speed and time-out."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+
+from soter.conformance.bench import STILL_RAD, Bench, turn
+from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S
+from soter.errors import Unsupported
+from soter.sdk import Controller, GoalStatus, Waypoint
+
+_HOST_S = 0.05
+
+
+@clause("goto.returns_at_once")
+def returns_at_once(bench: Bench) -> None:
+    """goto() sends and returns: no fleet time passes, and next to no host time."""
+    robot = bench.open_one()
+    host_s, before_s = time.perf_counter(), bench.now_s
+    for _ in range(10):
+        robot.goto(bench.place(robot, 0.8), Controller.AC)
+    took_s, passed_s = (time.perf_counter() - host_s) / 10, bench.now_s - before_s
+    bench.require(
+        passed_s <= (0.0 if bench.caps.in_process else 10 * _HOST_S) and took_s <= _HOST_S,
+        f"goto() took {took_s:.3f} s of host time, and {passed_s / 10:.2f} s of fleet time: it waits for an answer "
+        "or for "
+        "arrival; send, and let read_state() find out",
+    )
+
+
+@clause("goto.arrives", truth=True)
+def arrives(bench: Bench) -> None:
+    """The robot arrives in each direction, and the goal is REACHED within its own radius."""
+    robot = bench.open_one()
+    for ahead, left in ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0)):
+        target = bench.place(robot, ahead, left, radius_m=0.08)
+        bench.go(robot, target)
+        off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
+        # What is true now may be a little further on than the sample that was judged.
+        slack = bench.caps.position_noise_m + bench.caps.v_max_m_s * bench.caps.sample_age_s if bench.truth else 0.0
+        bench.require(
+            off_m <= target.radius_m + slack + 1e-9,
+            f"the goal is REACHED at {off_m:.3f} m from its target, its radius is {target.radius_m:g} m: arrival "
+            "must be "
+            "judged from state with the goal's own radius, not by the vehicle's word",
+        )
+
+
+@clause("goto.accepted_is_not_reached")
+def accepted_is_not_reached(bench: Bench) -> None:
+    """A goal that was sent is ACTIVE until the robot is there, however near it is."""
+    robot = bench.open_one()
+    target = bench.place(robot, 0.8, radius_m=0.05)
+    goal = robot.goto(target, Controller.AC)
+    bench.require_status(goal, GoalStatus.ACTIVE, "what was only sent has not been reached")
+
+    def early() -> bool:
+        off_m = bench.tracks[robot.id][-1].distance_m(target.x_m, target.y_m)
+        return not goal.active and off_m > target.radius_m + bench.still_m
+
+    wrong = bench.run(bench.way_s(), lambda: early() or not goal.active) and early()
+    off_m = bench.tracks[robot.id][-1].distance_m(target.x_m, target.y_m)
+    bench.require(
+        not wrong,
+        f"the goal ended {goal.status.value} at {off_m:.2f} m from its target: the vehicle's 'accepted', or its own "
+        "larger acceptance radius, was taken for arrival",
+    )
+    bench.require_status(goal, GoalStatus.REACHED, "the robot does not get within 0.05 m of a target")
+
+
+@clause("goto.radius")
+def radius(bench: Bench) -> None:
+    """A larger radius ends a goal earlier, a smaller one later: the radius belongs to the goal."""
+    distances = []
+    for radius_m in (0.4, 0.05):
+        robot = bench.open_one()
+        target = bench.place(robot, 0.8, radius_m=radius_m)
+        bench.go(robot, target)
+        off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
+        distances.append(off_m)
+        slack = bench.caps.v_max_m_s * (2 * TICK_S + bench.caps.setpoint_period_s + bench.caps.sample_age_s)
+        bench.require(
+            radius_m - slack - bench.still_m <= off_m <= radius_m + 1e-9 or radius_m < slack,
+            f"a goal of radius {radius_m:g} m ended {off_m:.3f} m from its target: another radius than its own was "
+            "used",
+        )
+        bench.fleet.close()
+        bench.harness.close()
+    bench.require(
+        distances[0] > distances[1], "both radii ended at the same distance: the radius is not the goal's own"
+    )
+
+
+@clause("goto.holds", truth=True)
+def holds(bench: Bench) -> None:
+    """After arrival the robot stays there."""
+    robot = bench.open_one()
+    target = bench.place(robot, 0.4, 0.2)
+    bench.go(robot, target)
+    bench.run(2.0)
+    off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
+    bench.require(
+        off_m <= target.radius_m + bench.caps.overshoot_m + bench.still_m,
+        f"2 s after arrival it is {off_m:.2f} m from the target: the last set-point is a velocity that goes on",
+    )
+    bench.expect_still(robot, 3.0, "it creeps, circles or works off older targets")
+
+
+@clause("goto.heading", truth=True)
+def heading(bench: Bench) -> None:
+    """A heading that is asked for is arrived with, or goto raises Unsupported and sends nothing."""
+    robot = bench.open_one()
+    wanted = turn(0.0, robot.spec.heading_rad + 1.0)
+    try:
+        goal = robot.goto(bench.place(robot, 0.5)._replace(heading_rad=wanted), Controller.AC)
+    except Unsupported:
+        bench.expect_still(robot, 1.0, "an unsupported goto must send nothing")
+        return
+    bench.run(bench.way_s(), lambda: not goal.active)
+    bench.require_status(goal, GoalStatus.REACHED, "a target with a heading is not driven to")
+    bench.run(2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s)
+    off = abs(turn(wanted, bench.look(robot).heading_rad))
+    bench.require(
+        off <= 0.1,
+        f"it stands with a heading {off:.2f} rad off the one asked for: the heading was dropped (raise Unsupported), "
+        "or "
+        "its sign or zero is another frame's",
+    )
+
+
+@clause("goto.speed_cap", truth=True)
+def speed_cap(bench: Bench) -> None:
+    """A goal's speed cap is kept."""
+    robot = bench.open_one()
+    cap = 0.5 * bench.caps.v_max_m_s
+    bench.go(robot, bench.place(robot, 0.8, speed_m_s=cap))
+    fastest = max(sample.speed_m_s for sample in bench.tracks[robot.id])
+    bench.measure(
+        "capped_speed_m_s", fastest, cap, 0.05 * cap + bench.speed_noise_m_s,
+        "the goal's speed_m_s is not passed on to the vehicle",
+    )  # fmt: skip
+
+
+@clause("goto.v_max", truth=True)
+def v_max(bench: Bench) -> None:
+    """Whatever speed is asked for, the robot keeps to v_max_m_s, clamped on its own side."""
+    robot = bench.open_one()
+    cap = bench.caps.v_max_m_s
+    bench.go(robot, bench.place(robot, 0.9, speed_m_s=100.0))
+    fastest = max(sample.speed_m_s for sample in bench.tracks[robot.id])
+    bench.measure(
+        "v_max_m_s", fastest, cap, 0.02 * cap + bench.speed_noise_m_s,
+        "the speed cap is not clamped to v_max_m_s, or v_max_m_s is declared too small",
+    )  # fmt: skip
+
+
+@clause("goto.not_in_charge", truth=True)
+def not_in_charge(bench: Bench) -> None:
+    """A goto by the controller not in charge is REJECTED and moves nothing."""
+    robot = bench.open_one(Controller.SC)
+    goal = robot.goto(bench.place(robot, 0.8), Controller.AC)
+    bench.require_status(goal, GoalStatus.REJECTED, "goto() is overridden, and does not check who is in charge")
+    bench.expect_still(robot, 2.0, "the goto of a controller not in charge was executed")
+    robot.switch_ac_sc(Controller.AC, "conformance")
+    bench.expect_still(robot, 2.0, "a rejected goto was kept, and executed once its controller was in charge")
+
+
+@clause("goto.rejected_disturbs_nothing")
+def rejected_disturbs_nothing(bench: Bench) -> None:
+    """A rejected goto does not disturb the goal in progress."""
+    robot = bench.open_one(Controller.SC)
+    mine = bench.get_going(robot, bench.place(robot, 0.8), Controller.SC)
+    other = robot.goto(bench.place(robot, -0.8), Controller.AC)
+    bench.require_status(other, GoalStatus.REJECTED, "goto() is overridden, and does not check who is in charge")
+    bench.run(bench.way_s(), lambda: not mine.active)
+    bench.require_status(
+        mine, GoalStatus.REACHED, "a rejected goto ended or diverted the goal of the controller in charge"
+    )
+
+
+@clause("goto.invalid")
+def invalid(bench: Bench) -> None:
+    """A target that is not finite, absurd or no Waypoint raises ValueError or TypeError and sends nothing."""
+    robot = bench.open_one()
+    good = bench.place(robot, 0.8)
+    bad: dict[str, Waypoint] = {
+        "NaN": good._replace(x_m=float("nan")),
+        "infinity": good._replace(y_m=float("inf")),
+        "20 km": good._replace(x_m=20_000.0),
+        "a heading of NaN": good._replace(heading_rad=float("nan")),
+        "a speed of 0": good._replace(speed_m_s=0.0),
+        "a negative radius": good._replace(radius_m=-1.0),
+        "a time-out of NaN": good._replace(timeout_s=float("nan")),
+    }
+    for name, target in bad.items():
+        bench.require_raises(ValueError, partial(robot.goto, target, Controller.AC), f"a goto with {name}")
+    nothing: Waypoint = (good.x_m, good.y_m)  # type: ignore[assignment]
+    bench.require_raises(TypeError, lambda: robot.goto(nothing, Controller.AC), "a goto with a bare tuple")
+    bench.expect_still(robot, 1.0, "an invalid target was sent")
+    mine = bench.get_going(robot, good)
+    bench.require_raises(ValueError, lambda: robot.goto(bad["NaN"], Controller.AC), "a goto with NaN")
+    bench.run(bench.way_s(), lambda: not mine.active)
+    bench.require_status(mine, GoalStatus.REACHED, "an invalid goto ended or diverted the goal in progress")
+
+
+@clause("goto.flood", truth=True)
+def flood(bench: Bench) -> None:
+    """Of many goals sent at once only the last is driven to; none is queued."""
+    robot = bench.open_one()
+    goals = [robot.goto(bench.place(robot, -0.8 if number % 2 else 0.0, 0.8), Controller.AC) for number in range(200)]
+    before = bench.look(robot)
+    target = bench.place(robot, 0.7)
+    began_s = bench.now_s
+    bench.go(robot, target)
+    bench.run(2.0)
+    ended = {goal.status for goal in goals}
+    bench.require(ended == {GoalStatus.SUPERSEDED}, f"superseded goals ended {sorted(each.value for each in ended)}")
+    strayed = max(
+        abs(turn(before.heading_rad, each.heading_rad)) if each.speed_m_s > 0.05 else 0.0
+        for each in bench.since(robot, began_s)
+    )
+    off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
+    bench.require(
+        strayed <= 0.2 and off_m <= target.radius_m + bench.caps.overshoot_m + bench.still_m,
+        f"on the way to the last of 201 targets, straight ahead, it drove {strayed:.2f} rad off, and 2 s after "
+        "arrival it "
+        f"is {off_m:.2f} m away: older targets are queued and replayed; keep only the latest",
+    )
+    bench.expect_still(
+        robot, 2.0, f"older targets are queued and replayed (turned by more than {STILL_RAD} rad, or moved)"
+    )

@@ -1,0 +1,112 @@
+"""Life cycle: before init, ready, closed."""
+
+from __future__ import annotations
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.errors import LifecycleError
+from soter.sdk import Controller, GoalStatus, Robot, Waypoint
+
+
+def _refused(bench: Bench, robot: Robot, when: str) -> None:
+    somewhere = Waypoint(robot.spec.x_m, robot.spec.y_m)
+    calls = {
+        "goto": lambda: robot.goto(somewhere, Controller.SC),
+        "read_state": robot.read_state,
+        "switch_ac_sc": lambda: robot.switch_ac_sc(Controller.AC, "conformance"),
+        "renew_lease": robot.renew_lease,
+    }
+    for name, call in calls.items():
+        bench.require_raises(LifecycleError, call, f"{name}() {when}")
+
+
+@clause("lifecycle.before_init")
+def before_init(bench: Bench) -> None:
+    """Before init() every call raises LifecycleError, and capabilities are unknown."""
+    (robot,) = bench.open_raw().robots
+    _refused(bench, robot, "before init()")
+    bench.require_raises(LifecycleError, lambda: robot.capabilities, "capabilities before init()")
+
+
+@clause("lifecycle.init")
+def init(bench: Bench) -> None:
+    """A robot that is ready is at rest, the SC is in charge, and a sample is there."""
+    robot = bench.open_one(Controller.SC)
+    state = bench.look(robot).state
+    bench.require(
+        state.controller in (Controller.SC, None),
+        f"after init() the robot reports {state.controller} in charge, expected SC: init() must hand over to the SC",
+    )
+    bench.expect_still(robot, 1.0, "init() must leave the robot at rest, with no target of an earlier session")
+
+
+@clause("lifecycle.init_twice")
+def init_twice(bench: Bench) -> None:
+    """A second init() raises LifecycleError and changes nothing."""
+    robot = bench.open_one()
+    bench.require_raises(LifecycleError, lambda: robot.init(1.0), "a second init()")
+    bench.go(robot, bench.place(robot, 0.4))
+
+
+@clause("lifecycle.after_close")
+def after_close(bench: Bench) -> None:
+    """After close() every call raises LifecycleError."""
+    robot = bench.open_one()
+    robot.close(5.0)
+    _refused(bench, robot, "after close()")
+    bench.require_raises(LifecycleError, lambda: robot.init(1.0), "init() after close()")
+
+
+@clause("lifecycle.close_twice")
+def close_twice(bench: Bench) -> None:
+    """close() may be called at any time, before init() too, and again."""
+    fleet = bench.open_raw()
+    fleet.robots[0].close(5.0)
+    fleet.robots[0].close(5.0)
+    fleet.close()
+    fleet.close()
+
+
+@clause("lifecycle.close_ends_goals")
+def close_ends_goals(bench: Bench) -> None:
+    """close() ends the goal in progress as CANCELLED, within its time-out."""
+    robot = bench.open_one()
+    goal = bench.get_going(robot, bench.place(robot, 0.8))
+    before_s = bench.now_s
+    robot.close(5.0)
+    bench.measure("close_s", bench.now_s - before_s, 5.0, 0.5, "close() must give up after its time-out")
+    bench.require_status(goal, GoalStatus.CANCELLED, "close() is overridden instead of _disconnect()")
+
+
+@clause("lifecycle.close_stops", tier=Tier.TRUTH)
+def close_stops(bench: Bench) -> None:
+    """close() leaves a driving robot stopped."""
+    bench.truth = True
+    first, second = bench.open(2)
+    bench.get_going(first, bench.place(first, 0.8))
+    first.close(5.0)
+    clock = bench.fleet.clock
+    x_m, y_m, _ = bench.true_pose(first.id)
+    for _ in range(20):
+        # The other robot keeps the fleet alive: closing one must be enough to stop it.
+        second.renew_lease()
+        clock.sleep_until(clock.now() + 0.05)
+    end_x_m, end_y_m, _ = bench.true_pose(first.id)
+    slipped = ((end_x_m - x_m) ** 2 + (end_y_m - y_m) ** 2) ** 0.5
+    bench.require(
+        slipped <= bench.still_m,
+        f"it moved on by {slipped:.3f} m in the second after close() returned: _disconnect() must stop the vehicle and "
+        "wait until it stands",
+    )
+
+
+@clause("lifecycle.reopen")
+def reopen(bench: Bench) -> None:
+    """After close() the robots can be opened again, fresh."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.4))
+    bench.fleet.close()
+    bench.harness.close()
+    again = bench.open_one()
+    bench.expect_still(again, 1.0, "a target of the fleet before is still alive")
+    bench.go(again, bench.place(again, 0.4))

@@ -1,0 +1,200 @@
+"""Link: what an adapter does when messages are lost, late, doubled, reordered, or cease."""
+
+from __future__ import annotations
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import TICK_S
+from soter.sdk import Controller, GoalStatus, Link, Robot
+
+_LOST_S = 4.0
+
+
+def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
+    for ahead, left in ((0.5, 0.0), (0.0, 0.4)):
+        target = bench.place(robot, ahead, left)
+        goal = robot.goto(target, Controller.AC)
+        bench.run(2 * bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
+        bench.require_status(
+            goal, GoalStatus.REACHED, f"with {fault} a goal must still be reached: send it again until it is seen"
+        )
+    previous = None
+    for sample in bench.tracks[robot.id]:
+        bench.require(
+            previous is None or sample.state.stamp_s >= previous,
+            f"with {fault} stamps went back: drop samples that are older",
+        )
+        previous = sample.state.stamp_s
+
+
+@clause("link.age", tier=Tier.WIRE, hooks=("cut",))
+def age(bench: Bench) -> None:
+    """While the link is cut the age of the sample grows, and the link goes STALE, then DOWN."""
+    robot = bench.open_one()
+    bench.harness.cut(robot.id)
+    began_s = bench.now_s
+    links: list[Link] = []
+
+    def look() -> bool:
+        link = robot.read_state().link
+        if not links or links[-1] is not link:
+            links.append(link)
+        return False
+
+    bench.run(_LOST_S, look)
+    grown_s = robot.read_state().age_s(bench.now_s)
+    waited_s = bench.now_s - began_s
+    bench.measure("age_after_cut_s", grown_s, waited_s, bench.caps.sample_age_s + bench.caps.latency_s + TICK_S)
+    bench.require(
+        grown_s >= waited_s - bench.caps.latency_s - TICK_S,
+        f"{waited_s:.1f} s after the link was cut the sample is said to be {grown_s:.2f} s old: it is stamped when "
+        "it is read, or "
+        "its age is computed in the receiving thread",
+    )
+    bench.require(
+        links[-1] is Link.DOWN and Link.STALE in links,
+        f"the link went {' -> '.join(link.value for link in links)}, expected UP -> STALE -> DOWN: stale_after_s or "
+        "down_after_s is overridden, or read_state() is",
+    )
+
+
+@clause("link.no_success", tier=Tier.WIRE, hooks=("cut",))
+def no_success(bench: Bench) -> None:
+    """No goal is REACHED while the link is cut."""
+    robot = bench.open_one()
+    goal = bench.get_going(robot, bench.place(robot, 0.9, timeout_s=bench.way_s() + 5.0))
+    bench.harness.cut(robot.id)
+    bench.run(bench.way_s())
+    bench.require(
+        goal.status is not GoalStatus.REACHED,
+        "a goal is REACHED although nothing has been heard of the robot: arrival is predicted, or silence counts as "
+        "success",
+    )
+
+
+@clause("link.stops", tier=Tier.WIRE, hooks=("cut",))
+def stops(bench: Bench) -> None:
+    """A robot whose link is cut stops on its own within the lease."""
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    before = bench.look(robot)
+    bench.harness.cut(robot.id)
+    caps = bench.caps
+    bench.run(caps.lease_s + caps.latency_s + _LOST_S)
+    # Ended now, so that what is seen after the link is back is where it stopped by itself.
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.harness.restore(robot.id)
+    bench.run(5.0, lambda: robot.read_state().link is Link.UP)
+    run_m = bench.look(robot).distance_m(before.x_m, before.y_m)
+    stop_s = caps.lease_s + 2 * caps.latency_s + caps.setpoint_period_s + TICK_S
+    allowed_m = caps.v_max_m_s * (stop_s + caps.sample_age_s) + caps.v_max_m_s**2 / (2 * caps.brake_m_s2)
+    bench.measure(
+        "cut_run_m", run_m, allowed_m, bench.still_m,
+        "the vehicle drives on without SOTER: the lease must live on the vehicle's side of the link",
+    )  # fmt: skip
+
+
+@clause("link.reconnects", tier=Tier.WIRE, hooks=("cut",))
+def reconnects(bench: Bench) -> None:
+    """Once the link is back the robot works again without being opened anew."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.3))
+    bench.harness.cut(robot.id)
+    bench.run(_LOST_S)
+    bench.harness.restore(robot.id)
+    came_back = bench.run(5.0, lambda: robot.read_state().link is Link.UP)
+    bench.require(
+        came_back, "5 s after the link came back no new sample has arrived: the adapter must reconnect by itself"
+    )
+    bench.go(robot, bench.place(robot, -0.2, 0.3))
+    bench.run(SETTLE_S)
+    bench.expect_still(robot, 1.0, "what was sent while the link was cut is delivered late")
+
+
+@clause("link.one_of_two", tier=Tier.WIRE, hooks=("cut",))
+def one_of_two(bench: Bench) -> None:
+    """Cutting one robot's link costs no other robot anything."""
+    first, second = bench.open(2)
+    bench.harness.cut(first.id)
+    bench.run(1.0)
+    bench.go(second, bench.place(second, 0.5))
+
+
+@clause("link.switch_is_not_lost", tier=Tier.WIRE, hooks=("loss",))
+def switch_is_not_lost(bench: Bench) -> None:
+    """A switch made while messages are lost takes effect within the lease."""
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.harness.loss(0.5)
+    called_s = bench.now_s
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.expect_stop(
+        robot, called_s, "a switch that got lost is not repeated: say with each renewal who is in charge",
+        extra_s=bench.caps.lease_s + 6 * TICK_S,
+    )  # fmt: skip
+
+
+@clause("link.loss", tier=Tier.WIRE, hooks=("loss",))
+def loss(bench: Bench) -> None:
+    """With a fifth of all messages lost goals are still reached."""
+    robot = bench.open_one()
+    bench.harness.loss(0.2)
+    _arrives(bench, robot, "a fifth of all messages lost")
+
+
+@clause("link.delay", tier=Tier.WIRE, hooks=("delay",))
+def delay(bench: Bench) -> None:
+    """Under delay samples say how old they are, and goals are still reached."""
+    robot = bench.open_one()
+    late_s = 0.25 * bench.caps.lease_s
+    bench.run(1.0)
+    before_s = min(_ages(bench, robot))
+    bench.harness.delay(late_s)
+    bench.run(1.0)
+    grown_s = min(_ages(bench, robot)) - before_s
+    bench.measure("age_under_delay_s", grown_s, late_s, TICK_S + bench.caps.jitter_s)
+    bench.require(
+        grown_s >= 0.5 * late_s - TICK_S / 2,
+        f"with every message {late_s:.3f} s later samples are said to be {grown_s:.3f} s older: they are stamped on "
+        "arrival; "
+        "stamp them by the vehicle's clock",
+    )
+    _arrives(bench, robot, f"a delay of {late_s:.3f} s")
+
+
+def _ages(bench: Bench, robot: Robot) -> list[float]:
+    ages: list[float] = []
+
+    def look() -> bool:
+        ages.append(robot.read_state().age_s(bench.now_s))
+        return False
+
+    bench.run(1.0, look)
+    return ages
+
+
+@clause("link.duplicate", tier=Tier.WIRE, hooks=("duplicate",))
+def duplicate(bench: Bench) -> None:
+    """Messages that arrive twice change nothing."""
+    robot = bench.open_one()
+    bench.harness.duplicate(0.5)
+    _arrives(bench, robot, "half of all messages doubled")
+    bench.run(SETTLE_S)
+    bench.expect_still(robot, 2.0, "a doubled message is executed again")
+
+
+@clause("link.reorder", tier=Tier.WIRE, hooks=("reorder",))
+def reorder(bench: Bench) -> None:
+    """Messages that arrive in another order revive nothing that is over."""
+    robot = bench.open_one()
+    bench.harness.reorder(0.5)
+    _arrives(bench, robot, "half of all messages reordered")
+    for _ in range(5):
+        goal = robot.goto(bench.place(robot, 0.6, 0.3), Controller.AC)
+        bench.run(2 * TICK_S)
+        goal.cancel()
+        robot.switch_ac_sc(Controller.SC, "conformance")
+        bench.run(bench.caps.lease_s + 2.0)
+        bench.expect_still(robot, 1.0, "an older goto that arrived after the switch was executed: number the messages")
+        robot.switch_ac_sc(Controller.AC, "conformance")
+        bench.run(4 * TICK_S)

@@ -1,0 +1,80 @@
+"""Process: when the process that drives a robot is killed or hangs, the robot stops."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.sdk import Waypoint
+
+_HOOKS = ("start_driver", "observe")
+_UP_S = 30.0
+_LOOK_S = 0.02
+
+
+def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: str) -> None:
+    """Let another process drive a robot, end that process, and see where the robot stops."""
+    # A fleet is opened for what it declares and where it starts, and closed before the driver takes over.
+    robot = bench.open_one()
+    caps, target = bench.caps, bench.place(robot, 0.9)
+    bench.fleet.close()
+    bench.harness.close()
+    process = bench.harness.start_driver(target._replace(timeout_s=bench.way_s()))
+    try:
+        _see_it_move(bench, process, target)
+        before = bench.harness.observe(robot.id)
+        end(process)
+        speedup = bench.harness.speedup
+        allowed_s = caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2
+        began_s = time.monotonic()
+        time.sleep((allowed_s + caps.jitter_s + 0.1) / speedup)
+        rest = bench.harness.observe(robot.id)
+        waited_s = (time.monotonic() - began_s) * speedup
+        time.sleep(1.0 / speedup)
+        later = bench.harness.observe(robot.id)
+    finally:
+        process.kill()
+        process.wait(5.0)
+    slipped = math.dist(rest[:2], later[:2])
+    bench.require(
+        slipped <= bench.still_m,
+        f"{waited_s:.2f} s after its driver {how} the robot still moves, {slipped:.3f} m within another second: the "
+        "last "
+        "set-point lives on; the lease must be on the robot's own side",
+    )
+    bench.measure(
+        "orphaned_run_m", math.dist(before[:2], rest[:2]), caps.v_max_m_s * (allowed_s + 0.1), bench.still_m,
+        "the lease is longer than declared",
+    )  # fmt: skip
+
+
+def _see_it_move(bench: Bench, process: subprocess.Popen[bytes], target: Waypoint) -> None:
+    fast = 0.1 * bench.harness.room_m / 2.0
+    first = None
+    give_up_s = time.monotonic() + _UP_S
+    while time.monotonic() < give_up_s:
+        code = process.poll()
+        bench.require(code is None, f"the driver ended with {code} before it was to be ended: see its output")
+        x_m, y_m, _ = bench.harness.observe(bench.fleet.robots[0].id)
+        first = first or (x_m, y_m)
+        if math.dist(first, (x_m, y_m)) > fast and math.dist((target.x_m, target.y_m), (x_m, y_m)) > 2 * fast:
+            return
+        time.sleep(_LOOK_S / bench.harness.speedup)
+    bench.require(False, f"within {_UP_S:g} s the driver did not get the robot to move")
+
+
+@clause("process.killed", tier=Tier.WIRE, hooks=_HOOKS)
+def killed(bench: Bench) -> None:
+    """When the process that drives it is killed, the robot stops within the lease."""
+    _watch(bench, lambda process: process.kill(), "was killed")
+
+
+@clause("process.hung", tier=Tier.WIRE, hooks=_HOOKS)
+def hung(bench: Bench) -> None:
+    """When the process that drives it hangs, the robot stops within the lease."""
+    _watch(bench, lambda process: process.send_signal(signal.SIGSTOP), "hung")

@@ -1,0 +1,111 @@
+"""Several robots: a command to one never moves another, and nobody's samples are another's."""
+
+from __future__ import annotations
+
+import math
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import clause
+from soter.sdk import Controller, GoalStatus
+
+
+@clause("several.ids", truth=True)
+def ids(bench: Bench) -> None:
+    """Robots come in the order asked for, each with its own id, place and samples."""
+    robots = bench.open(2)
+    bench.require(
+        robots[0].id != robots[1].id and [robot.spec.id for robot in robots] == [robot.id for robot in robots],
+        f"the robots have the ids {[robot.id for robot in robots]}: each needs its own, that of its spec",
+    )
+    for robot in robots:
+        sample = bench.look(robot)
+        bench.require(
+            sample.state.robot_id == robot.id, f"robot {robot.id} hands out samples of {sample.state.robot_id}"
+        )
+        off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
+        bench.require(
+            off_m <= bench.caps.position_noise_m + 0.02,
+            f"robot {robot.id} stands {off_m:.2f} m from its start: it has another robot's samples (check whom a "
+            "message is "
+            "from, not who sent last)",
+        )
+    apart = math.dist((robots[0].spec.x_m, robots[0].spec.y_m), (robots[1].spec.x_m, robots[1].spec.y_m))
+    bench.require(apart >= bench.harness.room_m - 1e-6, "the rooms of the two robots overlap: correct the harness")
+
+
+@clause("several.goto", truth=True)
+def goto(bench: Bench) -> None:
+    """A goto to one robot moves that one and no other."""
+    robots = bench.open(2)
+    for mover, other in (robots, robots[::-1]):
+        before = bench.look(other)
+        goal = mover.goto(bench.place(mover, 0.6), Controller.AC)
+        bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
+        after = bench.look(other)
+        moved = after.distance_m(before.x_m, before.y_m)
+        bench.require(
+            moved <= bench.still_m,
+            f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the "
+            "wrong robot, "
+            "or broadcast",
+        )
+        bench.require_status(goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it")
+        bench.run(SETTLE_S)
+
+
+@clause("several.switch")
+def switch(bench: Bench) -> None:
+    """A switch of one robot pre-empts nothing of another."""
+    first, second = bench.open(2)
+    kept = first.goto(bench.place(first, 0.7), Controller.AC)
+    bench.get_going(second, bench.place(second, 0.8))
+    second.switch_ac_sc(Controller.SC, "conformance")
+    bench.run(bench.way_s(), lambda: not kept.active)
+    bench.require_status(kept, GoalStatus.REACHED, "a switch of one robot took charge of another")
+    states = [bench.look(robot).state.controller for robot in (first, second)]
+    bench.require(
+        states in ([Controller.AC, Controller.SC], [None, None]),
+        f"robot {first.id} reports {states[0]} in charge and robot {second.id} {states[1]}, expected AC and SC",
+    )
+
+
+@clause("several.lease", truth=True)
+def lease(bench: Bench) -> None:
+    """Renewing one robot's lease keeps no other alive."""
+    first, second = bench.open(2)
+    bench.get_going(second, bench.place(second, 0.9))
+    caps = bench.caps
+
+    def renew_first() -> bool:
+        first.renew_lease()
+        return False
+
+    stop_s = caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.1
+    bench.run(stop_s + caps.sample_age_s, renew_first, renew=False)
+    rest = bench.look(second)
+    bench.run(0.5, renew_first, renew=False)
+    later = bench.look(second)
+    moved = later.distance_m(rest.x_m, rest.y_m)
+    bench.require(
+        moved <= bench.still_m,
+        f"robot {second.id} went on by {moved:.2f} m without a renewal while robot {first.id} was renewed: the lease "
+        "is the "
+        "fleet's instead of the robot's",
+    )
+
+
+@clause("several.close")
+def close(bench: Bench) -> None:
+    """Closing one robot leaves the others working."""
+    first, second = bench.open(2)
+    first.close(5.0)
+    goal = second.goto(bench.place(second, 0.5), Controller.AC)
+    clock = bench.fleet.clock
+    end_s = clock.now() + bench.way_s()
+    while goal.active and clock.now() < end_s:
+        clock.sleep_until(clock.now() + 0.05)
+        second.read_state()
+        second.renew_lease()
+    bench.require_status(
+        goal, GoalStatus.REACHED, "close() of one robot closed what the others share; that is Fleet._close()"
+    )

@@ -1,0 +1,242 @@
+"""State: frame, units, ranges, stamps, age."""
+
+from __future__ import annotations
+
+import math
+import time
+from itertools import pairwise
+
+from soter.conformance.bench import STILL_RAD, Bench, Sample, turn
+from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S
+from soter.sdk import Link, Robot
+
+_FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
+_HEADING_RAD = 0.15
+
+
+def _drive_about(bench: Bench) -> Robot:
+    """Drive a triangle, so that every quadrant of the heading comes up."""
+    robot = bench.open_one()
+    for ahead, left in ((0.5, 0.0), (0.0, 0.5), (-0.3, -0.3)):
+        bench.go(robot, bench.place(robot, ahead, left))
+    return robot
+
+
+def _straight(bench: Bench, samples: list[Sample]) -> list[tuple[Sample, Sample]]:
+    """Return neighbours between which the robot drove straight on at some speed."""
+    fast = 0.5 * bench.caps.v_max_m_s
+    return [
+        (first, second)
+        for first, second in pairwise(samples)
+        if min(first.speed_m_s, second.speed_m_s) > fast and abs(turn(first.heading_rad, second.heading_rad)) < 0.02
+    ]
+
+
+@clause("state.ranges")
+def ranges(bench: Bench) -> None:
+    """Every sample is finite, in its ranges, of this robot and with the link UP; none is discarded."""
+    robot = _drive_about(bench)
+    for sample in bench.tracks[robot.id]:
+        state = sample.state
+        for name, value in state._asdict().items():
+            bench.require(
+                not isinstance(value, float) or math.isfinite(value), f"{name} is {value}: a sample must be finite"
+            )
+        bench.require(
+            -math.pi - 1e-9 < state.heading_rad <= math.pi + 1e-9,
+            f"heading_rad is {state.heading_rad:.3f}, allowed: (-pi, pi]: degrees, or not wrapped",
+        )
+        bench.require(
+            state.battery is None or 0.0 <= state.battery <= 1.0,
+            f"battery is {state.battery}, allowed: 0 to 1: percent, or volts?",
+        )
+        bench.require(state.robot_id == robot.id, f"robot {robot.id} hands out a sample of robot {state.robot_id}")
+        bench.require(
+            state.link is Link.UP, f"the link is {state.link.value} while nothing is wrong: samples come too seldom"
+        )
+    bench.require(
+        robot.discarded == 0,
+        f"{robot.discarded} samples were discarded: not finite, another robot's, older than the one before, or stamped "
+        "in the future",
+    )
+
+
+@clause("state.start", truth=True)
+def start(bench: Bench) -> None:
+    """The first sample shows the start pose, in the workspace frame."""
+    robot = bench.open_one()
+    sample, spec = bench.look(robot), robot.spec
+    off_m = sample.distance_m(spec.x_m, spec.y_m)
+    off_rad = abs(turn(spec.heading_rad, sample.heading_rad))
+    bench.require(
+        off_m <= bench.caps.position_noise_m + 0.02,
+        f"the robot stands at ({spec.x_m:.2f}, {spec.y_m:.2f}), its sample says ({sample.x_m:.2f}, {sample.y_m:.2f}): "
+        f"{_FRAME_CAUSE}; or position_noise_m is declared too small",
+    )
+    bench.require(
+        off_rad <= 0.1,
+        f"the robot looks to {spec.heading_rad:.2f} rad, its sample says {sample.heading_rad:.2f}: headings are "
+        "radians, "
+        "counter-clockwise from east (a compass counts clockwise from north, and in degrees)",
+    )
+
+
+@clause("state.frame", truth=True)
+def frame(bench: Bench) -> None:
+    """A goto to the east raises x, one to the north raises y."""
+    robot = bench.open_one()
+    step = 0.3 * bench.harness.room_m / 2.0
+    for name, east, north in (("east", 1.0, 0.0), ("north", 0.0, 1.0), ("west", -1.0, 0.0), ("south", 0.0, -1.0)):
+        before = bench.look(robot)
+        target = bench.place(robot, 0.0)._replace(x_m=before.x_m + east * step, y_m=before.y_m + north * step)
+        bench.go(robot, target._replace(radius_m=0.05))
+        after = bench.look(robot)
+        along = (after.x_m - before.x_m) * east + (after.y_m - before.y_m) * north
+        across = (after.y_m - before.y_m) * east - (after.x_m - before.x_m) * north
+        slack = 0.06 + bench.still_m
+        bench.require(
+            abs(along - step) <= slack and abs(across) <= slack,
+            f"{step:.2f} m to the {name} came out as {along:.2f} m along and {across:.2f} m across: {_FRAME_CAUSE}",
+        )
+
+
+@clause("state.heading", truth=True)
+def heading(bench: Bench) -> None:
+    """While the robot drives straight on, its heading points along its way, or against it."""
+    robot = _drive_about(bench)
+    legs = _straight(bench, bench.tracks[robot.id])
+    bench.require(
+        len(legs) >= 3, "the robot never drove straight on at half its top speed: v_max_m_s is declared too high"
+    )
+    for first, second in legs:
+        course = math.atan2(second.y_m - first.y_m, second.x_m - first.x_m)
+        off = abs(turn(course, second.heading_rad))
+        if bench.caps.reverses:
+            off = min(off, math.pi - off)
+        noise = 2.0 * bench.caps.position_noise_m / max(second.distance_m(first.x_m, first.y_m), 1e-3)
+        bench.require(
+            off <= _HEADING_RAD + noise,
+            f"the robot drove towards {course:.2f} rad with a heading of {second.heading_rad:.2f}: sign of the yaw, "
+            "degrees, or a compass heading",
+        )
+
+
+@clause("state.velocity")
+def velocity(bench: Bench) -> None:
+    """The velocity of a sample is how its position changes."""
+    robot = _drive_about(bench)
+    legs = _straight(bench, bench.tracks[robot.id])
+    bench.require(len(legs) >= 3, "samples never showed half of v_max_m_s: velocity is missing, or in another unit")
+    # Over a whole leg, so that noise of one sample does not count.
+    moved_x = sum(second.x_m - first.x_m for first, second in legs)
+    moved_y = sum(second.y_m - first.y_m for first, second in legs)
+    said_x = sum((f.state.vx_m_s + s.state.vx_m_s) / 2 * (s.at_s - f.at_s) for f, s in legs)
+    said_y = sum((f.state.vy_m_s + s.state.vy_m_s) / 2 * (s.at_s - f.at_s) for f, s in legs)
+    way = sum(second.distance_m(first.x_m, first.y_m) for first, second in legs)
+    off = math.hypot(moved_x - said_x, moved_y - said_y)
+    bench.measure("velocity_error", off / max(way, 1e-9), None)
+    bench.require(
+        off <= 0.1 * way + bench.still_m,
+        f"positions moved by ({moved_x:.2f}, {moved_y:.2f}) m, velocities add up to ({said_x:.2f}, {said_y:.2f}) m: "
+        "velocity in the body frame, or in another unit",
+    )
+
+
+@clause("state.yaw_rate")
+def yaw_rate(bench: Bench) -> None:
+    """The yaw rate of a sample is how its heading changes: positive counter-clockwise."""
+    robot = _drive_about(bench)
+    samples = bench.tracks[robot.id]
+    pairs = list(pairwise(samples))
+    turned = [turn(first.heading_rad, second.heading_rad) for first, second in pairs]
+    said = [(f.yaw_rate_rad_s + s.yaw_rate_rad_s) / 2 * (s.at_s - f.at_s) for f, s in pairs]
+    total = sum(abs(each) for each in turned)
+    off = abs(sum(turned) - sum(said))
+    bench.require(
+        off <= 0.15 * total + 2 * STILL_RAD,
+        f"headings turned by {sum(turned):.2f} rad in all, yaw rates add up to {sum(said):.2f} rad: sign, or degrees",
+    )
+
+
+@clause("state.fresh")
+def fresh(bench: Bench) -> None:
+    """A new stamp comes with a new position: what moves is never re-stamped."""
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    began_s = bench.now_s
+    bench.run(0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s)
+    seen = bench.since(robot, began_s)
+    bench.require(
+        len(seen) >= 2, "no new sample arrived while the robot was driving: the age is not that of the sample"
+    )
+    for first, second in pairwise(seen):
+        expected = (first.speed_m_s + second.speed_m_s) / 2 * (second.at_s - first.at_s)
+        moved = second.distance_m(first.x_m, first.y_m)
+        bench.require(
+            abs(moved - expected) <= 0.5 * expected + bench.still_m / 2,
+            f"between the stamps {first.at_s:.2f} and {second.at_s:.2f} s the position moved by {moved:.4f} m, at "
+            "that speed "
+            f"expected {expected:.4f} m: old samples get new stamps; stamp them where they are measured",
+        )
+
+
+@clause("state.stamps")
+def stamps(bench: Bench) -> None:
+    """Stamps go on, in step with the vehicle's own; they never go back or lie in the future."""
+    robot = bench.open_one()
+    before = bench.look(robot).state
+    bench.run(3.0)
+    after = bench.look(robot).state
+    for sample in bench.tracks[robot.id]:
+        ahead = sample.state.stamp_s - bench.now_s
+        bench.require(ahead <= TICK_S, f"a sample is stamped {ahead:.2f} s in the future: the clock offset is wrong")
+    fleet_s, vehicle_s = after.stamp_s - before.stamp_s, after.vehicle_stamp_s - before.vehicle_stamp_s
+    bench.require(
+        abs(fleet_s - 3.0) <= bench.caps.sample_age_s + 2 * TICK_S,
+        f"in 3 s of fleet time the stamps went on by {fleet_s:.2f} s: samples do not keep coming, or stamps are not in "
+        "fleet time",
+    )
+    bench.require(
+        abs(vehicle_s - fleet_s) <= 0.05 * fleet_s + TICK_S,
+        f"stamps went on by {fleet_s:.2f} s, those of the vehicle by {vehicle_s:.2f} s: milliseconds, or a clock that "
+        "stands still",
+    )
+
+
+@clause("state.age")
+def age(bench: Bench) -> None:
+    """When it is read, the latest sample is no older than declared."""
+    robot = bench.open_one()
+    oldest = 0.0
+
+    def look() -> bool:
+        nonlocal oldest
+        oldest = max(oldest, robot.read_state().age_s(bench.now_s))
+        return False
+
+    bench.run(3.0, look)
+    bench.measure(
+        "sample_age_s", oldest, bench.caps.sample_age_s, bench.caps.jitter_s,
+        "samples queue up (keep only the latest), come too seldom, or sample_age_s is declared too small",
+    )  # fmt: skip
+
+
+@clause("state.never_waits")
+def never_waits(bench: Bench) -> None:
+    """read_state() returns the latest sample at once: no fleet time passes, and next to no host time."""
+    robot = bench.open_one()
+    slowest_s, passed_s = 0.0, 0.0
+    for _ in range(50):
+        before_s, host_s = bench.now_s, time.perf_counter()
+        for _ in range(5):
+            robot.read_state()
+        slowest_s += time.perf_counter() - host_s
+        passed_s = max(passed_s, bench.now_s - before_s)
+        bench.run(TICK_S)
+    bench.require(
+        slowest_s / 250 < 0.01 and (passed_s == 0.0 or not bench.caps.in_process),
+        f"read_state() took {slowest_s / 250 * 1e3:.1f} ms of host time and up to {passed_s:.3f} s of fleet time: it "
+        "waits "
+        "for a message; take the latest instead",
+    )

@@ -1,0 +1,108 @@
+"""Finds the harness that a name stands for; makes one for robots that live in this process."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Final
+
+from soter.conformance.harness import Harness
+from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
+from soter.registry import load_backend
+from soter.sdk import Backend, Fleet, RobotSpec
+from soter.workspace import Box, RobotPlace, Workspace
+
+# Two rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show.
+_STARTS: Final = ((2.0, 3.5, 0.4), (5.5, 1.7, -2.2))
+
+
+def open_floor() -> Workspace:
+    """Return a floor without boxes, with room for two robots."""
+    places = tuple(
+        RobotPlace(number, x_m, y_m, Box(x_m - 0.3, y_m - 0.3, x_m + 0.3, y_m + 0.3, 0.0), heading_rad)
+        for number, (x_m, y_m, heading_rad) in enumerate(_STARTS, start=1)
+    )
+    return Workspace(8.0, 6.0, (), places)
+
+
+class InProcessHarness(Harness):
+    """Opens robots of a backend that lives in this process, on an open floor.
+
+    Args:
+        name: what to call it.
+        backend: its class.
+        options: of the backend, beside workspace and seed.
+    """
+
+    def __init__(self, name: str, backend: type[Backend], **options: Any) -> None:
+        self.name = name
+        self.backend = backend
+        self.options = options
+
+    def open(self, robots: int) -> Fleet:
+        """Return a fleet in a fresh world."""
+        floor = open_floor().with_robots(robots)
+        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in floor.robots]
+        config = self.backend.config_model(workspace=floor, **self.options)
+        return self.backend().open(config, specs)
+
+    def close(self) -> None:
+        """Do nothing: the world ends with its fleet."""
+
+
+def find_harness(name: str) -> Harness:
+    """Return the harness for a backend's name, or the one named as `module:Harness`.
+
+    A backend names its harness in a class attribute `harness`, as `module:Class`; one whose robots live in this process
+    needs none.
+
+    Raises:
+        BackendError: there is no such backend, it cannot be used here, or it has no harness.
+        ConfigError: what was named is no harness.
+    """
+    if ":" in name:
+        found = _load(name)
+        if not (isinstance(found, type) and issubclass(found, Backend)):
+            return _made(name, found)
+    backend = load_backend(name)
+    target = getattr(backend, "harness", None)
+    if target is not None:
+        return _made(target, _load(target))
+    declared = getattr(backend.robot_class, "declared", None)
+    if declared is None:
+        raise BackendError(f"backend '{name}': its robot class declares no capabilities; set `declared`")
+    if not declared.in_process:
+        raise BackendError(
+            f"backend '{name}' is on a wire and names no harness, so the kit does not know how to start its robots; "
+            "write a "
+            "subclass of soter.conformance.Harness and give it as 'module:Class', or name it in the backend's "
+            "attribute "
+            "`harness`"
+        )
+    return InProcessHarness(name, backend)
+
+
+def _load(target: str) -> object:
+    module_name, _, class_name = target.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as failure:
+        if failure.name and (module_name == failure.name or module_name.startswith(f"{failure.name}.")):
+            raise UnknownBackend(
+                f"'{target}': there is no module '{failure.name}'; check its spelling, and that it is on the path"
+            ) from failure
+        raise BackendError(f"'{target}': the library '{failure.name}' that it needs is not installed") from failure
+    found = getattr(module, class_name, None)
+    if found is None:
+        raise ConfigError(f"module '{module_name}' has no '{class_name}'{nearest(class_name, list(vars(module)))}")
+    return found
+
+
+def _made(target: str, found: object) -> Harness:
+    if isinstance(found, type) and issubclass(found, Harness):
+        abstract = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
+        if abstract:
+            raise ConfigError(f"'{target}' is not complete: it does not define {abstract}")
+        return found()
+    if isinstance(found, Harness):
+        return found
+    raise ConfigError(f"'{target}' is neither a soter.conformance.Harness nor a soter.sdk.Backend")

@@ -1,0 +1,195 @@
+"""What came out: outcomes, the overall verdict, and the record of both as JSON and JUnit XML."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import Enum
+from importlib.metadata import packages_distributions, version
+from typing import Any, Final
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from soter.conformance.bench import Bench, Figure
+from soter.conformance.clause import Clause, Tier
+
+KIT_VERSION: Final = "1.0"
+"""Changes whenever an adapter that conformed might no longer do so."""
+
+NOT_DECLARED: Final = "not declared: "
+"""How the reason begins where a capability that is not declared would be needed."""
+
+
+class Verdict(Enum):
+    """What one clause says of an adapter."""
+
+    PASS = "PASS"  # noqa: S105 - no password
+    FAIL = "FAIL"
+    NOT_TESTED = "NOT TESTED"
+
+
+class Overall(Enum):
+    """What all of them say."""
+
+    CONFORMS = "CONFORMS"
+    SELF_REPORTED = "CONFORMS (self-reported)"
+    FAILS = "DOES NOT CONFORM"
+    PARTIAL = "NOT JUDGED (a selection of clauses)"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One clause and what came out.
+
+    Attributes:
+        clause: the clause.
+        verdict: its verdict.
+        reason: why it failed or was not tested; empty if it passed.
+        figures: what was measured.
+        host_s: how long it took.
+    """
+
+    clause: Clause
+    verdict: Verdict
+    reason: str
+    figures: tuple[Figure, ...]
+    host_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Whom the outcomes are about.
+
+    Attributes:
+        robot_class: the class of its robots, as `module:Class`.
+        distribution: what it was installed as, and the version; empty where it was not installed.
+        capabilities: what the robots declare.
+        in_process: whether they live in this process.
+    """
+
+    robot_class: str
+    distribution: str
+    capabilities: dict[str, Any]
+    in_process: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """The result of a run of the kit.
+
+    Attributes:
+        adapter: the harness's name.
+        subject: whom it is about; None where no robot could be opened.
+        outcomes: of each clause.
+        overall: the verdict.
+    """
+
+    adapter: str
+    subject: Subject | None
+    outcomes: tuple[Outcome, ...]
+    overall: Overall
+
+    def count(self, verdict: Verdict) -> int:
+        """Return how many clauses have a verdict."""
+        return Counter(outcome.verdict for outcome in self.outcomes)[verdict]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the record as plain data, with a hash over everything else in it."""
+        content: dict[str, Any] = {
+            "kit_version": KIT_VERSION,
+            "adapter": self.adapter,
+            "subject": None if self.subject is None else asdict(self.subject),
+            "verdict": self.overall.value,
+            "clauses": [
+                {
+                    "id": outcome.clause.id,
+                    "tier": outcome.clause.tier.value,
+                    "contract": outcome.clause.contract,
+                    "verdict": outcome.verdict.value,
+                    "reason": outcome.reason,
+                    "figures": [asdict(figure) for figure in outcome.figures],
+                }
+                for outcome in self.outcomes
+            ],
+        }
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return {**content, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+    def as_junit(self) -> str:
+        """Return the record as JUnit XML, one case a clause."""
+        failures, skipped = self.count(Verdict.FAIL), self.count(Verdict.NOT_TESTED)
+        suite = Element(
+            "testsuite",
+            name=f"soter conform {self.adapter}",
+            tests=str(len(self.outcomes)),
+            failures=str(failures),
+            skipped=str(skipped),
+            time=f"{sum(outcome.host_s for outcome in self.outcomes):.3f}",
+        )
+        for outcome in self.outcomes:
+            case = SubElement(
+                suite, "testcase", classname=outcome.clause.group, name=outcome.clause.id, time=f"{outcome.host_s:.3f}"
+            )
+            if outcome.verdict is not Verdict.PASS:
+                tag = "failure" if outcome.verdict is Verdict.FAIL else "skipped"
+                SubElement(case, tag, message=outcome.reason)
+        return tostring(suite, encoding="unicode", xml_declaration=True)
+
+
+def overall(outcomes: Sequence[Outcome], *, in_process: bool) -> Overall:
+    """Return what the outcomes of all clauses say together.
+
+    Core clauses must pass, and unless the robots live in this process those of the wire tier too; what a capability
+    that is not declared would need does not count. Truth clauses that were not tested cost the word of a witness.
+    """
+    verdict = Overall.CONFORMS
+    for outcome in outcomes:
+        tier, missing = outcome.clause.tier, outcome.verdict is Verdict.NOT_TESTED
+        if outcome.verdict is Verdict.FAIL:
+            return Overall.FAILS
+        if not missing or outcome.reason.startswith(NOT_DECLARED):
+            continue
+        if tier is Tier.CORE or (tier is Tier.WIRE and not in_process):
+            return Overall.FAILS
+        if tier is Tier.TRUTH:
+            verdict = Overall.SELF_REPORTED
+    return verdict
+
+
+def make_record(adapter: str, subject: Subject | None, outcomes: Sequence[Outcome], *, complete: bool) -> Record:
+    """Return the record of a run.
+
+    Args:
+        adapter: the harness's name.
+        subject: whom it is about.
+        outcomes: of each clause tried.
+        complete: whether these are all clauses there are.
+    """
+    said = overall(outcomes, in_process=subject is not None and subject.in_process)
+    if not complete and not any(outcome.verdict is Verdict.FAIL for outcome in outcomes):
+        said = Overall.PARTIAL
+    return Record(adapter, subject, tuple(outcomes), said)
+
+
+def subject_of(bench: Bench) -> Subject | None:
+    """Return whom a bench was about, or None if no robot got ready on it."""
+    if bench.capabilities is None:
+        return None
+    kind = type(bench.fleets[-1].robots[0])
+    return Subject(
+        robot_class=f"{kind.__module__}:{kind.__qualname__}",
+        distribution=_distribution(kind.__module__.partition(".")[0]),
+        capabilities=asdict(bench.capabilities),
+        in_process=bench.capabilities.in_process,
+    )
+
+
+def _distribution(package: str) -> str:
+    names = packages_distributions().get(package, [])
+    if names:
+        return f"{names[0]} {version(names[0])}"
+    said = getattr(importlib.import_module(package), "__version__", None)
+    return "" if said is None else f"{package} {said}"

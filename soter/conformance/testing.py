@@ -1,0 +1,62 @@
+"""The kit as tests: subclass `AdapterSuite` in a test file, and pytest runs one test for each clause.
+
+```python
+class TestMyRobot(AdapterSuite):
+    harness = MyHarness
+```
+
+pytest itself is not imported here.
+"""
+
+from __future__ import annotations
+
+import unittest
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from soter.conformance.clause import CLAUSES, Tier
+from soter.conformance.harness import Harness
+from soter.conformance.kit import try_clause
+from soter.conformance.record import NOT_DECLARED, Verdict
+
+
+class AdapterSuite:
+    """One test for each clause.
+
+    A clause that is NOT TESTED is skipped where the adapter may conform without it, and fails where it may not.
+
+    Attributes:
+        harness: makes the harness, such as its class; called for every test.
+    """
+
+    harness: ClassVar[Callable[[], Harness]]
+
+    def pytest_generate_tests(self, metafunc: Any) -> None:
+        """Make a test of every clause (pytest calls this on the class)."""
+        if "clause_id" in metafunc.fixturenames:
+            metafunc.parametrize("clause_id", list(CLAUSES))
+
+    def test_clause(self, clause_id: str) -> None:
+        """Try one clause on a fresh fleet."""
+        clause = CLAUSES[clause_id]
+        outcome, _ = try_clause(clause, type(self).harness())
+        if outcome.verdict is Verdict.PASS:
+            return
+        text = f"{clause_id}: {clause.contract}\n{outcome.verdict.value}: {outcome.reason}"
+        may_miss = (
+            outcome.reason.startswith(NOT_DECLARED)
+            or clause.tier is Tier.TRUTH
+            or (clause.tier is Tier.WIRE and _in_process(type(self).harness()))
+        )
+        if outcome.verdict is Verdict.NOT_TESTED and may_miss:
+            raise unittest.SkipTest(text)
+        raise AssertionError(text)
+
+
+def _in_process(harness: Harness) -> bool:
+    fleet = harness.open(1)
+    try:
+        return type(fleet.robots[0]).declared.in_process
+    finally:
+        fleet.close()
+        harness.close()
