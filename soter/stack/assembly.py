@@ -111,7 +111,9 @@ def assemble(
         port: Port[Waypoint, RobotState] = Port(robot.id, listener)
         waypoint: Topic[Any] = Topic(WAYPOINT)
         forwarder = PortForwarder(port, waypoint, mission.base_tick_s)
-        recovery = RecoveryPlanner(terrain, capabilities, _rules(mission), mission.base_tick_s, peer_noise_m)
+        recovery = RecoveryPlanner(
+            terrain, capabilities, _rules(mission), mission.base_tick_s, peer_noise_m, peer_v_max_m_s
+        )
         dock = Dock(
             terrain,
             places[robot.id].charger,

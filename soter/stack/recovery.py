@@ -55,6 +55,7 @@ class RecoveryPlanner:
         rules: the enabled ones.
         period_s: how often a safe controller looks (T_sc).
         peer_noise_m: error of the positions that peers report, at most.
+        peer_v_max_m_s: top speed that peers are assumed to respect, where it is higher than this robot's own.
     """
 
     def __init__(
@@ -64,10 +65,13 @@ class RecoveryPlanner:
         rules: RecoveryRules,
         period_s: float,
         peer_noise_m: float = 0.0,
+        peer_v_max_m_s: float = 0.0,
     ) -> None:
         self.terrain: Final = terrain
         self.rules: Final = rules
         self._v_max = capabilities.v_max_m_s
+        self._peer_v_max = max(capabilities.v_max_m_s, peer_v_max_m_s)
+        self._tracking_m = capabilities.tube_m
         self._tube = capabilities.tube_m + capabilities.position_noise_m
         self._pair_noise = capabilities.position_noise_m + peer_noise_m
         self._blind_s = period_s + capabilities.latency_s
@@ -144,12 +148,13 @@ class RecoveryPlanner:
             px, py = peer.x_m - own.x_m, peer.y_m - own.y_m
             distance = math.sqrt(px * px + py * py)
             age_s = situation.age_s + max(0.0, situation.now_s - peer.stamp_s)
-            if distance >= PAIR_NEAR_M + self._pair_noise + self._v_max * age_s:
+            if distance >= PAIR_NEAR_M + self._pair_noise + self._peer_v_max * age_s:
                 continue
             if distance == 0.0:
                 return -1.0
             along = (dx * px + dy * py) / distance
-            half = (distance - self._pair_noise - separation) / 2.0 - self._v_max * (self._blind_s + age_s)
+            gap = distance - self._pair_noise - separation
+            half = gap / 2.0 - self._peer_v_max * (self._blind_s + age_s) - self._tracking_m
             if along <= 0.0:
                 # Away, or at rest: always at least as good as anything else.
                 half = max(half, 0.0)

@@ -162,7 +162,7 @@ def test_the_age_of_what_is_known_of_a_peer_limits_the_leg(gap: float, age_s: fl
     look = seen(own, [own, peer], age_s)
     length = 0.1
     margin = planner(EMPTY).certify(look, 2.5 + length * math.cos(angle), 2.5 + length * math.sin(angle))
-    allowed = max((gap - 0.3) / 2.0 - V_MAX * (TICK_S + 0.05 + age_s), -math.inf)
+    allowed = (gap - 0.3) / 2.0 - V_MAX * (TICK_S + 0.05 + age_s) - CAPABILITIES.tube_m
     assert margin == pytest.approx(allowed - length, abs=1e-9)
 
 

@@ -11,7 +11,7 @@ from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, Ro
 from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World
 
 PERIOD_S: Final = 0.05
-LEASE_S: Final = 0.2
+LEASE_S: Final = 0.1
 
 # Fleet time that is summed up tick by tick misses whole periods by so little.
 _ROUNDING_S: Final = 1e-6
