@@ -17,6 +17,11 @@ Part = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
 TUBE_PER_GRIP_M: Final = 0.2
 """How far a robot strays from a short leg when one wheel slips and the other does not: metres per unit of grip."""
 
+UNEVEN: Final = 0.05
+"""How much more one wheel may slip than the other. Beyond that a turn creeps so fast that the drive breaks it off."""
+
+_ROUNDING: Final = 1e-9
+
 
 class WheelSlipOptions(FaultOptions):
     """Wheels that slip.
@@ -33,6 +38,9 @@ class WheelSlipOptions(FaultOptions):
     def _slips(self) -> Self:
         if self.left == self.right == 1.0:
             raise wrong("left", self.left, "below 1, or a right below 1")
+        if self.declared and abs(self.left - self.right) > UNEVEN + _ROUNDING:
+            allowed = f"at most {UNEVEN:g} apart from right, {self.right:g}; or declared = false"
+            raise wrong("left", self.left, allowed)
         return self
 
 
