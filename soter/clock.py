@@ -70,7 +70,8 @@ class VehicleClock(Clock):
     becomes slow is seen as age and not taken for a clock that went back. The least delay itself remains unseen where
     it is not measured: it belongs to the declared latency.
 
-    A vehicle whose stamps go back and stay back has rebooted: its offset is estimated anew. Thread-safe.
+    A vehicle whose stamps go back and stay back has rebooted: its offset is estimated anew. Where robots tell their
+    reboots, `forget` does so at once. Thread-safe.
 
     Args:
         rate: what the rate ought to be, in vehicle seconds by host second; the speed-up of a simulated vehicle.
@@ -151,6 +152,11 @@ class VehicleClock(Clock):
             if vehicle.rate is not None:
                 self._follow(received_steady_s)
             return rebooted
+
+    def forget(self, robot_id: int) -> None:
+        """Forget a robot's clock: it is known to have rebooted. The next sample begins anew."""
+        with self._lock:
+            self._vehicles.pop(robot_id, None)
 
     def to_fleet_s(self, robot_id: int, vehicle_stamp_s: float) -> float:
         """Return the fleet time of a vehicle's stamp; never later than what has been observed was received.

@@ -1,0 +1,117 @@
+"""Starts the simulated robots as a child process, and ends it."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from soter.errors import RobotUnavailable
+from soter.sdk import RobotSpec
+from soter.workspace import Box, Workspace
+
+START_TIMEOUT_S: Final = 20.0
+_END_TIMEOUT_S: Final = 3.0
+
+
+def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any]:
+    """Return a world as the simulator reads it: numbers only, east and north, radians counter-clockwise from east."""
+    return {
+        "width_m": workspace.width_m,
+        "depth_m": workspace.depth_m,
+        "boxes": [_edges(box) for box in workspace.boxes],
+        "chargers": [_edges(place.charger) for place in workspace.robots],
+        "robots": [
+            {
+                "id": spec.id,
+                "x_m": spec.x_m,
+                "y_m": spec.y_m,
+                "heading_rad": spec.heading_rad,
+                "charge": 1.0 if spec.battery is None else spec.battery,
+                "drive_s": spec.drive_s,
+                "idle_s": spec.idle_s,
+                "charge_s": spec.charge_s,
+            }
+            for spec in robots
+        ],
+    }
+
+
+class Simulator:
+    """A world in a process of its own, which ends with this one, however this one ends.
+
+    Args:
+        world: from `describe`.
+        ports: by robot, the ports of commands and of reports, for a robot that comes back where it was.
+
+    Attributes:
+        endpoints: by robot, the addresses of commands and of reports.
+        truth: the address of what really happens.
+        process: the child.
+
+    Raises:
+        RobotUnavailable: it does not start.
+    """
+
+    def __init__(self, world: Mapping[str, Any], ports: Mapping[int, tuple[int, int]] | None = None) -> None:
+        package = Path(__file__).resolve().parents[1]
+        path = os.pathsep.join(filter(None, (str(package), os.environ.get("PYTHONPATH", ""))))
+        fixed = ";".join(f"{robot_id}={command},{report}" for robot_id, (command, report) in (ports or {}).items())
+        # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
+        self.process: Final = subprocess.Popen(
+            [sys.executable, "-m", "soter_zmq.robot", "-", "--parent", str(os.getpid()), "--ports", fixed],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": path},
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            found = json.loads(self._first_line(json.dumps(world).encode()))
+        except (ValueError, OSError) as failure:
+            self.close()
+            raise RobotUnavailable(
+                f"the simulated robots do not start: {failure}; what they say is on standard error, and "
+                f"`{sys.executable} -m soter_zmq.robot --help` must work"
+            ) from failure
+        self.endpoints: Final[dict[int, dict[str, str]]] = {int(key): each for key, each in found["robots"].items()}
+        self.truth: Final[str] = found["truth"]
+
+    def close(self) -> None:
+        """End the process and wait until it is gone. Idempotent."""
+        process = self.process
+        process.terminate()
+        try:
+            process.wait(_END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None and not pipe.closed:
+                pipe.close()
+
+    def _first_line(self, world: bytes) -> bytes:
+        """Hand over the world and return the first line that the child prints."""
+        into, out = self.process.stdin, self.process.stdout
+        assert into is not None
+        assert out is not None
+        into.write(world)
+        into.close()
+        until_s = time.perf_counter() + START_TIMEOUT_S
+        line = b""
+        while not line.endswith(b"\n"):
+            left_s = until_s - time.perf_counter()
+            if left_s <= 0.0 or not select.select([out], [], [], left_s)[0]:
+                raise OSError(f"nothing was heard of them within {START_TIMEOUT_S:g} s")
+            part = os.read(out.fileno(), 65536)
+            if not part:
+                raise OSError(f"their process ended with code {self.process.wait()}")
+            line += part
+        return line
+
+
+def _edges(box: Box) -> tuple[float, float, float, float]:
+    return box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m
