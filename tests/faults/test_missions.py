@@ -1,0 +1,131 @@
+"""Missions under faults: the rules hold within declared bounds, and what cannot be promised is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+from soter.adapters.pybullet import KinematicBackend, SimulatedFleet, SimulatedRobot
+from soter.clock import VirtualClock
+from soter.config import load_mission
+from soter.errors import ConfigError, IllFormedModule, Unsupported
+from soter.runner import RunResult, run_mission
+from soter.sdk import Fleet, Robot, RobotSpec
+from soter_sim import World
+from tools.faults_evaluation import CASES, Case, horizon_s, main, tables_of
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples" / "faults").glob("*.toml"))
+QUICK = {"backend": "kinematic", "planner": "straight-line"}
+WITHIN = [case for case in CASES if case.within]
+
+
+def run(*tables: dict[str, Any], **overrides: Any) -> RunResult:
+    given = {**QUICK, "targets": "hostile", "duration_s": 120.0, "fault": [*tables], **overrides}
+    return run_mission(load_mission(ROOT / "examples" / "surveillance.toml", given)).result
+
+
+@pytest.mark.parametrize("case", WITHIN, ids=lambda case: case.name)
+def test_no_rule_is_broken_within_declared_bounds(case: Case) -> None:
+    result = run(*(dict(table) for table in case.tables), duration_s=200.0, seed=7)
+    assert result.status == "completed"
+    assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+    assert result.ac_share > 0.4
+    assert result.no_certified_motion == 0
+    assert all(fault.declared and fault.affected for fault in result.faults)
+    assert horizon_s(case) <= 0.3445 + 1e-9
+
+
+def test_a_bound_that_the_modules_cannot_pay_for_is_refused() -> None:
+    with pytest.raises(IllFormedModule, match=r"collision.*P3.*latency \+ age \+ jitter = 0\.350 s"):
+        run({"kind": "delay", "commands_s": 0.1})
+    assert run({"kind": "delay", "commands_s": 0.1, "declared": False}, duration_s=5.0).status == "completed"
+
+
+def test_what_is_not_declared_can_break_a_rule() -> None:
+    result = run_mission(load_mission(ROOT / "examples" / "faults" / "not-declared.toml", QUICK)).result
+    assert result.violated
+    assert not any(fault.declared for fault in result.faults)
+
+
+def test_faults_repeat_bit_for_bit() -> None:
+    tables = [
+        {"kind": "loss", "samples": 0.3},
+        {"kind": "delay", "commands_s": 0.01, "jitter_s": 0.03, "robot": 1},
+    ]
+    first, again, other = (run(*tables, seed=seed) for seed in (1, 1, 2))
+    assert first.trace_sha256 == again.trace_sha256 != other.trace_sha256
+    assert first.faults == again.faults
+
+
+def test_a_mission_without_faults_is_what_it_was() -> None:
+    assert run(duration_s=10.0).faults == ()
+
+
+def test_a_wrong_table_is_refused_before_the_backend_is_opened() -> None:
+    with pytest.raises(ConfigError, match=r"fault\.0\.kind"):
+        run({"kind": "gremlin"}, backend="tests.faults.test_missions:NeverOpened")
+
+
+class NeverOpened(KinematicBackend):
+    """A backend that must not be opened."""
+
+    def open(self, config: Any, robots: Any) -> SimulatedFleet:
+        raise AssertionError("it was opened")
+
+
+class WholeRobot(SimulatedRobot):
+    """A robot without the optional hook."""
+
+    impair: ClassVar[None] = None  # type: ignore[assignment]
+    started = 0
+
+    def init(self, timeout_s: float) -> None:
+        WholeRobot.started += 1
+        super().init(timeout_s)
+
+
+class WholeFleet(Fleet):
+    """Robots of a world that cannot be impaired."""
+
+    def __init__(self, world: World, specs: list[RobotSpec]) -> None:
+        clock = VirtualClock(world.advance)
+        super().__init__(clock, [WholeRobot(spec, clock, world) for spec in specs], world.truth)
+
+    def _close(self) -> None:
+        """Nothing is shared."""
+
+
+class WholeBackend(KinematicBackend):
+    """A backend whose vehicles cannot be impaired, as on a wire."""
+
+    robot_class: ClassVar[type[Robot]] = WholeRobot
+
+    def open(self, config: Any, robots: Any) -> Any:
+        return WholeFleet(World(config.workspace, robots, "kinematic"), robots)
+
+
+def test_a_backend_without_the_hook_refuses_faults_of_vehicles_before_anything_moves() -> None:
+    backend = "tests.faults.test_missions:WholeBackend"
+    with pytest.raises(Unsupported, match="a WholeRobot cannot"):
+        run({"kind": "kill"}, backend=backend)
+    assert WholeRobot.started == 0
+    assert run({"kind": "bias", "x_m": 0.02}, backend=backend, duration_s=60.0).violations is not None
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_run(path: Path) -> None:
+    result = run_mission(load_mission(path, {**QUICK, "duration_s": 130.0})).result
+    assert result.status == "completed"
+    assert all(fault.affected for fault in result.faults)
+    assert not result.violated or path.stem == "not-declared"
+
+
+def test_the_evaluation_says_what_it_found(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--only", "bias-heading", "--duration", "5"]) == 0
+    assert "bias-heading" in capsys.readouterr().out
+    case = next(case for case in CASES if case.name == "battery-high")
+    page = tables_of({case.name: [run(*(dict(table) for table in case.tables), duration_s=5.0)]}, 5.0)
+    assert "| battery (offset 0.15) | 0.25 | 0 / 0 / 0 / 0 |" in page
