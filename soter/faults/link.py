@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
@@ -138,12 +139,15 @@ class Loss(Fault[LossOptions]):
             lost = self._drawn(options.commands, self._commands_row)
             self._commands_row = self._commands_row + 1 if lost else 0
             return () if lost else (Passage(command),)
+        tick_s, end_s = self.context.tick_s, options.end_s(time_s)
+        if options.commands == 1.0 and options.burst == 0:
+            # A link that is cut: what waits gets through when it is mended.
+            self.affected += 1
+            return (Passage(command, end_s - time_s),) if end_s < math.inf else ()
         tries = 0
-        while self._drawn(options.commands, tries):
+        while time_s + tries * tick_s < end_s - _ROUNDING_S and self._drawn(options.commands, tries):
             tries += 1
-            if tries * self.context.tick_s > _GIVEN_UP_S:
-                return ()
-        return (Passage(command, tries * self.context.tick_s),)
+        return (Passage(command, tries * tick_s),)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
         if sample is self._seen:
@@ -163,10 +167,6 @@ class Loss(Fault[LossOptions]):
         lost = self.context.random.random() < probability and (burst == 0 or row < burst)
         self.affected += lost
         return lost
-
-
-_GIVEN_UP_S = 10.0
-"""A link that has failed for so long is not the link that a command is repeated on."""
 
 
 class DuplicateOptions(FaultOptions):

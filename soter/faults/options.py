@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -63,3 +64,12 @@ class FaultOptions(BaseModel):
         if self.every_s is not None:
             since_s %= self.every_s
         return since_s < self.duration_s
+
+    def end_s(self, time_s: float) -> float:
+        """Return when the fault ends that is on so many seconds after the robot was ready; infinite if it does not."""
+        if self.duration_s is None:
+            return math.inf
+        since_s = time_s - self.start_s + _ROUNDING_S
+        if self.every_s is not None:
+            since_s %= self.every_s
+        return time_s + self.duration_s - since_s

@@ -104,10 +104,20 @@ def test_a_command_that_is_not_sent_again_is_gone() -> None:
     assert len(bench.behind.sent) == 1
 
 
-def test_a_link_that_is_cut_for_good_gives_commands_up() -> None:
-    bench = Bench({"kind": "loss", "commands": 1.0, "burst": 0, "declared": False, "duration_s": 1.0})
+def test_what_waits_for_a_link_that_is_cut_gets_through_when_it_is_mended() -> None:
+    cut = {"kind": "loss", "commands": 1.0, "burst": 0, "declared": False, "start_s": 1.0}
+    bench = Bench({**cut, "duration_s": 2.0, "every_s": 10.0})
+    for now_s, mended_s in ((1.5, 3.0), (12.0, 13.0)):
+        bench.run(now_s)
+        bench.robot.goto(PLACE, SC)
+        bench.run(mended_s - 0.01)
+        before = len(bench.behind.sent)
+        bench.run(mended_s + 0.01)
+        assert len(bench.behind.sent) == before + 1
+    bench = Bench(cut)
+    bench.run(1.5)
     bench.robot.goto(PLACE, SC)
-    bench.run(60.0)
+    bench.run(1000.0)
     assert bench.behind.sent == []
 
 
