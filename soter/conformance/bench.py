@@ -20,6 +20,9 @@ ROUNDING: Final = 1e-6
 SETTLE_S: Final = 2.0
 """After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
 
+_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s", "setpoint_period_s", "lease_s")
+_LONGEST_S: Final = 30.0
+
 
 class Failed(Exception):
     """The adapter does not keep the clause; the message says what was seen and the likely cause."""
@@ -125,6 +128,7 @@ class Bench:
         self.figures: list[Figure] = []
         self.tracks: dict[int, list[Sample]] = {}
         self.fleets: list[Fleet] = []
+        self._stamps: dict[int, float] = {}
         self.capabilities: Capabilities | None = None
 
     # --- opening ---------------------------------------------------------------------------------------------
@@ -137,6 +141,7 @@ class Bench:
         if self.truth and fleet.truth is None and not self.harness.gives("observe"):
             raise NotTested("no truth: neither Fleet.truth nor the hook 'observe' is given")
         self.tracks = {robot.id: [] for robot in fleet.robots}
+        self._stamps.clear()
         return fleet
 
     def open(self, robots: int = 1, in_charge: Controller = Controller.AC) -> tuple[Robot, ...]:
@@ -145,6 +150,11 @@ class Bench:
         for robot in fleet.robots:
             robot.init(self.harness.connect_timeout_s)
         self.capabilities = fleet.robots[0].capabilities
+        for name in _TIMES:
+            seconds = getattr(self.capabilities, name)
+            self.require(
+                0.0 <= seconds <= _LONGEST_S, f"{name} is {seconds} s, the kit can measure 0 to {_LONGEST_S:g} s"
+            )
         for name in self.needs:
             if not getattr(self.capabilities, name):
                 raise NotTested(f"not declared: {name}")
@@ -193,6 +203,14 @@ class Bench:
         """Return where a robot is now, and note it."""
         state = robot.read_state()
         track = self.tracks[robot.id]
+        last_s = self._stamps.get(robot.id, state.stamp_s)
+        self.require(
+            state.stamp_s >= last_s,
+            f"the stamp of the sample went back from {last_s:.3f} to {state.stamp_s:.3f} s: samples that arrive "
+            "after newer "
+            "ones must be dropped",
+        )
+        self._stamps[robot.id] = state.stamp_s
         if self.truth:
             at_s = self.now_s
             x_m, y_m, heading_rad = self.true_pose(robot.id)

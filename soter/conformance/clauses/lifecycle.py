@@ -78,7 +78,7 @@ def close_ends_goals(bench: Bench) -> None:
     bench.require_status(goal, GoalStatus.CANCELLED, "close() is overridden instead of _disconnect()")
 
 
-@clause("lifecycle.close_stops", tier=Tier.TRUTH)
+@clause("truth.lifecycle.close_stops", tier=Tier.TRUTH)
 def close_stops(bench: Bench) -> None:
     """close() leaves a driving robot stopped."""
     bench.truth = True

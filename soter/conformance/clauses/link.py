@@ -18,13 +18,6 @@ def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
         bench.require_status(
             goal, GoalStatus.REACHED, f"with {fault} a goal must still be reached: send it again until it is seen"
         )
-    previous = None
-    for sample in bench.tracks[robot.id]:
-        bench.require(
-            previous is None or sample.state.stamp_s >= previous,
-            f"with {fault} stamps went back: drop samples that are older",
-        )
-        previous = sample.state.stamp_s
 
 
 @clause("link.age", tier=Tier.WIRE, hooks=("cut",))
@@ -146,7 +139,7 @@ def loss(bench: Bench) -> None:
 def delay(bench: Bench) -> None:
     """Under delay samples say how old they are, and goals are still reached."""
     robot = bench.open_one()
-    late_s = 0.25 * bench.caps.lease_s
+    late_s = 4 * TICK_S
     bench.run(1.0)
     before_s = min(_ages(bench, robot))
     bench.harness.delay(late_s)
@@ -159,7 +152,9 @@ def delay(bench: Bench) -> None:
         "arrival; "
         "stamp them by the vehicle's clock",
     )
-    _arrives(bench, robot, f"a delay of {late_s:.3f} s")
+    # A vehicle may refuse renewals that are older than the lease.
+    bench.harness.delay(0.25 * bench.caps.lease_s)
+    _arrives(bench, robot, "a delay of a quarter of the lease")
 
 
 def _ages(bench: Bench, robot: Robot) -> list[float]:
@@ -189,12 +184,15 @@ def reorder(bench: Bench) -> None:
     robot = bench.open_one()
     bench.harness.reorder(0.5)
     _arrives(bench, robot, "half of all messages reordered")
-    for _ in range(5):
-        goal = robot.goto(bench.place(robot, 0.6, 0.3), Controller.AC)
+    for number in range(8):
+        bench.harness.reorder(0.5)
+        goal = robot.goto(bench.place(robot, 0.6, -0.6 if number % 2 else 0.6), Controller.AC)
         bench.run(2 * TICK_S)
+        # What is held back now comes after the stop and the switch.
+        bench.harness.reorder(0.0)
         goal.cancel()
         robot.switch_ac_sc(Controller.SC, "conformance")
-        bench.run(bench.caps.lease_s + 2.0)
+        bench.run(bench.caps.lease_s + 0.5)
         bench.expect_still(robot, 1.0, "an older goto that arrived after the switch was executed: number the messages")
         robot.switch_ac_sc(Controller.AC, "conformance")
         bench.run(4 * TICK_S)

@@ -1,0 +1,80 @@
+"""The kit as tests, as a third party subclasses it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from soter.conformance import CLAUSES, HOOKS, find_harness
+from soter.conformance.testing import AdapterSuite
+from tests.broken.in_process import NoOpStop
+from tests.conformance.wire import SimulatedHarness, WireRobot
+from tests.project.source import ROOT
+
+PROGRAM = """
+from soter.conformance import find_harness
+from soter.conformance.testing import AdapterSuite
+
+
+class TestKinematic(AdapterSuite):
+    harness = staticmethod(lambda: find_harness("kinematic"))
+"""
+
+
+class Suite(AdapterSuite):
+    harness = staticmethod(lambda: find_harness("kinematic"))
+
+
+class BrokenSuite(AdapterSuite):
+    harness = staticmethod(lambda: SimulatedHarness(NoOpStop))
+
+
+class WireSuite(AdapterSuite):
+    harness = staticmethod(lambda: SimulatedHarness(WireRobot))
+
+
+def test_pytest_makes_one_test_of_each_clause(tmp_path: Path) -> None:
+    (tmp_path / "test_mine.py").write_text(PROGRAM, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", f"pythonpath={ROOT} {ROOT / 'sim'}",
+         "-c", "/dev/null", "--rootdir", str(tmp_path), str(tmp_path)],
+        capture_output=True, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    wire = sum(clause.tier.value == "wire" for clause in CLAUSES.values())
+    assert f"{len(CLAUSES) - wire} passed, {wire} skipped" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_clause_that_fails_fails_its_test() -> None:
+    with pytest.raises(AssertionError, match=r"goal\.cancel: .*\nFAIL: .* still moves"):
+        BrokenSuite().test_clause("goal.cancel")
+
+
+def test_a_hook_may_be_missing_in_process_but_not_on_a_wire() -> None:
+    with pytest.raises(Exception, match="NOT TESTED: hook not given: cut") as skipped:
+        Suite().test_clause("link.age")
+    assert type(skipped.value).__name__ == "SkipTest"
+    with pytest.raises(AssertionError, match="NOT TESTED: hook not given: cut"):
+        WireSuite().test_clause("link.age")
+
+
+def test_nothing_of_it_imports_pytest() -> None:
+    program = (
+        "import sys, soter.conformance.testing; assert 'pytest' not in sys.modules; assert 'rich' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", program], cwd=ROOT, check=True)
+
+
+def test_a_harness_gives_what_it_overrides() -> None:
+    class Half(SimulatedHarness):
+        def cut(self, robot_id: int) -> None:
+            pass
+
+        def delay(self, seconds: float) -> None:
+            pass
+
+    half = Half(WireRobot)
+    # A link that is cut must be restored too.
+    assert [hook for hook in HOOKS if half.gives(hook)] == ["delay"]
