@@ -311,6 +311,10 @@ class Mission(_Table):
             raise config_error(problems, self.source)
         return workspace if self.robots is None else workspace.with_robots(self.robots)
 
+    def refusal(self, key: str, message: str) -> ConfigError:
+        """Return an error about the value of one dotted key, with the place that it came from."""
+        return self._problem(key, message).error(self.source)
+
     def _problem(self, key: str, message: str) -> Problem:
         """Return a problem of one key, with the place that its value came from."""
         parts = split_key(key)

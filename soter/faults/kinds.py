@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from random import Random
 from typing import Any, Final
 
@@ -71,22 +72,18 @@ def _read(mission: Mission, index: int, raw: Mapping[str, Any], robot_ids: Seque
     name = raw.get("kind")
     if not isinstance(name, str):
         said = "it is missing, and has no default" if name is None else f"it is {name!r}, allowed: a text in quotes"
-        raise ConfigError(f"{said}; known kinds are {', '.join(BUILT_IN)}", source=mission.source, key=f"{key}.kind")
-    kind = _kind(name, mission.source, f"{key}.kind")
+        raise mission.refusal(f"{key}.kind", f"{said}; known kinds are {', '.join(BUILT_IN)}")
+    kind = _kind(name, partial(mission.refusal, f"{key}.kind"))
     options = validate_options(kind.options_model, raw, mission.source, key)
     if options.robot != "all" and options.robot not in robot_ids:
         listed = ", ".join(map(str, robot_ids))
         message = f'it is {options.robot}, but there is no such robot; allowed: "all", {listed}'
-        raise ConfigError(message, source=mission.source, key=f"{key}.robot")
+        raise mission.refusal(f"{key}.robot", message)
     return FaultTable(index, kind, options)
 
 
-def _kind(name: str, source: str | None, key: str) -> type[Fault[Any]]:
-    """Import the class of a kind."""
-
-    def refused(why: str) -> ConfigError:
-        return ConfigError(why, source=source, key=key)
-
+def _kind(name: str, refused: Callable[[str], ConfigError]) -> type[Fault[Any]]:
+    """Import the class of a kind; `refused` makes the error."""
     module_name, colon, class_name = BUILT_IN.get(name, name).partition(":")
     if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
         known = ", ".join(BUILT_IN)

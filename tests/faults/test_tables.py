@@ -103,6 +103,9 @@ def test_the_second_table_is_told_from_the_first_by_its_line(tmp_path: Path) -> 
     path.write_text(HEAD + '[[fault]]\nkind = "kill"\n[[fault]]\nkind = "delay"\nsamples = 1\n')
     with pytest.raises(ConfigError, match=re.escape("mission.toml:6: fault.1.samples: unknown key, did you mean")):
         read_faults(load_mission(path), [1])
+    path.write_text(HEAD + '[[fault]]\nkind = "kill"\n[[fault]]\nkind = "kil"\n')
+    with pytest.raises(ConfigError, match=re.escape("mission.toml:5: fault.1.kind: unknown kind 'kil', did you mean")):
+        read_faults(load_mission(path), [1])
 
 
 def test_a_mission_without_faults_has_none() -> None:
