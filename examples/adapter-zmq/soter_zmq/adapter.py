@@ -107,8 +107,9 @@ class ZmqRobot(Robot):
         yaw_rate_max_rad_s=YAW_RATE_MAX_RAD_S,
         brake_m_s2=BRAKE_M_S2,
         body_radius_m=BODY_RADIUS_M,
+        # Measured on a host with four times as much to do as it has cores: 0.036, 0.060 and 0.023 s at worst.
         latency_s=0.04,
-        sample_age_s=0.05,
+        sample_age_s=0.07,
         jitter_s=0.03,
         setpoint_period_s=PERIOD_S,
         lease_s=LEASE_S,
