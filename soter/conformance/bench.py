@@ -22,6 +22,7 @@ SETTLE_S: Final = 2.0
 
 _TIMES: Final = ("latency_s", "sample_age_s", "jitter_s", "setpoint_period_s", "lease_s")
 _LONGEST_S: Final = 30.0
+_WINDOW_S: Final = 0.5
 
 
 class Failed(Exception):
@@ -282,7 +283,7 @@ class Bench:
         """
         caps = self.caps
         before = self.tracks[robot.id][-1]
-        begin_s = extra_s + caps.latency_s + caps.setpoint_period_s + TICK_S
+        begin_s = extra_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + TICK_S
         allowed_s = begin_s + caps.v_max_m_s / caps.brake_m_s2
         self.run(allowed_s + 2 * TICK_S + caps.sample_age_s, renew=renew)
         rest = self.look(robot)
@@ -331,6 +332,26 @@ class Bench:
     def speed_noise_m_s(self) -> float:
         """How far a speed may be off because positions are."""
         return 0.002 if self.truth else 0.002 + 2.0 * self.caps.position_noise_m / TICK_S
+
+    def fastest(self, robot: Robot) -> tuple[float, float, float]:
+        """Return the top speed and the top yaw rate seen of a robot, and the share by which they may be off.
+
+        The truth of a wire is read at moments that its simulation does not know: only over some time is a change of
+        pose a speed.
+        """
+        track = self.tracks[robot.id]
+        if not self.truth or self.caps.in_process:
+            speed, rate = max(each.speed_m_s for each in track), max(abs(each.yaw_rate_rad_s) for each in track)
+            return speed, rate, 0.0
+        speed, rate, first = 0.0, 0.0, 0
+        for last, sample in enumerate(track):
+            while first + 1 < last and sample.at_s - track[first + 1].at_s >= _WINDOW_S:
+                first += 1
+            began = track[first]
+            if (dt_s := sample.at_s - began.at_s) >= _WINDOW_S:
+                speed = max(speed, sample.distance_m(began.x_m, began.y_m) / dt_s)
+                rate = max(rate, abs(turn(began.heading_rad, sample.heading_rad)) / dt_s)
+        return speed, rate, (TICK_S + self.caps.setpoint_period_s) / _WINDOW_S
 
     def way_s(self) -> float:
         """Return a time in which a robot gets anywhere in its room, generously."""

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
+from functools import cache
 from importlib.metadata import packages_distributions, version
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -187,6 +188,7 @@ def subject_of(bench: Bench) -> Subject | None:
     )
 
 
+@cache
 def _distribution(package: str) -> str:
     names = packages_distributions().get(package, [])
     if names:

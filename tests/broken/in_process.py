@@ -134,6 +134,16 @@ class VehicleClockStands(Broken):
         return self._honest()._replace(vehicle_stamp_s=0.0)
 
 
+class FutureStamps(Broken):
+    """Estimates the vehicle's clock to be ahead, and stamps samples in the future."""
+
+    caught_by = "state.stamps"
+
+    def _sample(self) -> RobotState:
+        state = self._honest()
+        return state._replace(stamp_s=state.stamp_s + 0.09)
+
+
 class NoOpStop(Broken):
     """Documents a stop that does nothing."""
 
@@ -217,13 +227,13 @@ class Unchecked(Broken):
 
 
 class BlockingGoto(Broken):
-    """Returns from goto() once the robot is there."""
+    """Returns from goto() when the robot has moved off."""
 
     caught_by = "goto.returns_at_once"
 
     def goto(self, target: Waypoint, by: Controller) -> Goal:
         goal = super().goto(target, by)
-        end_s = self.clock.now() + 30.0
+        end_s = self.clock.now() + 0.3
         while goal.active and self.clock.now() < end_s:
             self.renew_lease()
             self.clock.sleep_until(self.clock.now() + 0.05)

@@ -80,7 +80,9 @@ def lease(bench: Bench) -> None:
         first.renew_lease()
         return False
 
-    stop_s = caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.1
+    stop_s = (
+        caps.lease_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.1
+    )
     bench.run(stop_s + caps.sample_age_s, renew_first, renew=False)
     rest = bench.look(second)
     bench.run(0.5, renew_first, renew=False)
