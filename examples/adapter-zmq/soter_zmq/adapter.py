@@ -46,6 +46,7 @@ _SETTLED_REPORTS: Final = 10
 """After so many reports the least delay among them is near the least there is, and stamps no longer wander."""
 
 _REPEAT_S: Final = 0.05
+_LOST_S: Final = 1.0
 _REST_M_S: Final = 1e-3
 _REST_RAD_S: Final = 1e-2
 _TRUTH_TIMEOUT_S: Final = 5.0
@@ -203,7 +204,10 @@ class ZmqRobot(Robot):
     def _disconnect(self, timeout_s: float) -> None:
         if self._capabilities is not None and not self._commands.closed:
             self._command = self._command._replace(controller=Controller.SC.value, goal=None, lease_s=None)
-            self._settle(timeout_s)
+            latest = self._latest
+            lost = latest is None or self.clock.now() - latest[0].stamp_s > self.stale_after_s
+            # Who is not heard any more has been stopped by its lease; it may still come back, but not many do.
+            self._settle(min(timeout_s, _LOST_S) if lost else timeout_s)
         self._commands.close(_LINGER_MS)
 
     # --- the rest ------------------------------------------------------------------------------------------

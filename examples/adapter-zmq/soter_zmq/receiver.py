@@ -20,6 +20,7 @@ logger = logging.getLogger(__name__)
 
 _LOOK_MS: Final = 50
 _LONGEST_GAP_S: Final = 2.0 * PERIOD_S
+_SILENT_S: Final = 1.0
 _TOLD: Final = {"time_s", "poses", "speeds", "violations", "min_margin", "contacts"}
 
 Hear = Callable[[bytes, float], None]
@@ -104,6 +105,7 @@ class StreamedTruth:
         self._clock: Final = clock
         self._latest: dict[str, Any] | None = None
         self._offset_s = 0.0
+        self._warned = False
 
     @property
     def known(self) -> bool:
@@ -120,8 +122,12 @@ class StreamedTruth:
         self._latest = told
 
     def report(self) -> TruthReport:
-        """Return what has happened up to now."""
+        """Return what has happened up to now; of a simulator that is gone, up to its end, with a warning."""
         told, offset_s = self._told(), self._offset_s
+        silent_s = self._clock.now() - told["time_s"] - offset_s
+        if silent_s > _SILENT_S and not self._warned:
+            self._warned = True
+            logger.warning("the simulator has been silent for %.1f s; what happened since then is not known", silent_s)
         return TruthReport(
             tuple(
                 Violation(rule, tuple(robots), begin_s + offset_s, None if end_s is None else end_s + offset_s)

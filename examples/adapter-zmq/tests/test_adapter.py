@@ -241,6 +241,20 @@ def test_closing_stops_the_robots_and_ends_their_process() -> None:
         assert process.poll() is not None
 
 
+def test_when_the_simulator_dies_nobody_waits_long_and_its_silence_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    with ZmqBackend().open(ZmqConfig(workspace=ROOM), [SPEC]) as fleet:
+        robot = ready(fleet)
+        assert fleet.simulator is not None
+        assert fleet.truth is not None
+        fleet.simulator.process.kill()
+        assert tick(fleet, lambda: robot.read_state().age_s(fleet.clock.now()) > 1.2)
+        assert fleet.truth.report().violations == ()
+        assert "what happened since then is not known" in caplog.text
+        began_s = time.perf_counter()
+        fleet.close()
+        assert time.perf_counter() - began_s < 4.0
+
+
 def test_a_fleet_that_was_never_ready_can_be_closed() -> None:
     fleet = ZmqBackend().open(ZmqConfig(workspace=ROOM), [SPEC])
     fleet.close()
