@@ -1,8 +1,4 @@
-"""A process that does nothing but drive one robot, so that the kit can kill it or make it hang.
-
-`python -m soter.conformance.driver MODULE:FUNCTION ARGUMENT X Y TIMEOUT` calls the function with the argument; it must
-return a fleet, whose first robot is then driven to (X, Y) until the process is ended.
-"""
+"""A process that does nothing but drive one robot, so that the kit can kill it or make it hang."""
 
 from __future__ import annotations
 
@@ -28,7 +24,8 @@ def spawn(opener: str, argument: str, target: Waypoint) -> subprocess.Popen[byte
         target: where to drive; only its coordinates and its time-out count.
     """
     numbers = (str(value) for value in (target.x_m, target.y_m, target.timeout_s))
-    return subprocess.Popen([sys.executable, "-m", __name__, opener, argument, *numbers])
+    program = f"from {__name__} import main; main()"
+    return subprocess.Popen([sys.executable, "-c", program, opener, argument, *numbers])
 
 
 def drive(fleet: Fleet, target: Waypoint) -> None:
@@ -45,13 +42,10 @@ def drive(fleet: Fleet, target: Waypoint) -> None:
         robot.renew_lease()
 
 
-def _main(arguments: list[str]) -> None:
-    opener, argument, x_m, y_m, timeout_s = arguments
+def main() -> None:
+    """Do what `spawn` wants of its process, which gives the arguments."""
+    opener, argument, x_m, y_m, timeout_s = sys.argv[1:]
     module, _, name = opener.partition(":")
     function: Callable[[str], Fleet] = getattr(importlib.import_module(module), name)
     with function(argument) as fleet:
         drive(fleet, Waypoint(float(x_m), float(y_m), timeout_s=float(timeout_s)))
-
-
-if __name__ == "__main__":
-    _main(sys.argv[1:])
