@@ -99,9 +99,9 @@ def list_backends() -> list[BackendRow]:
             others = _registered().get(name, [])
             if not target and others:
                 target, origin = others[0].value, ", ".join(_distribution(each) for each in others)
-        rows.append(BackendRow(
-            name, origin, target, backend is not None, problem, _summary(backend) if backend else ""
-        ))
+        rows.append(
+            BackendRow(name, origin, target, backend is not None, problem, _summary(backend) if backend else "")
+        )
     return rows
 
 
@@ -240,6 +240,9 @@ def _summary(backend: type[Backend]) -> str:
         f"latency {declared.latency_s:g} s",
         f"lease {declared.lease_s:g} s",
     ]
-    optional = {"reverses": declared.reverses, "battery": declared.reports_battery,
-                "reports who is in charge": declared.reports_controller}
+    optional = {
+        "reverses": declared.reverses,
+        "battery": declared.reports_battery,
+        "reports who is in charge": declared.reports_controller,
+    }
     return ", ".join([*words, *(word for word, has in optional.items() if has)])

@@ -77,9 +77,7 @@ def read_workspace(path: Path, *, phi_safer_m: float = 0.1, spacing_m: float = 0
     )
 
 
-def parse_workspace(
-    data: bytes, source: str, *, phi_safer_m: float = 0.1, spacing_m: float = 0.5
-) -> Workspace:
+def parse_workspace(data: bytes, source: str, *, phi_safer_m: float = 0.1, spacing_m: float = 0.5) -> Workspace:
     """Read a workspace from the bytes of an XML file; `source` names it in errors. See `read_workspace`."""
     if len(data) > MAX_FILE_BYTES:
         raise ConfigError(f"the workspace is longer than {MAX_FILE_BYTES} bytes", source=source)
@@ -186,7 +184,8 @@ class _Reader:
             return None
         if len(patches) < len(starts):
             self._note(
-                chargers, "charging_stations",
+                chargers,
+                "charging_stations",
                 f"{len(patches)} charging stations for {len(starts)} robots; each robot needs one, in the order of "
                 "the robots",
             )
@@ -196,10 +195,14 @@ class _Reader:
             for (_, robot_id, x_m, y_m, heading_rad), (_, patch) in zip(starts, patches, strict=False)
         )
         workspace = Workspace(size[0], size[1], tuple(box for _, box in boxes), places)
-        at_starts = [(e, f"start of robot {place.id}", place.x_m, place.y_m)
-                     for (e, *_), place in zip(starts, places, strict=True)]
-        at_chargers = [(e, f"charging station of robot {place.id}", *place.charger.centre)
-                       for (e, _), place in zip(patches, places, strict=False)]
+        at_starts = [
+            (e, f"start of robot {place.id}", place.x_m, place.y_m)
+            for (e, *_), place in zip(starts, places, strict=True)
+        ]
+        at_chargers = [
+            (e, f"charging station of robot {place.id}", *place.charger.centre)
+            for (e, _), place in zip(patches, places, strict=False)
+        ]
         for spots in (at_starts, at_chargers):
             self._check_clearance(workspace, spots)
             self._check_spacing(spots)
@@ -214,8 +217,11 @@ class _Reader:
         for name in element.attributes:
             if name not in attributes:
                 allowed = ", ".join(attributes) or "none"
-                self._note(element, here, f"unknown attribute {shown_value(name)}"
-                                          f"{nearest(name, list(attributes))}; allowed: {allowed}")
+                self._note(
+                    element,
+                    here,
+                    f"unknown attribute {shown_value(name)}{nearest(name, list(attributes))}; allowed: {allowed}",
+                )
         for name in attributes:
             if name not in element.attributes and name not in optional:
                 self._note(element, here, f"attribute '{name}' is missing; it needs {', '.join(attributes)}")
@@ -224,8 +230,11 @@ class _Reader:
                 self._check_names(child)
             else:
                 allowed = ", ".join(f"<{name}>" for name in children) or "none"
-                self._note(child, here, f"unknown element <{cut(child.tag)}>"
-                                        f"{nearest(child.tag, list(children))}; allowed here: {allowed}")
+                self._note(
+                    child,
+                    here,
+                    f"unknown element <{cut(child.tag)}>{nearest(child.tag, list(children))}; allowed here: {allowed}",
+                )
         if element.tag in ("robot", "box"):
             for name in children:
                 found = element.all(name)
@@ -246,8 +255,11 @@ class _Reader:
             return default
         value = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not -MAX_SIZE_M <= value <= MAX_SIZE_M:
-            self._note(element, key, f"{name} is {shown_value(text)}, allowed: a finite decimal number, at most "
-                                     f"+-{MAX_SIZE_M:g}")
+            self._note(
+                element,
+                key,
+                f"{name} is {shown_value(text)}, allowed: a finite decimal number, at most +-{MAX_SIZE_M:g}",
+            )
             return None
         return value
 
@@ -288,20 +300,27 @@ class _Reader:
 
     @staticmethod
     def _wrong_with_box(
-        low: tuple[float, float, float], high: tuple[float, float, float], size: tuple[float, float, float],
-        *, flat: bool,
+        low: tuple[float, float, float],
+        high: tuple[float, float, float],
+        size: tuple[float, float, float],
+        *,
+        flat: bool,
     ) -> str:
         """Return what is wrong with a box, or nothing; a flat one may have no height."""
         for axis, name in enumerate("xyz"):
             if high[axis] < low[axis] or (high[axis] == low[axis] and not (flat and name == "z")):
-                return (f"it is inside out: high {name} is {high[axis]:g}, allowed: above low {name}, which is "
-                        f"{low[axis]:g}")
+                return (
+                    f"it is inside out: high {name} is {high[axis]:g}, allowed: above low {name}, which is "
+                    f"{low[axis]:g}"
+                )
         if low[2] != 0.0:
             return f"low z is {low[2]:g}, allowed: 0, it stands on the ground"
         for axis, name in enumerate("xyz"):
             if low[axis] < 0.0 or high[axis] > size[axis]:
-                return (f"it lies outside the workspace: {name} from {low[axis]:g} to {high[axis]:g}, allowed: "
-                        f"0 to {size[axis]:g}")
+                return (
+                    f"it lies outside the workspace: {name} from {low[axis]:g} to {high[axis]:g}, allowed: "
+                    f"0 to {size[axis]:g}"
+                )
         return ""
 
     def _starts(
@@ -315,13 +334,15 @@ class _Reader:
             text = element.attributes["id"]
             robot_id = int(text) if _ID.fullmatch(text) else 0
             if not 1 <= robot_id <= MAX_ROBOT_ID:
-                self._note(element, "<robot>", f"id is {shown_value(text)}, allowed: a whole number from 1 to "
-                                               f"{MAX_ROBOT_ID}")
+                self._note(
+                    element, "<robot>", f"id is {shown_value(text)}, allowed: a whole number from 1 to {MAX_ROBOT_ID}"
+                )
                 continue
             key = f"robot {robot_id}"
             if robot_id in lines:
-                self._note(element, key, f"this id is taken by the robot in line {lines[robot_id]}; each robot "
-                                         "needs its own")
+                self._note(
+                    element, key, f"this id is taken by the robot in line {lines[robot_id]}; each robot needs its own"
+                )
                 continue
             lines[robot_id] = element.line
             start = element.all("start")[0]
@@ -329,8 +350,11 @@ class _Reader:
             if point is None or heading_rad is None:
                 continue
             if not (0.0 <= point[0] <= size[0] and 0.0 <= point[1] <= size[1] and 0.0 <= point[2] <= size[2]):
-                self._note(start, key, f"it starts outside the workspace, at {_shown(point)}; allowed: from (0, 0, 0) "
-                                       f"to {_shown(size)}")
+                self._note(
+                    start,
+                    key,
+                    f"it starts outside the workspace, at {_shown(point)}; allowed: from (0, 0, 0) to {_shown(size)}",
+                )
                 continue
             starts.append((start, robot_id, point[0], point[1], math.remainder(heading_rad, math.tau)))
         return starts
@@ -347,8 +371,12 @@ class _Reader:
                 wrong = f"the body (radius {BODY_RADIUS_M:g} m) would overlap a box by {-clearance_m:.3f} m"
             else:
                 wrong = f"the body (radius {BODY_RADIUS_M:g} m) would be only {clearance_m:.3f} m from a box"
-            self._note(element, key, f"{wrong}, at {_shown((x_m, y_m))}; allowed: at least {self.needed_m:g} m; "
-                                     f"{self._nearest_pose(workspace, x_m, y_m)}")
+            self._note(
+                element,
+                key,
+                f"{wrong}, at {_shown((x_m, y_m))}; allowed: at least {self.needed_m:g} m; "
+                f"{self._nearest_pose(workspace, x_m, y_m)}",
+            )
 
     def _nearest_pose(self, workspace: Workspace, x_m: float, y_m: float) -> str:
         """Return the nearest pose that would do, rounded so that it still does when it is typed in."""
@@ -367,8 +395,12 @@ class _Reader:
             for _, other, other_x_m, other_y_m in spots[:index]:
                 apart_m = math.hypot(x_m - other_x_m, y_m - other_y_m)
                 if apart_m < self.spacing_m - 1e-9:
-                    self._note(element, key, f"it is {apart_m:.3f} m from the {other}, allowed: at least "
-                                             f"{self.spacing_m:g} m between the centres")
+                    self._note(
+                        element,
+                        key,
+                        f"it is {apart_m:.3f} m from the {other}, allowed: at least "
+                        f"{self.spacing_m:g} m between the centres",
+                    )
 
 
 def _shown(point: tuple[float, ...]) -> str:

@@ -16,11 +16,63 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 XML = (EXAMPLES / "surveillance.xml").read_bytes()
 TOML = (EXAMPLES / "surveillance.toml").read_bytes()
 FRAGMENTS = [
-    b"", b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"<", b">", b"/>", b'"', b"'", b"&", b"&amp;", b"&#0;", b"&x;", b"<!--",
-    b"-->", b"<![CDATA[", b"]]>", b"<?xml", b"?>", b"<!DOCTYPE x>", b"<box>", b"</box>", b"<low/>", b"<robots/>",
-    b'id="1"', b'xmlns="x"', b"a:b", b"nan", b"-inf", b"1e999", b"99999999999999999999", b"-1", b"[", b"]", b"{", b"}",
-    b"=", b"\n", b"[rta]", b"[[rta]]", b"rta.collision", b"x = 1\n", b"1979-05-27", b"true", b'"""', b"#", b".", b",",
-    b"\x0b", b"\xc2\x85", b"\xe2\x80\xa8", b"0x1F", b"2 = 0.17", b'"" = 1\n', b"''.'' = {}\n", b"+nan", b"5" * 5000,
+    b"",
+    b"\0",
+    b"\xff\xfe",
+    b"\xef\xbb\xbf",
+    b"<",
+    b">",
+    b"/>",
+    b'"',
+    b"'",
+    b"&",
+    b"&amp;",
+    b"&#0;",
+    b"&x;",
+    b"<!--",
+    b"-->",
+    b"<![CDATA[",
+    b"]]>",
+    b"<?xml",
+    b"?>",
+    b"<!DOCTYPE x>",
+    b"<box>",
+    b"</box>",
+    b"<low/>",
+    b"<robots/>",
+    b'id="1"',
+    b'xmlns="x"',
+    b"a:b",
+    b"nan",
+    b"-inf",
+    b"1e999",
+    b"99999999999999999999",
+    b"-1",
+    b"[",
+    b"]",
+    b"{",
+    b"}",
+    b"=",
+    b"\n",
+    b"[rta]",
+    b"[[rta]]",
+    b"rta.collision",
+    b"x = 1\n",
+    b"1979-05-27",
+    b"true",
+    b'"""',
+    b"#",
+    b".",
+    b",",
+    b"\x0b",
+    b"\xc2\x85",
+    b"\xe2\x80\xa8",
+    b"0x1F",
+    b"2 = 0.17",
+    b'"" = 1\n',
+    b"''.'' = {}\n",
+    b"+nan",
+    b"5" * 5000,
 ]
 steady = settings(max_examples=200, derandomize=True, deadline=None)
 
@@ -62,11 +114,31 @@ def test_a_mutated_workspace(data: bytes) -> None:
 
 
 @steady
-@given(st.lists(st.sampled_from([
-    b"<configuration>", b"</configuration>", b'<dimension x="5" y="5" z="1"/>', b"<robots>", b"</robots>",
-    b'<robot id="1">', b"</robot>", b'<start x="1" y="1"/>', b"<charging_stations>", b"</charging_stations>", b"<box>",
-    b"</box>", b'<low x="0.8" y="0.8" z="0"/>', b'<high x="1.2" y="1.2" z="1"/>', b"<obstacles>", b"</obstacles>",
-]), max_size=20).map(b"".join))
+@given(
+    st.lists(
+        st.sampled_from(
+            [
+                b"<configuration>",
+                b"</configuration>",
+                b'<dimension x="5" y="5" z="1"/>',
+                b"<robots>",
+                b"</robots>",
+                b'<robot id="1">',
+                b"</robot>",
+                b'<start x="1" y="1"/>',
+                b"<charging_stations>",
+                b"</charging_stations>",
+                b"<box>",
+                b"</box>",
+                b'<low x="0.8" y="0.8" z="0"/>',
+                b'<high x="1.2" y="1.2" z="1"/>',
+                b"<obstacles>",
+                b"</obstacles>",
+            ]
+        ),
+        max_size=20,
+    ).map(b"".join)
+)
 def test_shuffled_elements(data: bytes) -> None:
     survives(parse_workspace, data)
 
@@ -94,10 +166,27 @@ json_like = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=5,
 )
-keys = st.sampled_from([
-    "", ".", "seed", "rta", "rta.modules", "rta.collision", "rta.collision.delta_s", "battery.initial", "battery",
-    "battery.initial.2", "backends", "backends.x", "workspace", "robots", "base_tick_s", "targets", 'a."b.c"',
-]) | st.text(max_size=10)
+keys = st.sampled_from(
+    [
+        "",
+        ".",
+        "seed",
+        "rta",
+        "rta.modules",
+        "rta.collision",
+        "rta.collision.delta_s",
+        "battery.initial",
+        "battery",
+        "battery.initial.2",
+        "backends",
+        "backends.x",
+        "workspace",
+        "robots",
+        "base_tick_s",
+        "targets",
+        'a."b.c"',
+    ]
+) | st.text(max_size=10)
 
 
 @steady

@@ -87,8 +87,14 @@ def test_the_drawing_is_pinned() -> None:
 def test_overrides_take_the_place_of_the_file() -> None:
     made = mission(
         "seed = 1\n[rta.collision]\ndelta_s = 0.1\n",
-        {"seed": 4, "rta.collision.delta_s": 0.2, "rta.modules": ["collision"], "battery.initial": [0.5, 0.6],
-         "backends.kinematic.rate_hz": 20, 'planners."my.module:Planner".checks': 7},
+        {
+            "seed": 4,
+            "rta.collision.delta_s": 0.2,
+            "rta.modules": ["collision"],
+            "battery.initial": [0.5, 0.6],
+            "backends.kinematic.rate_hz": 20,
+            'planners."my.module:Planner".checks': 7,
+        },
     )
     assert (made.seed, made.rta.collision.delta_s, made.rta.modules) == (4, 0.2, ("collision",))
     assert made.battery.initial == {1: 0.5, 2: 0.6}
@@ -118,8 +124,13 @@ def test_an_override_mends_the_file() -> None:
         ({"seed.x": 1}, "command line: seed.x: there is no such key: what it stands in is no table"),
         ({"": 1}, "command line: '': there is no such key"),
         ({"rta.collision.delta_s": 0.07}, "command line: rta.collision.delta_s: it is 0.07, allowed: a multiple of"),
-        ({"rta.modules": ["colision"]}, ("command line: rta.modules.0: it is 'colision', allowed: 'collision', "
-                                        "'obstacle', 'geofence' or 'battery', did you mean 'collision'?")),
+        (
+            {"rta.modules": ["colision"]},
+            (
+                "command line: rta.modules.0: it is 'colision', allowed: 'collision', "
+                "'obstacle', 'geofence' or 'battery', did you mean 'collision'?"
+            ),
+        ),
     ],
 )
 def test_a_wrong_override_is_blamed_on_the_command_line(overrides: dict[str, object], expected: str) -> None:
@@ -141,18 +152,34 @@ WRONG: list[tuple[str, str]] = [
     (30 * "a." + "b = 1", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
     # names
     ("duration = 5\n", "m.toml:2: duration: unknown key, did you mean 'duration_s'?; allowed: " + ALL_KEYS),
-    ("[rta]\nenable = true\n",
-     ("m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, collision, obstacle, "
-     "geofence, battery, path")),
-    ("[rta.colision]\ndelta_s = 0.1\n",
-     ("m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, collision, obstacle, "
-     "geofence, battery, path")),
-    ("[rta.geofence]\nphi_safe_m = 0.0\n",
-     ("m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: delta_s, dwell_s, "
-     "phi_safer_inset_m")),
-    ("[rta.collision]\nphi_saver_m = 1.0\n",
-     ("m.toml:3: rta.collision.phi_saver_m: unknown key, did you mean 'phi_safer_m'?; allowed: delta_s, dwell_s, "
-     "phi_safe_m, phi_safer_m")),
+    (
+        "[rta]\nenable = true\n",
+        (
+            "m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, collision, obstacle, "
+            "geofence, battery, path"
+        ),
+    ),
+    (
+        "[rta.colision]\ndelta_s = 0.1\n",
+        (
+            "m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, collision, obstacle, "
+            "geofence, battery, path"
+        ),
+    ),
+    (
+        "[rta.geofence]\nphi_safe_m = 0.0\n",
+        (
+            "m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: delta_s, dwell_s, "
+            "phi_safer_inset_m"
+        ),
+    ),
+    (
+        "[rta.collision]\nphi_saver_m = 1.0\n",
+        (
+            "m.toml:3: rta.collision.phi_saver_m: unknown key, did you mean 'phi_safer_m'?; allowed: delta_s, dwell_s, "
+            "phi_safe_m, phi_safer_m"
+        ),
+    ),
     # kinds
     ('duration_s = "600"\n', "m.toml:2: duration_s: it is '600', allowed: a number"),
     ("seed = 1.5\n", "m.toml:2: seed: it is 1.5, allowed: a whole number"),
@@ -167,15 +194,25 @@ WRONG: list[tuple[str, str]] = [
     ("fault = 3\n", "m.toml:2: fault: it is 3, allowed: a list"),
     ("fault = [{}, 3]\n", "m.toml:2: fault.1: it is 3, allowed: a table"),
     # choices
-    ('targets = "gird"\n',
-     "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?"),
-    ('app = "surveilance"\n',
-     "m.toml:2: app: it is 'surveilance', allowed: 'surveillance', did you mean 'surveillance'?"),
-    ('[rta]\nmodules = ["battery", "batery"]\n',
-     ("m.toml:3: rta.modules.1: it is 'batery', allowed: 'collision', 'obstacle', 'geofence' or 'battery', did you "
-     "mean 'battery'?")),
-    ('[rta]\nmodules = ["battery", "battery"]\n',
-     "m.toml:3: rta.modules: it is ['battery', 'battery'], allowed: each module once, 'battery' is there twice"),
+    (
+        'targets = "gird"\n',
+        "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
+    ),
+    (
+        'app = "surveilance"\n',
+        "m.toml:2: app: it is 'surveilance', allowed: 'surveillance', did you mean 'surveillance'?",
+    ),
+    (
+        '[rta]\nmodules = ["battery", "batery"]\n',
+        (
+            "m.toml:3: rta.modules.1: it is 'batery', allowed: 'collision', 'obstacle', 'geofence' or 'battery', did you "
+            "mean 'battery'?"
+        ),
+    ),
+    (
+        '[rta]\nmodules = ["battery", "battery"]\n',
+        "m.toml:3: rta.modules: it is ['battery', 'battery'], allowed: each module once, 'battery' is there twice",
+    ),
     # ranges
     ("duration_s = 0\n", "m.toml:2: duration_s: it is 0, allowed: above 0"),
     ("duration_s = -1.0\n", "m.toml:2: duration_s: it is -1.0, allowed: above 0"),
@@ -193,29 +230,47 @@ WRONG: list[tuple[str, str]] = [
     ("[battery.initial]\n2 = 0\n", "m.toml:3: battery.initial.2: it is 0, allowed: above 0"),
     ("[battery]\ninitial = [0.5, 1.5]\n", "m.toml:3: battery.initial.2: it is 1.5, allowed: at most 1"),
     ("[battery]\ninitial = 0.5\n", "m.toml:3: battery.initial: it is 0.5, allowed: a table"),
-    ("[battery.initial]\ntwo = 0.5\n",
-     "m.toml:3: battery.initial.two: of its name: it is 'two', allowed: a whole number"),
+    (
+        "[battery.initial]\ntwo = 0.5\n",
+        "m.toml:3: battery.initial.two: of its name: it is 'two', allowed: a whole number",
+    ),
     ("[battery.initial]\n0 = 0.5\n", "m.toml:3: battery.initial.0: of its name: it is 0, allowed: at least 1"),
     ("[battery.initial]\n255 = 0.5\n", "m.toml:3: battery.initial.255: of its name: it is 255, allowed: at most 254"),
     ("[rta.collision]\nphi_safe_m = -0.1\n", "m.toml:3: rta.collision.phi_safe_m: it is -0.1, allowed: at least 0"),
-    ("[rta.collision]\nphi_safer_m = 0.3\n",
-     "m.toml:3: rta.collision.phi_safer_m: it is 0.3, allowed: above phi_safe_m, which is 0.3"),
-    ("[rta.obstacle]\nphi_safe_m = 0.2\n",
-     "m.toml:2: rta.obstacle.phi_safer_m: it is 0.1, allowed: above phi_safe_m, which is 0.2"),
+    (
+        "[rta.collision]\nphi_safer_m = 0.3\n",
+        "m.toml:3: rta.collision.phi_safer_m: it is 0.3, allowed: above phi_safe_m, which is 0.3",
+    ),
+    (
+        "[rta.obstacle]\nphi_safe_m = 0.2\n",
+        "m.toml:2: rta.obstacle.phi_safer_m: it is 0.1, allowed: above phi_safe_m, which is 0.2",
+    ),
     ("[rta.obstacle]\ndwell_s = -0.1\n", "m.toml:3: rta.obstacle.dwell_s: it is -0.1, allowed: at least 0"),
-    ("[rta.geofence]\nphi_safer_inset_m = 0.0\n",
-     "m.toml:3: rta.geofence.phi_safer_inset_m: it is 0.0, allowed: above 0"),
+    (
+        "[rta.geofence]\nphi_safer_inset_m = 0.0\n",
+        "m.toml:3: rta.geofence.phi_safer_inset_m: it is 0.0, allowed: above 0",
+    ),
     ("[rta.battery]\nphi_safer = 85\n", "m.toml:3: rta.battery.phi_safer: it is 85, allowed: at most 1"),
     ("[rta.battery]\nreserve_factor = 0.5\n", "m.toml:3: rta.battery.reserve_factor: it is 0.5, allowed: at least 1"),
     ("[rta.battery]\ndelta_s = 0\n", "m.toml:3: rta.battery.delta_s: it is 0, allowed: above 0"),
-    ("[rta.geofence]\ndelta_s = 0.52\n",
-     ("m.toml:3: rta.geofence.delta_s: it is 0.52, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
-     "0.5")),
-    ("[rta.collision]\ndelta_s = 0.01\n",
-     ("m.toml:3: rta.collision.delta_s: it is 0.01, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
-     "0.05")),
-    ("base_tick_s = 0.1\n",
-     "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the nearest is 0.1"),
+    (
+        "[rta.geofence]\ndelta_s = 0.52\n",
+        (
+            "m.toml:3: rta.geofence.delta_s: it is 0.52, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
+            "0.5"
+        ),
+    ),
+    (
+        "[rta.collision]\ndelta_s = 0.01\n",
+        (
+            "m.toml:3: rta.collision.delta_s: it is 0.01, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
+            "0.05"
+        ),
+    ),
+    (
+        "base_tick_s = 0.1\n",
+        "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the nearest is 0.1",
+    ),
 ]
 
 
@@ -241,8 +296,10 @@ def test_all_that_is_wrong_is_listed_in_the_order_of_the_file() -> None:
         "  m.toml:2: seed: it is -1, allowed: at least 0",
         "  m.toml:3: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
         "  m.toml:5: rta.collision.delta_s: it is 'fast', allowed: a number",
-        ("  m.toml:7: battery.drives_s: unknown key, did you mean 'drive_s'?; allowed: drive_s, idle_s, charge_s, "
-        "initial"),
+        (
+            "  m.toml:7: battery.drives_s: unknown key, did you mean 'drive_s'?; allowed: drive_s, idle_s, charge_s, "
+            "initial"
+        ),
         "  command line: robots: it is 0, allowed: at least 1",
     ]
 
@@ -271,16 +328,22 @@ def test_the_workspace_is_looked_for_beside_the_mission(tmp_path: Path) -> None:
 
 def test_robots_are_counted(tmp_path: Path) -> None:
     assert len(load_mission(written(tmp_path, "robots = 1\n")).read_workspace().robots) == 1
-    with pytest.raises(ConfigError, match=r"m\.toml:2: robots: it is 3, but \S+room\.xml has 2; allowed: 1 to 2; for "
-                                          r"more, add robots and charging stations to the workspace file$"):
+    with pytest.raises(
+        ConfigError,
+        match=r"m\.toml:2: robots: it is 3, but \S+room\.xml has 2; allowed: 1 to 2; for "
+        r"more, add robots and charging stations to the workspace file$",
+    ):
         load_mission(written(tmp_path, "robots = 3\n")).read_workspace()
     with pytest.raises(ConfigError, match=r"^command line: robots: it is 4, but"):
         load_mission(written(tmp_path, "robots = 1\n"), {"robots": 4}).read_workspace()
 
 
 def test_charges_of_robots_that_are_not_there(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"m\.toml:3: battery\.initial\.3: it is 0\.5, but \S+room\.xml has no robot "
-                                          r"3; allowed: 1, 2$"):
+    with pytest.raises(
+        ConfigError,
+        match=r"m\.toml:3: battery\.initial\.3: it is 0\.5, but \S+room\.xml has no robot "
+        r"3; allowed: 1, 2$",
+    ):
         load_mission(written(tmp_path, "[battery.initial]\n3 = 0.5\n")).read_workspace()
     # Robot 2 is there, only left out.
     fewer = load_mission(written(tmp_path, "robots = 1\n[battery.initial]\n2 = 0.5\n")).read_workspace()
@@ -289,8 +352,11 @@ def test_charges_of_robots_that_are_not_there(tmp_path: Path) -> None:
 
 def test_a_fence_that_leaves_nothing(tmp_path: Path) -> None:
     path = written(tmp_path, "[rta.geofence]\nphi_safer_inset_m = 2.5\n")
-    with pytest.raises(ConfigError, match=r"m\.toml:3: rta\.geofence\.phi_safer_inset_m: it is 2\.5, which leaves "
-                                          r"nothing of a workspace 5 m wide; allowed: below 2\.5$"):
+    with pytest.raises(
+        ConfigError,
+        match=r"m\.toml:3: rta\.geofence\.phi_safer_inset_m: it is 2\.5, which leaves "
+        r"nothing of a workspace 5 m wide; allowed: below 2\.5$",
+    ):
         load_mission(path).read_workspace()
 
 

@@ -13,7 +13,9 @@ from soter.workspace import Box, RobotPlace, Workspace
 
 PATCH = Box(0.8, 0.8, 1.2, 1.2, 0.0)
 ROOM = Workspace(
-    5.0, 5.0, (Box(2, 0, 3, 1), Box(2, 3, 3, 4), Box(1, 2, 1.9, 3)),
+    5.0,
+    5.0,
+    (Box(2, 0, 3, 1), Box(2, 3, 3, 4), Box(1, 2, 1.9, 3)),
     (RobotPlace(1, 1.0, 1.0, PATCH), RobotPlace(2, 2.5, 2.0, PATCH)),
 )
 

@@ -23,9 +23,7 @@ CHARGERS = (
 )
 
 
-def xml(
-    dimension: str = DIMENSION, robots: str = ROBOTS, obstacles: str = OBSTACLES, chargers: str = CHARGERS
-) -> str:
+def xml(dimension: str = DIMENSION, robots: str = ROBOTS, obstacles: str = OBSTACLES, chargers: str = CHARGERS) -> str:
     """A workspace file: the dimension in line 2, robots from 4, the box in 8, chargers from 11."""
     return f"<configuration>\n{dimension}\n{robots}\n{obstacles}\n{chargers}\n</configuration>\n"
 
@@ -95,8 +93,12 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     # elements and attributes
     "unknown element": (
         xml().replace("obstacles>", "obstacels>"),
-        [("room.xml:7: <configuration>: unknown element <obstacels>, did you mean 'obstacles'?; allowed here: "
-         "<dimension>, <robots>, <obstacles>, <charging_stations>")],
+        [
+            (
+                "room.xml:7: <configuration>: unknown element <obstacels>, did you mean 'obstacles'?; allowed here: "
+                "<dimension>, <robots>, <obstacles>, <charging_stations>"
+            )
+        ],
     ),
     "element where none belongs": (
         xml(dimension='<dimension x="5" y="5" z="1"><x/></dimension>'),
@@ -107,7 +109,8 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         ["room.xml:4: <start>: unknown attribute 'haeding', did you mean 'heading'?; allowed: x, y, z, heading"],
     ),
     "attribute where none belongs": (
-        xml().replace("<robots>", '<robots n="2">'), ["room.xml:3: <robots>: unknown attribute 'n'; allowed: none"],
+        xml().replace("<robots>", '<robots n="2">'),
+        ["room.xml:3: <robots>: unknown attribute 'n'; allowed: none"],
     ),
     "missing attribute": (
         xml(dimension='<dimension x="5" z="1"/>'),
@@ -127,7 +130,8 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "no start": (xml().replace(START_1, ""), ["room.xml:4: <robot>: it has 0 <start>, allowed: exactly one"]),
     "two starts": (xml().replace(START_1, 2 * START_1), ["room.xml:4: <robot>: it has 2 <start>, allowed: exactly"]),
     "half a box": (
-        xml().replace('<low x="1" y="2" z="0"/>', ""), ["room.xml:8: <box>: it has 0 <low>, allowed: exactly one"],
+        xml().replace('<low x="1" y="2" z="0"/>', ""),
+        ["room.xml:8: <box>: it has 0 <low>, allowed: exactly one"],
     ),
     # numbers
     **{
@@ -138,20 +142,25 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         for text in ("nan", "inf", "-inf", "1e999", "1e5", "", "five", "1_0", "0x10", "5,0", "٥")
     },
     "zero size": (
-        xml(dimension='<dimension x="5" y="0" z="1"/>'), ["room.xml:2: <dimension>: y is 0, allowed: above 0"],
+        xml(dimension='<dimension x="5" y="0" z="1"/>'),
+        ["room.xml:2: <dimension>: y is 0, allowed: above 0"],
     ),
     "negative size": (
-        xml(dimension='<dimension x="-5" y="5" z="1"/>'), ["room.xml:2: <dimension>: x is -5, allowed: above 0"],
+        xml(dimension='<dimension x="-5" y="5" z="1"/>'),
+        ["room.xml:2: <dimension>: x is -5, allowed: above 0"],
     ),
     "start nan": (
-        xml().replace(START_1, '<start x="nan" y="1" z="0"/>'), ["room.xml:4: robot 1: x is 'nan', allowed: a finite"],
+        xml().replace(START_1, '<start x="nan" y="1" z="0"/>'),
+        ["room.xml:4: robot 1: x is 'nan', allowed: a finite"],
     ),
     "heading inf": (
-        xml().replace(START_1, '<start x="1" y="1" z="0" heading="inf"/>'), ["room.xml:4: robot 1: heading is 'inf'"],
+        xml().replace(START_1, '<start x="1" y="1" z="0" heading="inf"/>'),
+        ["room.xml:4: robot 1: heading is 'inf'"],
     ),
     # robots
     "no robot": (
-        xml(robots="<robots/>"), ["room.xml:3: <robots>: there is no robot, allowed: at least one <robot>"],
+        xml(robots="<robots/>"),
+        ["room.xml:3: <robots>: there is no robot, allowed: at least one <robot>"],
     ),
     "missing id": (
         xml().replace('<robot id="2">', "<robot>"),
@@ -178,18 +187,30 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     ),
     "start in a box": (
         xml().replace(START_1, '<start x="1.5" y="2.9" z="0"/>'),
-        [("room.xml:4: start of robot 1: it lies in a box, at (1.5, 2.9); allowed: at least 0.15 m; the nearest free "
-         "pose is (1.5, 3.26)")],
+        [
+            (
+                "room.xml:4: start of robot 1: it lies in a box, at (1.5, 2.9); allowed: at least 0.15 m; the nearest free "
+                "pose is (1.5, 3.26)"
+            )
+        ],
     ),
     "body in a box": (
         xml().replace('<start x="2.5" y="2" z="0"/>', '<start x="2" y="2.5" z="0"/>'),
-        [("room.xml:5: start of robot 2: the body (radius 0.105 m) would overlap a box by 0.005 m, at (2, 2.5); "
-         "allowed: at least 0.15 m; the nearest free pose is (2.16, 2.5)")],
+        [
+            (
+                "room.xml:5: start of robot 2: the body (radius 0.105 m) would overlap a box by 0.005 m, at (2, 2.5); "
+                "allowed: at least 0.15 m; the nearest free pose is (2.16, 2.5)"
+            )
+        ],
     ),
     "too little clearance": (
         xml().replace('<start x="2.5" y="2" z="0"/>', '<start x="2.15" y="2.5" z="0"/>'),
-        [("room.xml:5: start of robot 2: the body (radius 0.105 m) would be only 0.145 m from a box, at (2.15, 2.5); "
-         "allowed: at least 0.15 m; the nearest free pose is (2.16, 2.5)")],
+        [
+            (
+                "room.xml:5: start of robot 2: the body (radius 0.105 m) would be only 0.145 m from a box, at (2.15, 2.5); "
+                "allowed: at least 0.15 m; the nearest free pose is (2.16, 2.5)"
+            )
+        ],
     ),
     "charger with too little clearance": (
         xml().replace('<low x="2.3" y="1.8"', '<low x="1.8" y="1.6"').replace('<high x="2.7"', '<high x="2.2"'),
@@ -216,8 +237,10 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         ["room.xml:12: charging station of robot 2: it is 0.141 m from the charging station of robot 1, allowed: at"],
     ),
     "too few chargers": (
-        xml(chargers='<charging_stations><box><low x="0.8" y="0.8" z="0"/><high x="1.2" y="1.2" z="0"/></box>'
-                     "</charging_stations>"),
+        xml(
+            chargers='<charging_stations><box><low x="0.8" y="0.8" z="0"/><high x="1.2" y="1.2" z="0"/></box>'
+            "</charging_stations>"
+        ),
         ["room.xml:10: charging_stations: 1 charging stations for 2 robots; each robot needs one, in the order"],
     ),
     # boxes
@@ -304,8 +327,11 @@ def test_clearance_and_spacing_follow_the_modules() -> None:
 
 def test_a_missing_file_is_named_with_the_nearest(tmp_path: Path) -> None:
     (tmp_path / "warehouse.xml").write_text(xml())
-    with pytest.raises(ConfigError, match=r"warehuose\.xml: this workspace file does not exist, did you mean "
-                                          r"'warehouse\.xml'\?"):
+    with pytest.raises(
+        ConfigError,
+        match=r"warehuose\.xml: this workspace file does not exist, did you mean "
+        r"'warehouse\.xml'\?",
+    ):
         read_workspace(tmp_path / "warehuose.xml")
 
 

@@ -18,6 +18,7 @@ from soter import registry
 from soter.errors import BackendError, BackendUnavailable, UnknownBackend
 from soter.registry import BUILT_IN, INSTALL_HINTS, LIBRARIES, backend_names, install_hint, list_backends, load_backend
 from soter.sdk import INTERFACE_VERSION
+from soter.sdk.hints import DISTRIBUTION
 
 PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
 
@@ -85,7 +86,7 @@ def failure(kind: type[BackendError], name: str) -> str:
 
 def test_the_built_in_table_is_what_the_distribution_registers() -> None:
     assert PYPROJECT["project"]["entry-points"][registry.ENTRY_POINT_GROUP] == dict(BUILT_IN)
-    assert PYPROJECT["project"]["name"] == registry.DISTRIBUTION
+    assert PYPROJECT["project"]["name"] == DISTRIBUTION
 
 
 def test_every_hint_names_an_extra_that_there_is() -> None:
@@ -194,32 +195,44 @@ def test_a_library_that_is_missed_only_when_the_backend_is_opened() -> None:
         ("from soter.sdk import Robot as B", BackendError, "is not a subclass of soter.sdk.Backend"),
         ("class Bee: pass", UnknownBackend, "module 'robots_of_somebody' has no 'B'"),
         (
-            GOOD.replace("interface_version = 1", f"interface_version = {INTERFACE_VERSION + 1}"), BackendError,
-            (f"is made for version {INTERFACE_VERSION + 1} of the interface, this is version {INTERFACE_VERSION}; "
-            "upgrade soter-rta"),
+            GOOD.replace("interface_version = 1", f"interface_version = {INTERFACE_VERSION + 1}"),
+            BackendError,
+            (
+                f"is made for version {INTERFACE_VERSION + 1} of the interface, this is version {INTERFACE_VERSION}; "
+                "upgrade soter-rta"
+            ),
         ),
         (
-            GOOD.replace("interface_version = 1", f"interface_version = {INTERFACE_VERSION - 1}"), BackendError,
-            (f"is made for version {INTERFACE_VERSION - 1} of the interface, this is version {INTERFACE_VERSION}; "
-            "upgrade the adapter"),
+            GOOD.replace("interface_version = 1", f"interface_version = {INTERFACE_VERSION - 1}"),
+            BackendError,
+            (
+                f"is made for version {INTERFACE_VERSION - 1} of the interface, this is version {INTERFACE_VERSION}; "
+                "upgrade the adapter"
+            ),
         ),
         (
-            GOOD.replace("interface_version = 1", ""), BackendError,
+            GOOD.replace("interface_version = 1", ""),
+            BackendError,
             "does not say which interface it is made for; set interface_version to that number",
         ),
         (GOOD.replace("def open", "def opne"), BackendError, "is not complete: it does not define open"),
         (
-            GOOD.replace("robot_class = R", ""), BackendError,
+            GOOD.replace("robot_class = R", ""),
+            BackendError,
             "needs a 'robot_class' that is a subclass of soter.sdk.Robot",
         ),
         (
-            GOOD.replace("config_model = BackendConfig", "config_model = dict"), BackendError,
+            GOOD.replace("config_model = BackendConfig", "config_model = dict"),
+            BackendError,
             "needs a 'config_model' that is a subclass of soter.sdk.BackendConfig",
         ),
         (
-            "1 / 0", BackendError,
-            ("importing 'robots_of_somebody' failed with ZeroDivisionError: division by zero; this is a fault of that "
-            "module"),
+            "1 / 0",
+            BackendError,
+            (
+                "importing 'robots_of_somebody' failed with ZeroDivisionError: division by zero; this is a fault of that "
+                "module"
+            ),
         ),
         ("def broken(:", BackendError, "importing 'robots_of_somebody' failed with SyntaxError: "),
     ],
@@ -258,7 +271,10 @@ def test_the_list_shows_who_is_available_and_why_not(write: Write, register: Cal
     assert rows["pybullet"].origin == rows["kinematic"].origin == "built in"
     good = rows["good"]
     assert (good.origin, good.target, good.available, good.problem) == (
-        "an unknown distribution", "robots_of_somebody:B", True, ""
+        "an unknown distribution",
+        "robots_of_somebody:B",
+        True,
+        "",
     )
     assert good.capabilities == (
         "on a wire, not repeatable, at most 0.5 m/s, latency 0.1 s, lease 0.4 s, reverses, battery"

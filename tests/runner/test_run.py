@@ -51,7 +51,8 @@ def test_no_rule_is_broken(targets: str) -> None:
 
 
 def test_without_modules_every_rule_is_broken() -> None:
-    run = run_mission(mission(targets="hostile", duration_s=2400.0, seed=1, rta__enabled=False))
+    # Longer than a battery lasts.
+    run = run_mission(mission(targets="hostile", duration_s=5400.0, seed=1, rta__enabled=False))
     assert all(count > 0 for count in violations(run).values()), violations(run)
     assert run.result.ac_share == 1.0
     assert run.result.disengagements_total == 0
