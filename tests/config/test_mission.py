@@ -155,21 +155,24 @@ WRONG: list[tuple[str, str]] = [
     (
         "[rta]\nenable = true\n",
         (
-            "m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, collision, obstacle, "
+            "m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, "
+            "collision, obstacle, "
             "geofence, battery, path"
         ),
     ),
     (
         "[rta.colision]\ndelta_s = 0.1\n",
         (
-            "m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, collision, obstacle, "
+            "m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, "
+            "collision, obstacle, "
             "geofence, battery, path"
         ),
     ),
     (
         "[rta.geofence]\nphi_safe_m = 0.0\n",
         (
-            "m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: delta_s, dwell_s, "
+            "m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: "
+            "delta_s, dwell_s, "
             "phi_safer_inset_m"
         ),
     ),
@@ -205,7 +208,8 @@ WRONG: list[tuple[str, str]] = [
     (
         '[rta]\nmodules = ["battery", "batery"]\n',
         (
-            "m.toml:3: rta.modules.1: it is 'batery', allowed: 'collision', 'obstacle', 'geofence' or 'battery', did you "
+            "m.toml:3: rta.modules.1: it is 'batery', allowed: 'collision', 'obstacle', 'geofence' or "
+            "'battery', did you "
             "mean 'battery'?"
         ),
     ),
@@ -256,20 +260,23 @@ WRONG: list[tuple[str, str]] = [
     (
         "[rta.geofence]\ndelta_s = 0.52\n",
         (
-            "m.toml:3: rta.geofence.delta_s: it is 0.52, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
+            "m.toml:3: rta.geofence.delta_s: it is 0.52, allowed: a multiple of base_tick_s, which is "
+            "0.05; the nearest is "
             "0.5"
         ),
     ),
     (
         "[rta.collision]\ndelta_s = 0.01\n",
         (
-            "m.toml:3: rta.collision.delta_s: it is 0.01, allowed: a multiple of base_tick_s, which is 0.05; the nearest is "
+            "m.toml:3: rta.collision.delta_s: it is 0.01, allowed: a multiple of base_tick_s, which is "
+            "0.05; the nearest is "
             "0.05"
         ),
     ),
     (
         "base_tick_s = 0.1\n",
-        "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the nearest is 0.1",
+        "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the "
+        "nearest is 0.1",
     ),
 ]
 

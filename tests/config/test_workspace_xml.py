@@ -189,7 +189,8 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         xml().replace(START_1, '<start x="1.5" y="2.9" z="0"/>'),
         [
             (
-                "room.xml:4: start of robot 1: it lies in a box, at (1.5, 2.9); allowed: at least 0.15 m; the nearest free "
+                "room.xml:4: start of robot 1: it lies in a box, at (1.5, 2.9); allowed: at least 0.15 "
+                "m; the nearest free "
                 "pose is (1.5, 3.26)"
             )
         ],
@@ -207,7 +208,8 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         xml().replace('<start x="2.5" y="2" z="0"/>', '<start x="2.15" y="2.5" z="0"/>'),
         [
             (
-                "room.xml:5: start of robot 2: the body (radius 0.105 m) would be only 0.145 m from a box, at (2.15, 2.5); "
+                "room.xml:5: start of robot 2: the body (radius 0.105 m) would be only 0.145 m from a "
+                "box, at (2.15, 2.5); "
                 "allowed: at least 0.15 m; the nearest free pose is (2.16, 2.5)"
             )
         ],

@@ -230,7 +230,8 @@ def test_a_library_that_is_missed_only_when_the_backend_is_opened() -> None:
             "1 / 0",
             BackendError,
             (
-                "importing 'robots_of_somebody' failed with ZeroDivisionError: division by zero; this is a fault of that "
+                "importing 'robots_of_somebody' failed with ZeroDivisionError: division by zero; this is "
+                "a fault of that "
                 "module"
             ),
         ),
