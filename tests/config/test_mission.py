@@ -275,8 +275,10 @@ WRONG: list[tuple[str, str]] = [
     ),
     (
         "base_tick_s = 0.1\n",
-        "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the "
-        "nearest is 0.1",
+        (
+            "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the "
+            "nearest is 0.1"
+        ),
     ),
 ]
 
