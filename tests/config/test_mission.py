@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from soter.config import MODULES, Mission, draw_charge, load_mission, parse_mission, validate_options
+from soter.config import Mission, draw_charge, load_mission, parse_mission, validate_options
+from soter.config_tables import MODULES
 from soter.errors import ConfigError
 
 ROOM = Path(__file__).parents[2] / "examples" / "surveillance.xml"

@@ -24,6 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.workspace": set(),
     "soter.workspace_xml": set(),
     "soter.config": set(),
+    "soter.config_tables": set(),
     "soter.sdk": set(),
     "soter.drive": set(),
     "soter.mux": set(),
@@ -68,6 +69,7 @@ BASE = {
     "soter.workspace",
     "soter.workspace_xml",
     "soter.config",
+    "soter.config_tables",
 }
 # These run where nothing is installed, or must stay easy to argue about; what they import must be so as well.
 STDLIB_ONLY = {"soter.clock", "soter.errors", "soter.drive", "soter.mux", "soter.machine"}

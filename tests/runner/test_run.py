@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from soter.apps.surveillance import Targets
-from soter.config import MODULES, Mission, load_mission
+from soter.config import Mission, load_mission
+from soter.config_tables import MODULES
 from soter.errors import ConfigError, IllFormedModule
 from soter.runner import Progress, Run, run_mission
 from soter.runner.watchdog import HandlerWatchdog

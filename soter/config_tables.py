@@ -1,0 +1,181 @@
+"""The tables of a mission file that say what safety modules promise and what batteries hold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails
+
+from soter.problems import not_allowed
+from soter.workspace_xml import MAX_ROBOT_ID
+
+MODULES: Final = ("collision", "obstacle", "geofence", "battery")
+"""The safety modules, in the order in which they take the actuator: the first of them in SC drives."""
+
+Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
+Period = Annotated[float, Field(gt=0.0, le=60.0, allow_inf_nan=False)]
+Charge = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1)]
+RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
+RawTables = dict[str, dict[str, Any]]
+
+
+class Table(BaseModel):
+    """Base of all tables: unknown keys are refused, values are taken as they are written."""
+
+    # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
+    """Return an error on a key below the model that is being validated."""
+    details = InitErrorDetails(type=not_allowed(allowed), loc=key, input=value)
+    return ValidationError.from_exception_data("mission", [details])
+
+
+class ModuleTable(Table):
+    """What every safety module is told.
+
+    Attributes:
+        delta_s: how often its decision module looks; a multiple of the base tick.
+        dwell_s: how long the robot must have been inside phi_safer before it is given back.
+    """
+
+    delta_s: Period
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0, allow_inf_nan=False)] = 0.3
+
+
+class DistanceTable(ModuleTable):
+    """A module that keeps a distance.
+
+    Attributes:
+        phi_safe_m: the distance that must never be undercut.
+        phi_safer_m: the distance from which the robot may be given back.
+    """
+
+    phi_safe_m: Metres
+    phi_safer_m: Metres
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.phi_safer_m <= self.phi_safe_m:
+            raise wrong(("phi_safer_m",), self.phi_safer_m, f"above phi_safe_m, which is {self.phi_safe_m:g}")
+        return self
+
+
+class CollisionTable(DistanceTable):
+    """Distance between the centres of two robots."""
+
+    delta_s: Period = 0.1
+    phi_safe_m: Metres = 0.3
+    phi_safer_m: Metres = 0.5
+
+
+class ObstacleTable(DistanceTable):
+    """Clearance between the body and the nearest box."""
+
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.0
+    phi_safer_m: Metres = 0.1
+
+
+class GeofenceTable(ModuleTable):
+    """The fence: phi_safe is the workspace itself.
+
+    Attributes:
+        phi_safer_inset_m: how far inside the fence phi_safer lies, on every side.
+    """
+
+    delta_s: Period = 0.5
+    phi_safer_inset_m: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)] = 0.5
+
+
+class BatteryModuleTable(ModuleTable):
+    """Enough charge for the way home.
+
+    Attributes:
+        phi_safer: charge from 0 to 1 from which a robot may be given back.
+        reserve_factor: the reserve, as a multiple of the cost of the longest way home.
+    """
+
+    delta_s: Period = 1.0
+    phi_safer: Charge = 0.85
+    reserve_factor: Annotated[float, Field(ge=1.0, le=100.0, allow_inf_nan=False)] = 4.0
+
+
+class PathTable(DistanceTable):
+    """The protected planner: body clearance that a planned path keeps from boxes.
+
+    Attributes:
+        enabled: whether paths are judged at all; without it the planner is used as it is.
+    """
+
+    enabled: bool = False
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.06
+    phi_safer_m: Metres = 0.1
+
+
+def _in_fixed_order(modules: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(modules)) != len(modules):
+        twice = next(name for name in modules if modules.count(name) > 1)
+        raise not_allowed(f"each module once, '{twice}' is there twice")
+    return tuple(name for name in MODULES if name in modules)
+
+
+class RtaTable(Table):
+    """The safety modules.
+
+    Attributes:
+        enabled: False removes the decision modules and nothing else.
+        modules: those that are on; whatever order they are given in, theirs is that of `MODULES`.
+        collision: distance to other robots.
+        obstacle: clearance to boxes.
+        geofence: the fence.
+        battery: the way home.
+        path: the protected planner; a module of its own, since it has no say over the actuator.
+    """
+
+    enabled: bool = True
+    modules: Annotated[
+        tuple[Literal["collision", "obstacle", "geofence", "battery"], ...],
+        Field(strict=False),
+        AfterValidator(_in_fixed_order),
+    ] = MODULES
+    collision: CollisionTable = CollisionTable()
+    obstacle: ObstacleTable = ObstacleTable()
+    geofence: GeofenceTable = GeofenceTable()
+    battery: BatteryModuleTable = BatteryModuleTable()
+    path: PathTable = PathTable()
+
+
+def _by_robot(value: object) -> object:
+    """Accept a list, by robot id from 1, or a table; keys of TOML tables are texts."""
+    if isinstance(value, list | tuple):
+        return dict(enumerate(value, start=1))
+    if isinstance(value, Mapping):
+        return {
+            int(key) if isinstance(key, str) and re.fullmatch(r"\d{1,3}", key, re.ASCII) else key: charge
+            for key, charge in value.items()
+        }
+    return value
+
+
+class BatteryTable(Table):
+    """The batteries of simulated robots.
+
+    Attributes:
+        drive_s: from full to empty when driving.
+        idle_s: the same when standing still.
+        charge_s: from empty to full at the charger.
+        initial: charge from 0 to 1 at the start, by robot id; whoever is not in it has one drawn from the seed.
+    """
+
+    drive_s: Positive = 1800.0
+    idle_s: Positive = 7200.0
+    charge_s: Positive = 60.0
+    initial: Annotated[dict[RobotId, Charge] | None, BeforeValidator(_by_robot)] = None
