@@ -50,7 +50,6 @@ _LOST_S: Final = 1.0
 _REST_M_S: Final = 1e-3
 _REST_RAD_S: Final = 1e-2
 _TRUTH_TIMEOUT_S: Final = 5.0
-_LINGER_MS: Final = 100
 
 
 class Endpoints(BaseModel):
@@ -208,7 +207,8 @@ class ZmqRobot(Robot):
             lost = latest is None or self.clock.now() - latest[0].stamp_s > self.stale_after_s
             # Who is not heard any more has been stopped by its lease; it may still come back, but not many do.
             self._settle(min(timeout_s, _LOST_S) if lost else timeout_s)
-        self._commands.close(_LINGER_MS)
+        # The robot has heard it, or is not there: nothing is worth waiting for when the socket goes.
+        self._commands.close(0)
 
     # --- the rest ------------------------------------------------------------------------------------------
 
