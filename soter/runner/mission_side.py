@@ -11,14 +11,13 @@ from soter.clock import Clock
 from soter.config import Mission
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.rta import ControlReport, Report
-from soter.runner.metrics import Metrics
+from soter.runner.ac_side import Scene
 from soter.stack.assembly import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
 from soter.stack.planners import PlanRequest, PlanService
 from soter.stack.task_planner import TaskPlanner, Tasks
-from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -28,49 +27,58 @@ TASK_PLANNER: Final = "TaskPlanner"
 
 
 class MissionSide:
-    """Runs the machines between the ticks and carries what the ports and the planner report to them.
+    """An `AcSide`: the machines, run between the ticks, and what the ports and the planner report to them.
 
     Args:
         mission: what to do.
-        clock: fleet time.
-        plans: the planner's service.
+        workspace: where.
+        body_radius_m: of the robots.
+        virtual_time: plans are delivered at a time that does not depend on the host.
+
+    Raises:
+        ConfigError: options of the planner that it does not allow.
     """
 
-    def __init__(self, mission: Mission, clock: Clock, plans: PlanService) -> None:
+    def __init__(self, mission: Mission, workspace: Workspace, body_radius_m: float, *, virtual_time: bool) -> None:
         self._mission: Final = mission
-        self._clock: Final = clock
-        self._plans: Final = plans
-        self.runtime: Final = Runtime(now=clock.now, on_failure=self._failed)
+        self._plans: Final = PlanService(
+            mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}),
+            source=mission.source, virtual_time=virtual_time,
+        )  # fmt: skip
         self.failures: dict[int | None, str] = {}
-        """What failed, by robot; None for the task planner, on which all robots depend."""
+        self._clock: Clock | None = None
+        self._runtime: Final = Runtime(now=self._now, on_failure=self._failed)
         self._listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self._owners: dict[str, int] = {}
         self._waiting: dict[int, tuple[PlanRequest, MachineRef]] = {}
         self._guards: dict[int, PathGuard] = {}
         self._ports: Mapping[int, RobotPort] = {}
 
-    def start(self, workspace: Workspace, terrain: Terrain, ports: Mapping[int, RobotPort], disc_m: float,
-              metrics: Metrics) -> None:  # fmt: skip
+    def ready(self) -> None:
+        """Wait until the planner's processes answer."""
+        self._plans.ready()
+
+    def start(self, scene: Scene) -> None:
         """Create the task planner; it creates the rest."""
-        body_radius_m, path = terrain.body_radius_m, self._mission.rta.path
-        self._ports = ports
+        path, ports, seed = self._mission.rta.path, scene.ports, self._mission.seed
+        self._ports, self._clock = ports, scene.clock
         if self._mission.rta.enabled and path.enabled:
             for robot_id in ports:
                 self._guards[robot_id] = PathGuard(
-                    terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
+                    scene.terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
                 )
-        targets = Targets(workspace, body_radius_m, self._mission.targets, self._mission.seed)
+        targets = Targets(scene.workspace, scene.terrain.body_radius_m, self._mission.targets, seed)
         kits = {
             robot_id: RobotKit(
                 robot_id, port, {other: peer for other, peer in ports.items() if other != robot_id},
-                self._submit, self._subscribe, self._mission.seed, disc_m, self._mission.target_timeout_s, ARRIVAL_M,
+                self._submit, self._subscribe, seed, scene.disc_m, self._mission.target_timeout_s, ARRIVAL_M,
             )
             for robot_id, port in ports.items()
         }  # fmt: skip
-        tasks = Tasks(kits, targets.next, metrics.on_target, metrics.on_ended)
-        self.runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
+        tasks = Tasks(kits, targets.next, scene.log.on_target, scene.log.on_ended)
+        self._runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
         # Before the first tick, so that no machine misses the first report of a port.
-        self.runtime.run()
+        self._runtime.run()
 
     def hear(self, report: Report) -> None:
         """Pass on what a port reports. Called in the supervisor's thread; only posts."""
@@ -80,7 +88,7 @@ class MissionSide:
         else:
             event = GoalEnded(report.goal_id, report.status)
         for machine in self._listeners.get((report.robot_id, type(event)), ()):
-            self.runtime.post(machine, event)
+            self._runtime.post(machine, event)
 
     def run(self, now_s: float) -> None:
         """Deliver the plans whose time has come and let the machines do what they can do now."""
@@ -90,8 +98,18 @@ class MissionSide:
                 guard, state = self._guards.get(request.robot_id), self._ports[request.robot_id].state
                 if guard is not None and state is not None:
                     plan = guard.judge(state, now_s, request, plan)
-                self.runtime.post(machine, PathPlanned(plan.request_id, plan.path, plan.reason, plan.reaches_goal))
-        self.runtime.run()
+                self._runtime.post(machine, PathPlanned(plan.request_id, plan.path, plan.reason, plan.reaches_goal))
+        self._runtime.run()
+
+    @property
+    def current_handler(self) -> str | None:
+        """The handler that runs now, or None. Readable from any thread."""
+        return self._runtime.current_handler
+
+    @property
+    def incidents(self) -> tuple[str, ...]:
+        """Plans that came when the host pleased, one line each."""
+        return self._plans.incidents
 
     @property
     def paths_replaced(self) -> int:
@@ -101,10 +119,13 @@ class MissionSide:
     def close(self) -> None:
         """End the planner's processes and close the machines."""
         self._plans.close()
-        self.runtime.close()
+        self._runtime.close()
+
+    def _now(self) -> float:
+        return 0.0 if self._clock is None else self._clock.now()
 
     def _submit(self, request: PlanRequest, reply_to: MachineRef) -> None:
-        self._plans.submit(request, self._clock.now())
+        self._plans.submit(request, self._now())
         self._waiting[request.request_id] = (request, reply_to)
 
     def _subscribe(self, robot_id: int, machine: MachineRef, events: tuple[type[Event], ...]) -> None:

@@ -14,6 +14,7 @@ from soter.errors import RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
+from soter.runner.ac_side import AcSide, Scene
 from soter.runner.metrics import Metrics, counts, module_figures
 from soter.runner.mission_side import MissionSide
 from soter.runner.needless import NeedlessJudge
@@ -23,7 +24,6 @@ from soter.runner.trace import Trace
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
 from soter.stack.assembly import SafetySide, assemble, enabled
-from soter.stack.planners import PlanService
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -90,24 +90,19 @@ def run_mission(
     ]  # fmt: skip
     faults = read_faults(mission, [spec.id for spec in specs])
     with ExitStack() as stack:
-        plans = PlanService(
-            mission.planner, workspace, backend_class.robot_class.declared.body_radius_m,
-            mission.planners.get(mission.planner, {}),
-            source=mission.source,
-            virtual_time=backend_class.robot_class.declared.in_process,
-        )  # fmt: skip
-        stack.callback(plans.close)
+        declared = backend_class.robot_class.declared
+        side: AcSide = MissionSide(mission, workspace, declared.body_radius_m, virtual_time=declared.in_process)
+        stack.callback(side.close)
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))
         except ImportError as failure:
             raise missing_library(mission.backend, failure) from failure
         if faults:
             fleet = stack.enter_context(FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s))
-        plans.ready()
+        side.ready()
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
-        loop = _Loop(mission, workspace, fleet, plans)
-        stack.callback(loop.side.close)
+        loop = _Loop(mission, workspace, fleet, side)
         status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
         return Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
@@ -116,16 +111,15 @@ def run_mission(
 class _Loop:
     """One run, from the first tick to the last."""
 
-    def __init__(self, mission: Mission, workspace: Workspace, fleet: Fleet, plans: PlanService) -> None:
+    def __init__(self, mission: Mission, workspace: Workspace, fleet: Fleet, side: AcSide) -> None:
         self.mission: Final = mission
         self.fleet: Final = fleet
-        self.plans: Final = plans
+        self.side: Final = side
         self.modules: Final = enabled(mission)
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
         robot_ids = [robot.id for robot in fleet.robots]
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
-        self.side: Final = MissionSide(mission, fleet.clock, plans)
-        self.safety: Final[SafetySide] = assemble(mission, workspace, fleet.robots, self.side.hear, [self.metrics])
+        self.safety: Final[SafetySide] = assemble(mission, workspace, fleet.robots, side.hear, [self.metrics])
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
         self.ticks = 0
@@ -136,9 +130,8 @@ class _Loop:
         self.metrics.judge = NeedlessJudge(
             self.safety.supervisor.robots, self.safety.forwarders, self.safety.modules, capabilities.v_max_m_s
         ).judge
-        self.side.start(
-            workspace, self.safety.terrain, self.safety.ports, self.safety.trigger_m + DISC_SLACK_M, self.metrics
-        )
+        disc_m = self.safety.trigger_m + DISC_SLACK_M
+        side.start(Scene(fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, self.metrics))
 
     def run(
         self,
@@ -149,7 +142,7 @@ class _Loop:
         """Tick until the time is up; return the status and, for a failure, what it was."""
         start_s = time.perf_counter()
         try:
-            with HandlerWatchdog(lambda: self.side.runtime.current_handler, lambda: self.ticks) as watchdog:
+            with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:
                 return self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop), ""
         except KeyboardInterrupt:
             return "interrupted", ""
@@ -250,8 +243,8 @@ class _Loop:
             monitors=module_figures(self.robots),
             dm_tick_us=metrics.tick_times(),
             missed_ticks=self.missed_ticks,
-            deterministic=self.plans.deterministic and status == "completed",
-            nondeterminism="; ".join(self.plans.incidents),
+            deterministic=not self.side.incidents and status == "completed",
+            nondeterminism="; ".join(self.side.incidents),
             trace_sha256=self.trace.hexdigest(),
             faults=_fault_figures(self.fleet),
             failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},

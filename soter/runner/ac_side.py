@@ -1,0 +1,80 @@
+"""The ACs' side of the ports, as the runner needs it: whoever the ACs are, and whichever process they run in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from soter.clock import Clock
+from soter.rta import Report
+from soter.stack.events import Outcome, Place
+from soter.stack.kit import RobotPort
+from soter.stack.terrain import Terrain
+from soter.workspace import Workspace
+
+
+class TargetLog(Protocol):
+    """Who is told what the robots are after. Statistics: nothing that is safe depends on it."""
+
+    def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
+        """A robot has been given a target."""
+
+    def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
+        """A target has ended, one way or another."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the ACs get to see and use.
+
+    Attributes:
+        clock: fleet time.
+        workspace: fence, boxes, chargers.
+        terrain: the same, as distances.
+        ports: the ACs' rights, by robot.
+        disc_m: distance that plans keep from robots that stand in the way.
+        log: told of targets.
+    """
+
+    clock: Clock
+    workspace: Workspace
+    terrain: Terrain
+    ports: Mapping[int, RobotPort]
+    disc_m: float
+    log: TargetLog
+
+
+class AcSide(Protocol):
+    """Everything that is untrusted. Made before the robots are opened, so that bad options move nothing."""
+
+    @property
+    def failures(self) -> Mapping[int | None, str]:
+        """What failed for good, by robot; None for what all robots depend on."""
+
+    @property
+    def current_handler(self) -> str | None:
+        """What is running right now in this process, or None. Readable from any thread."""
+
+    @property
+    def paths_replaced(self) -> int:
+        """How many paths of the untrusted planner were not used."""
+
+    @property
+    def incidents(self) -> Sequence[str]:
+        """What made this run one that does not repeat; empty while it does."""
+
+    def ready(self) -> None:
+        """Wait until everything that runs elsewhere has started."""
+
+    def start(self, scene: Scene) -> None:
+        """Begin; called once, before the first tick."""
+
+    def hear(self, report: Report) -> None:
+        """Take what a port reports. Called in the supervisor's thread, in the middle of a tick."""
+
+    def run(self, now_s: float) -> None:
+        """Do what is to be done now. Called after every tick, in the supervisor's thread."""
+
+    def close(self) -> None:
+        """End everything that was started. Idempotent."""
