@@ -16,10 +16,10 @@ from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
 from soter.runner.ac_side import AcSide, Scene
 from soter.runner.metrics import Metrics, counts, module_figures
-from soter.runner.mission_side import MissionSide
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
+from soter.runner.sides import make_ac_side
 from soter.runner.trace import Trace
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
@@ -91,7 +91,7 @@ def run_mission(
     faults = read_faults(mission, [spec.id for spec in specs])
     with ExitStack() as stack:
         declared = backend_class.robot_class.declared
-        side: AcSide = MissionSide(mission, workspace, declared.body_radius_m, virtual_time=declared.in_process)
+        side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=declared.in_process)
         stack.callback(side.close)
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))

@@ -1,0 +1,23 @@
+"""Makes the ACs' side that a mission asks for."""
+
+from __future__ import annotations
+
+from soter.config import Mission
+from soter.runner.ac_side import AcSide
+from soter.runner.mission_side import MissionSide
+from soter.workspace import Workspace
+
+
+def make_ac_side(mission: Mission, workspace: Workspace, body_radius_m: float, *, virtual_time: bool) -> AcSide:
+    """Return the ACs' side of a mission, not yet begun.
+
+    Args:
+        mission: its `ac` says who the ACs are.
+        workspace: where.
+        body_radius_m: of the robots.
+        virtual_time: time does not pass by itself, so that what is worked out may not depend on the host.
+
+    Raises:
+        ConfigError: options that it does not allow; nothing has moved.
+    """
+    return MissionSide(mission, workspace, body_radius_m, virtual_time=virtual_time)
