@@ -1,0 +1,165 @@
+"""What the safety argument assumes, by stable numbers, and how a run notices that an assumption does not hold."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple, Self
+
+
+class Assumption(Enum):
+    """One numbered assumption. The numbers are stable: causes, results and documents refer to them.
+
+    Attributes:
+        id: its number, such as "A1".
+        statement: what is assumed, in one sentence.
+        monitor: what notices, while a mission runs, that it does not hold; and what stays unseen.
+    """
+
+    MOTION = (
+        "A1",
+        (
+            "A robot moves as its reach model allows: no faster than v_max_m_s, and within the other limits that "
+            "the model of a module uses."
+        ),
+        "Every sample is tested against the reach set of the sample before it.",
+    )
+    BRAKING = (
+        "A2",
+        "A robot that is told to stop decelerates by at least brake_m_s2.",
+        ("A robot that was told to stop, and has begun to, may not get farther than latency and braking take it."),
+    )
+    LATENCY = (
+        "A3",
+        "A command is delivered, and acted upon within latency_s.",
+        (
+            "A robot that was told to stop may not still be at full speed where it should rest; an interface that "
+            "raises counts as well."
+        ),
+    )
+    SAMPLE_AGE = (
+        "A4",
+        "There is a finite sample of the robot, and it is at most sample_age_s old.",
+        "The age and the numbers of every sample are looked at, at every tick.",
+    )
+    JITTER = (
+        "A5",
+        "A decision module looks every Delta, at most jitter_s late.",
+        "The time between two looks of every decision module is measured.",
+    )
+    POSITION_NOISE = (
+        "A6",
+        "A reported position is wrong by at most position_noise_m.",
+        (
+            "A sample outside the reach set whose own speeds cannot explain the way between the two. A bias that "
+            "does not change, or creeps, is not seen."
+        ),
+    )
+    PEERS = (
+        "A7",
+        "Every other robot runs SOTER or respects the declared bound, and is heard of in time.",
+        (
+            "Every peer's samples are tested against the bound that is declared for peers, and against the time "
+            "for which a peer may be silent. Whether it runs SOTER is not seen."
+        ),
+    )
+    DISCHARGE = (
+        "A8",
+        "The charge falls no faster than at driving power, and is reported as it is.",
+        (
+            "Every charge is tested against the one before it. A charge that is off by the same amount all along "
+            "is not seen."
+        ),
+    )
+    WORKSPACE = (
+        "A9",
+        "Fence, boxes and chargers are known and do not move.",
+        (
+            "Between two looks no margin may fall by more than its model allows. What the workspace file does not "
+            "have is not seen."
+        ),
+    )
+    LEASE = (
+        "A10",
+        "A robot whose lease is not renewed stops by itself within lease_s.",
+        "A robot whose lease was withheld may not get farther than the lease, latency and braking take it.",
+    )
+    SCHEDULING = (
+        "A11",
+        "The supervisor's process is scheduled; where it is not, the lease runs out and the robot stops.",
+        "A time between two looks that is longer than Delta, jitter_s and the lease together.",
+    )
+    AUTHORITY = (
+        "A12",
+        "The AC has no other way to the actuator than its port.",
+        (
+            "A robot that reports its controller may not report another one than was put in charge, once "
+            "latency_s has passed."
+        ),
+    )
+    START = (
+        "A13",
+        "Every module's rule holds at the start.",
+        "The margin at the first look of every decision module.",
+    )
+    RECOVERY = (
+        "A14",
+        "Under its safe controllers a robot that is inside phi_safe stays inside (P2a).",
+        "The margin at every later look of every decision module.",
+    )
+    CLOCK = (
+        "A15",
+        (
+            "Neither fleet time nor a stamp ever goes back, and no stamp is ahead of fleet time. A jump ahead is "
+            "a late look."
+        ),
+        ("The time of every tick and the stamp of every sample are compared with those before, and with each other."),
+    )
+
+    id: str
+    statement: str
+    monitor: str
+
+    def __new__(cls, number: str, statement: str, monitor: str) -> Self:
+        member = object.__new__(cls)
+        member._value_ = member.id = number
+        member.statement = statement
+        member.monitor = monitor
+        return member
+
+    def __str__(self) -> str:
+        return self.id
+
+
+class Breach(NamedTuple):
+    """How often an assumption was seen not to hold for one robot.
+
+    Attributes:
+        times: looks at which it did not.
+        first_s: fleet time of the first.
+        cause: what was seen then, in words.
+    """
+
+    times: int
+    first_s: float
+    cause: str
+
+
+class AssumptionLog:
+    """Which assumptions did not hold for one robot. Written by its supervisor, in the supervisor's thread.
+
+    Attributes:
+        breaches: by assumption, in the order of their first breach.
+    """
+
+    __slots__ = ("breaches",)
+
+    def __init__(self) -> None:
+        self.breaches: dict[Assumption, Breach] = {}
+
+    def note(self, assumption: Assumption, now_s: float, cause: str) -> None:
+        """Count one look at which the assumption did not hold; the first one's time and cause are kept."""
+        before = self.breaches.get(assumption)
+        if before is None:
+            self.breaches[assumption] = Breach(1, now_s, cause)
+        else:
+            self.breaches[assumption] = before._replace(times=before.times + 1)
