@@ -12,7 +12,7 @@ from soter.config import Mission
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.rta import ControlReport, Report
 from soter.runner.ac_side import Scene
-from soter.stack.assembly import HOME_CLEARANCE_M
+from soter.stack.declaration import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard

@@ -23,7 +23,8 @@ from soter.runner.sides import make_ac_side
 from soter.runner.trace import Trace
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
-from soter.stack.assembly import SafetySide, assemble, enabled
+from soter.stack.assembly import SafetySide, assemble
+from soter.stack.declaration import enabled
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)

@@ -1,0 +1,220 @@
+"""Declares the enabled safety modules of one robot: from its promises alone, before there is a robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+from soter.config import Mission
+from soter.rta import DischargeBound, PairBound, RTAModule, SpeedBound, Timing, Topic
+from soter.sdk import Capabilities
+from soter.stack.actuator import PortForwarder
+from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
+from soter.stack.collision import BackAway, Separation
+from soter.stack.geofence import Fence
+from soter.stack.obstacle import Clearance
+from soter.stack.recovery import RecoveryPlanner, RecoveryRules
+from soter.stack.refuge import RefugeFinder
+from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
+from soter.stack.safe_controller import Retreat
+from soter.stack.terrain import Terrain
+from soter.workspace import Workspace
+
+OBSTACLE: Final = "obstacle"
+GEOFENCE: Final = "geofence"
+ORDER: Final = (COLLISION, OBSTACLE, GEOFENCE, BATTERY)
+"""The order in which modules may drive: the highest that is in SC does."""
+
+HOME_CLEARANCE_M: Final = 0.15
+"""Body clearance that ways home keep from boxes, so that the obstacle module does not interfere."""
+
+_SLACK_M: Final = 0.02
+_REFUGE_PEER_M: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class PeerBounds:
+    """What every robot of a fleet is assumed to respect: the worst that any of them promises.
+
+    Attributes:
+        v_max_m_s: top speed.
+        brake_m_s2: deceleration.
+        noise_m: error of a reported position.
+    """
+
+    v_max_m_s: float
+    brake_m_s2: float
+    noise_m: float
+
+    @classmethod
+    def of(cls, fleet: Sequence[Capabilities]) -> Self:
+        """Return the bounds of a fleet."""
+        return cls(
+            max(each.v_max_m_s for each in fleet),
+            min(each.brake_m_s2 for each in fleet),
+            max(each.position_noise_m for each in fleet),
+        )
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The safety modules of one robot and what their safe controllers share.
+
+    Attributes:
+        modules: in order of their right to drive.
+        recovery: makes and certifies the legs.
+        refuges: finds where to retreat to.
+        dock: the way home.
+        timing: what the robot adds to every horizon.
+    """
+
+    modules: tuple[RTAModule, ...]
+    recovery: RecoveryPlanner
+    refuges: RefugeFinder
+    dock: Dock
+    timing: Timing
+
+    def check(self, base_tick_s: float) -> None:
+        """Check every module against the robot's promises.
+
+        Raises:
+            IllFormedModule: names the first module that fails, the condition, the numbers and a value that would do.
+        """
+        for module in self.modules:
+            module.check(self.timing, base_tick_s)
+
+
+def enabled(mission: Mission) -> tuple[str, ...]:
+    """Return the names of the enabled modules, in order of their right to drive."""
+    return tuple(name for name in ORDER if mission.rta.enabled and name in mission.rta.modules)
+
+
+def declare(
+    mission: Mission,
+    workspace: Workspace,
+    terrain: Terrain,
+    robot_id: int,
+    capabilities: Capabilities,
+    peers: PeerBounds,
+    ac: PortForwarder,
+    waypoint: Topic[Any],
+    right_of_way: RightOfWay,
+) -> Declared:
+    """Declare the enabled modules for one robot; nothing is checked yet.
+
+    Args:
+        mission: its `rta` and `battery` tables.
+        workspace: where this robot charges.
+        terrain: fence and boxes.
+        robot_id: which robot.
+        capabilities: what it promises.
+        peers: what its peers are assumed to respect.
+        ac: the forwarder of the AC's port.
+        waypoint: the topic that AC and SCs share.
+        right_of_way: the fleet's arbiter.
+    """
+    rta, tick_s = mission.rta, mission.base_tick_s
+    recovery = RecoveryPlanner(
+        terrain, capabilities, _rules(mission), mission.base_tick_s, peers.noise_m, peers.v_max_m_s
+    )
+    dock = Dock(
+        terrain,
+        next(place.charger for place in workspace.robots if place.id == robot_id),
+        HOME_CLEARANCE_M,
+        _inset_m(mission, capabilities),
+        _cost_per_m(mission, capabilities),
+    )
+    peer = SpeedBound(peers.v_max_m_s, peers.brake_m_s2)
+    speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+    unsure_m = _unsure_m(capabilities)
+    refuges = RefugeFinder(
+        terrain,
+        recovery,
+        # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
+        rta.geofence.phi_safer_inset_m + unsure_m if GEOFENCE in enabled(mission) else -math.inf,
+        rta.obstacle.phi_safer_m + unsure_m,
+    )
+    inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
+    clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
+    fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
+    drive_per_s = 1.0 / mission.battery.drive_s
+    table = {
+        COLLISION: lambda: RTAModule(
+            COLLISION,
+            ac,
+            BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock),
+            rta.collision.delta_s,
+            Separation(rta.collision.phi_safe_m, peer.v_max_m_s, peers.noise_m),
+            Separation(rta.collision.phi_safer_m, peer.v_max_m_s, peers.noise_m),
+            PairBound(speed, peer),
+            dwell_s=rta.collision.dwell_s,
+        ),
+        OBSTACLE: lambda: RTAModule(
+            OBSTACLE,
+            ac,
+            clear,
+            rta.obstacle.delta_s,
+            Clearance(terrain, rta.obstacle.phi_safe_m),
+            Clearance(terrain, rta.obstacle.phi_safer_m),
+            speed,
+            dwell_s=rta.obstacle.dwell_s,
+        ),
+        GEOFENCE: lambda: RTAModule(
+            GEOFENCE,
+            ac,
+            inside,
+            rta.geofence.delta_s,
+            fence,
+            fence.inset(rta.geofence.phi_safer_inset_m),
+            speed,
+            dwell_s=rta.geofence.dwell_s,
+        ),
+        BATTERY: lambda: RTAModule(
+            BATTERY,
+            ac,
+            GoHome(tick_s, waypoint, recovery, dock),
+            rta.battery.delta_s,
+            ChargeForTheWayHome(dock, rta.battery.reserve_factor * dock.longest_m * dock.cost_per_m),
+            Charged(rta.battery.phi_safer),
+            DischargeBound(drive_per_s, capabilities.v_max_m_s, dock.cost_per_m, jump=dock.longest_m * dock.cost_per_m),
+            dwell_s=rta.battery.dwell_s,
+        ),
+    }
+    timing = Timing(
+        capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
+        capabilities.lease_s,
+    )  # fmt: skip
+    return Declared(tuple(table[name]() for name in enabled(mission)), recovery, refuges, dock, timing)
+
+
+def _rules(mission: Mission) -> RecoveryRules:
+    names = enabled(mission)
+    return RecoveryRules(
+        fence=GEOFENCE in names,
+        boxes=OBSTACLE in names,
+        pairs=COLLISION in names,
+        separation_m=mission.rta.collision.phi_safe_m,
+    )
+
+
+def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
+    """Return how near ways home may come to the fence: not so near that the geofence module would step in.
+
+    Without that module robots may be anywhere on the open ground around the fence, and ways lead there too.
+    """
+    if GEOFENCE not in enabled(mission):
+        return -math.inf
+    speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+    look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
+    return speed.bound(look_s) + _unsure_m(capabilities)
+
+
+def _unsure_m(capabilities: Capabilities) -> float:
+    """Return by how much a place must be better than a module asks for: what noise and age take off its margin."""
+    return _SLACK_M + capabilities.position_noise_m + capabilities.v_max_m_s * capabilities.sample_age_s
+
+
+def _cost_per_m(mission: Mission, capabilities: Capabilities) -> float:
+    return 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)
