@@ -26,7 +26,7 @@ class Assumption(Enum):
     BRAKING = (
         "A2",
         "A robot that is told to stop decelerates by at least brake_m_s2.",
-        ("A robot that was told to stop, and has begun to, may not get farther than latency and braking take it."),
+        "A robot that was told to stop, and has begun to, may not get farther than latency and braking take it.",
     )
     LATENCY = (
         "A3",
@@ -112,7 +112,7 @@ class Assumption(Enum):
             "Neither fleet time nor a stamp ever goes back, and no stamp is ahead of fleet time. A jump ahead is "
             "a late look."
         ),
-        ("The time of every tick and the stamp of every sample are compared with those before, and with each other."),
+        "The time of every tick and the stamp of every sample are compared with those before, and with each other.",
     )
 
     id: str
