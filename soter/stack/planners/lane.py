@@ -8,12 +8,14 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 
+from soter.child import Child, ChildDied
 from soter.errors import ConfigError, SoterError
 from soter.stack.planners.base import PlanRequest, PlanResult
 from soter.stack.planners.names import PlannerUnavailable
-from soter.stack.planners.process import WorkerDied, WorkerProcess
 from soter.stack.planners.wire import Garbage, decode_result, decode_start
 from soter.stack.planners.worker import WorkerSpec
+
+WORKER = "soter.stack.planners.worker"
 
 
 @dataclass(slots=True, eq=False)
@@ -65,7 +67,7 @@ class Lane:
         self._start()
 
     def _start(self) -> None:
-        self._worker: WorkerProcess | None = WorkerProcess(self._spec)
+        self._worker: Child | None = Child(WORKER, self._spec)
         self._ready = False
         self._since_s = time.perf_counter()
 
@@ -94,7 +96,7 @@ class Lane:
                     limit = f"{self._limits.start_s:g} s"
                     raise PlannerUnavailable(f"planner '{name}' did not start within {limit}; is the host overloaded?")
                 self._begin(message)
-            except (WorkerDied, Garbage) as error:
+            except (ChildDied, Garbage) as error:
                 self.close()
                 raise PlannerUnavailable(f"planner '{name}' could not be started ({error})") from error
             except SoterError:
@@ -112,7 +114,7 @@ class Lane:
             if message is not None:
                 self._take(message)
                 return
-        except WorkerDied as error:
+        except ChildDied as error:
             self._lose(f"the worker died ({error})")
             return
         except Garbage as error:
@@ -167,8 +169,10 @@ class Lane:
         assert self._worker is not None
         job = self._waiting[0]
         try:
-            self._worker.send(pickle.dumps((job.number, job.request)))
-        except WorkerDied:
+            sent = self._worker.send(pickle.dumps((job.number, job.request)))
+        except ChildDied:
+            sent = False
+        if not sent:
             # It died while it had nothing to do: no plan is lost.
             self.close()
             self._start()

@@ -9,9 +9,6 @@ from typing import Any, Literal
 
 from soter.stack.planners.base import MAX_WAYPOINTS, PlanResult, Point
 
-MAX_MESSAGE_BYTES = 1 << 17
-"""Room for the longest path allowed, and below what one packet of a Unix socket holds."""
-
 MAX_REASON = 300
 """Longest reason that is passed on, in characters."""
 

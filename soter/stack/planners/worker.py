@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import os
 import pickle
-import resource
-import select
 import signal
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
+from soter.child import die_with_parent, yield_to_others
 from soter.errors import ConfigError
 from soter.stack.planners.base import Planner, PlanResult
 from soter.stack.planners.names import PlannerUnavailable, build_planner
@@ -30,14 +26,6 @@ from soter.stack.planners.wire import (
 from soter.workspace import Workspace
 
 MAX_REQUEST_BYTES = 1 << 18
-
-BOOTSTRAP = """\
-import pickle, sys
-sys.path[:] = pickle.load(sys.stdin.buffer)
-from soter.stack.planners.worker import main
-main(sys.stdin.buffer, int(sys.argv[1]), int(sys.argv[2]))
-"""
-"""What the interpreter of a worker runs. Its standard input holds the parent's sys.path, then a `WorkerSpec`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,29 +51,6 @@ class WorkerSpec:
     niceness: int
 
 
-def die_with_parent(lifeline_fd: int) -> None:
-    """Have the kernel kill this process when the other end of a pipe is closed, which the parent's death does.
-
-    It works while a planner holds the interpreter in an endless loop of C, which a watching thread would not; and
-    unlike PR_SET_PDEATHSIG it does not fire when merely the thread ends that started this process.
-    """
-    fcntl.fcntl(lifeline_fd, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(lifeline_fd, fcntl.F_SETSIG, signal.SIGKILL)
-    fcntl.fcntl(lifeline_fd, fcntl.F_SETFL, fcntl.fcntl(lifeline_fd, fcntl.F_GETFL) | os.O_ASYNC)
-    poll = select.poll()
-    poll.register(lifeline_fd)
-    if poll.poll(0):  # closed before the kernel was asked to watch
-        os._exit(1)
-
-
-def limit_memory(extra_bytes: int) -> None:
-    """Limit the address space of this process to what it has now and `extra_bytes` more."""
-    now = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    wanted = now + extra_bytes
-    resource.setrlimit(resource.RLIMIT_AS, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
-
-
 def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     """Serve the parent. Never returns, and skips exit handlers: untrusted code may have left some.
 
@@ -98,9 +63,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     die_with_parent(lifeline_fd)
     spec: WorkerSpec = pickle.load(stdin)  # noqa: S301 -- from the parent
     channel = socket.socket(fileno=socket_fd)
-    with contextlib.suppress(OSError):
-        os.nice(spec.niceness)
-    limit_memory(spec.memory_limit_bytes)
+    yield_to_others(spec.niceness, spec.memory_limit_bytes)
     planner = _build(spec, channel)
     channel.send(encode_start(StartMessage("ready")))
     while data := channel.recv(MAX_REQUEST_BYTES):
