@@ -24,6 +24,7 @@ from soter.faults.robot import widened
 from soter.registry import load_backend
 from soter.runner import RunResult, run_mission
 from soter.sdk import RULES
+from soter.stack.declaration import timing_of
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 MISSION: Final = ROOT / "examples" / "surveillance.toml"
@@ -135,7 +136,7 @@ def horizon_s(case: Case) -> float:
     mission = load_mission(MISSION, {"fault": [dict(table) for table in case.tables]})
     faults = [table.made_for(1, 0, mission.base_tick_s) for table in read_faults(mission, [1, 2]) if table.hits(1)]
     promised = widened(load_backend(BACKEND).robot_class.declared, faults)
-    ahead_s = max(2.0 * mission.rta.collision.delta_s, promised.lease_s)
+    ahead_s = timing_of(promised, mission.base_tick_s).ahead_s(mission.rta.collision.delta_s)
     return ahead_s + promised.latency_s + promised.sample_age_s + promised.jitter_s
 
 

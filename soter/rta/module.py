@@ -25,6 +25,7 @@ class Timing:
         jitter_s: how late a tick may come, at most (J).
         noise_m: error of a reported position, at most.
         lease_s: how long the robot moves on when the supervisor falls silent.
+        tick_s: how often the lease is renewed.
     """
 
     latency_s: float = 0.0
@@ -32,6 +33,21 @@ class Timing:
     jitter_s: float = 0.0
     noise_m: float = 0.0
     lease_s: float = 0.0
+    tick_s: float = 0.0
+
+    def silent_s(self, delta_s: float) -> float:
+        """Return how long a robot moves on at most after a look of a module, if its supervisor dies before the next.
+
+        The lease is renewed once more at the last tick before the next look is due.
+        """
+        return max(delta_s - self.tick_s, 0.0) + self.lease_s
+
+    def ahead_s(self, delta_s: float) -> float:
+        """Return how far ahead a module looks, before latency, age and jitter: 2 Delta, or what the lease makes of it.
+
+        A supervisor that dies must leave the robot inside phi_safe.
+        """
+        return max(2.0 * delta_s, self.silent_s(delta_s))
 
 
 class Region(ABC):
@@ -86,9 +102,9 @@ class RTAModule:
     def horizon_s(self, timing: Timing) -> float:
         """Return H = 2 Delta + L + A_max + J, the time that no controller may be able to use up.
 
-        A lease that outlives 2 Delta takes its place: a supervisor that dies must leave the robot inside phi_safe.
+        Where a robot moves on for longer than 2 Delta after its supervisor's death, that takes the place of 2 Delta.
         """
-        return max(2.0 * self.delta_s, timing.lease_s) + timing.latency_s + timing.sample_age_s + timing.jitter_s
+        return timing.ahead_s(self.delta_s) + timing.latency_s + timing.sample_age_s + timing.jitter_s
 
     def edge_margin(self) -> float:
         """Return the margin at the edge of phi_safer, or NaN for a rule given by predicates."""
@@ -160,7 +176,8 @@ class RTAModule:
         unit = phi_safe.unit
         # Rounded up, because who takes this value must pass.
         remedy = f"a phi_safer whose edge has a margin of {math.ceil(reach * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
-        head = "2 Delta" if 2.0 * self.delta_s >= timing.lease_s else "the lease"
+        by_lease = timing.silent_s(self.delta_s) > 2.0 * self.delta_s
+        head = "the last look before the supervisor dies, the lease" if by_lease else "2 Delta"
         fits_s = self._largest_delta_s(model, edge, timing, base_tick_s)
         if fits_s is not None:
             remedy += f", or Delta = {fits_s:g} s,"

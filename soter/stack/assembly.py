@@ -24,7 +24,7 @@ from soter.rta import (
 from soter.sdk import Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
-from soter.stack.declaration import PeerBounds, declare
+from soter.stack.declaration import PeerBounds, declare, timing_of
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, RightOfWay
 from soter.stack.safe_controller import WAYPOINT

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, Self
 
 from soter.config import Mission
@@ -20,12 +21,11 @@ from soter.stack.refuge import RefugeFinder
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import Retreat
 from soter.stack.terrain import Terrain
+from soter.stack.user_modules import ModuleKit, declare_own
 from soter.workspace import Workspace
 
 OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"
-ORDER: Final = (COLLISION, OBSTACLE, GEOFENCE, BATTERY)
-"""The order in which modules may drive: the highest that is in SC does."""
 
 HOME_CLEARANCE_M: Final = 0.15
 """Body clearance that ways home keep from boxes, so that the obstacle module does not interfere."""
@@ -86,9 +86,17 @@ class Declared:
             module.check(self.timing, base_tick_s)
 
 
+def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
+    """Return what a robot adds to every horizon, ticked every `base_tick_s`."""
+    return Timing(
+        capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
+        capabilities.lease_s, base_tick_s,
+    )  # fmt: skip
+
+
 def enabled(mission: Mission) -> tuple[str, ...]:
-    """Return the names of the enabled modules, in order of their right to drive."""
-    return tuple(name for name in ORDER if mission.rta.enabled and name in mission.rta.modules)
+    """Return the names of the enabled modules, in order of their right to drive: the highest that is in SC does."""
+    return mission.rta.order
 
 
 def declare(
@@ -140,7 +148,7 @@ def declare(
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
     fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
     drive_per_s = 1.0 / mission.battery.drive_s
-    table = {
+    table: dict[str, Callable[[], RTAModule]] = {
         COLLISION: lambda: RTAModule(
             COLLISION,
             ac,
@@ -182,10 +190,12 @@ def declare(
             dwell_s=rta.battery.dwell_s,
         ),
     }
-    timing = Timing(
-        capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
-        capabilities.lease_s,
-    )  # fmt: skip
+    timing = timing_of(capabilities, tick_s)
+    for name, own in mission.rta.module.items():
+        kit = ModuleKit(
+            name, robot_id, capabilities, workspace, terrain, ac, waypoint, recovery, refuges, speed, timing, tick_s
+        )
+        table[name] = partial(declare_own, mission, own, kit)
     return Declared(tuple(table[name]() for name in enabled(mission)), recovery, refuges, dock, timing)
 
 

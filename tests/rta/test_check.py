@@ -123,7 +123,7 @@ def test_p3_whatever_it_suggests_passes(
     ticks: int, edge: float, latency_s: float, age_s: float, jitter_s: float, lease_s: float, period: int
 ) -> None:
     node = FakeNode("node", period_s=min(period, ticks) * TICK_S)
-    timing = Timing(latency_s, age_s, jitter_s, 0.0, lease_s)
+    timing = Timing(latency_s, age_s, jitter_s, 0.0, lease_s, TICK_S)
     made = module(delta_s=ticks * TICK_S, phi_safer=Above(edge), ac=node, sc=node)
     assume(SPEED.bound(made.horizon_s(timing)) > edge + 1e-6)
     error = refusal(made, timing)
@@ -145,11 +145,13 @@ def test_p3_pays_for_latency_age_and_jitter(name: str) -> None:
 
 def test_p3_pays_for_a_lease_that_outlives_two_delta() -> None:
     made = module(delta_s=0.1, phi_safer=Above(SPEED.bound(0.2)))
-    made.check(Timing(lease_s=0.2), TICK_S)
-    error = refusal(made, Timing(lease_s=0.3))
+    # Renewed for the last time one tick before the next look would have been.
+    last_s = 0.1 - TICK_S
+    made.check(Timing(lease_s=0.2 - last_s, tick_s=TICK_S), TICK_S)
+    error = refusal(made, Timing(lease_s=0.3, tick_s=TICK_S))
     assert "the lease" in str(error)
     assert "Delta =" not in str(error), "no Delta helps against a lease"
-    replace(made, phi_safer=Above(SPEED.bound(0.3))).check(Timing(lease_s=0.3), TICK_S)
+    replace(made, phi_safer=Above(SPEED.bound(last_s + 0.3))).check(Timing(lease_s=0.3, tick_s=TICK_S), TICK_S)
 
 
 def test_the_thesiss_own_collision_module_is_ill_formed() -> None:

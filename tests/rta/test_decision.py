@@ -94,8 +94,10 @@ def test_latency_jitter_noise_and_the_lease_are_paid_for() -> None:
     for timing, reach in (
         (Timing(latency_s=0.1, jitter_s=0.2), SPEED.bound(0.5)),
         (Timing(noise_m=0.1), SPEED.bound(0.2) + 0.1),
-        (Timing(lease_s=0.6), SPEED.bound(0.6)),
-        (Timing(lease_s=0.1), SPEED.bound(0.2)),
+        (Timing(lease_s=0.6, tick_s=0.1), SPEED.bound(0.6)),
+        (Timing(lease_s=0.6, tick_s=0.05), SPEED.bound(0.65)),
+        (Timing(lease_s=0.6), SPEED.bound(0.7)),
+        (Timing(lease_s=0.1, tick_s=0.05), SPEED.bound(0.2)),
         (Timing(sample_age_s=0.5), SPEED.bound(0.2)),
     ):
         for x_m, kept in ((reach + 1e-6, True), (reach - 1e-6, False)):
