@@ -1,0 +1,130 @@
+"""Ground truth that a simulated world tells on a socket of its own, see `soter_sim.truth_server`."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import socket
+import threading
+from typing import Any, Final
+
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.sdk.values import TruthReport, Violation
+
+logger = logging.getLogger(__name__)
+
+_SILENT_S: Final = 1.0
+_LONGEST_GAP_S: Final = 0.1
+_LONGEST_LINE: Final = 1 << 20
+_TOLD: Final = {"time_s", "poses", "speeds", "violations", "min_margin", "contacts"}
+
+
+class StreamedTruth:
+    """What a simulated world says that really happens; implements `soter.sdk.Truth`.
+
+    A thread hears it and keeps the last line. Asking waits for nothing: a pose is the last one heard, moved on at its
+    speed to the time of asking.
+
+    Args:
+        address: `host:port` of the world's truth.
+        clock: fleet time, in which violations are told.
+        timeout_s: how long to wait for the first line.
+
+    Raises:
+        RobotUnavailable: nobody tells anything there.
+    """
+
+    def __init__(self, address: str, clock: VehicleClock, timeout_s: float = 5.0) -> None:
+        self._clock: Final = clock
+        self._address: Final = address
+        self._latest: dict[str, Any] | None = None
+        self._offset_s = math.inf
+        self._warned = False
+        self._known: Final = threading.Event()
+        try:
+            host, _, port = address.rpartition(":")
+            self._socket: Final = socket.create_connection((host, int(port)), timeout_s)
+        except (OSError, ValueError) as failure:
+            raise self._nobody(str(failure)) from failure
+        self._socket.settimeout(None)
+        self._thread: Final = threading.Thread(target=self._listen, name="truth", daemon=True)
+        self._thread.start()
+        if not self._known.wait(timeout_s):
+            self.close()
+            raise self._nobody(f"it was silent for {timeout_s:g} s")
+
+    def report(self) -> TruthReport:
+        """Return what has happened up to now; of a simulator that is gone, up to its end, with a warning."""
+        told, offset_s = self._told(), self._offset_s
+        silent_s = self._clock.now() - told["time_s"] - offset_s
+        if silent_s > _SILENT_S and not self._warned:
+            self._warned = True
+            logger.warning("the simulator has been silent for %.1f s; what happened since then is not known", silent_s)
+        return TruthReport(
+            tuple(
+                Violation(rule, tuple(robots), begin_s + offset_s, None if end_s is None else end_s + offset_s)
+                for rule, robots, begin_s, end_s in told["violations"]
+            ),
+            told["min_margin"],
+            told["contacts"],
+        )
+
+    def pose(self, robot_id: int) -> tuple[float, float, float]:
+        """Return where a robot is: x_m, y_m, heading_rad."""
+        told = self._told()
+        x_m, y_m, heading_rad = told["poses"][str(robot_id)]
+        v_m_s, yaw_rate_rad_s = told["speeds"][str(robot_id)]
+        later_s = min(max(self._clock.now() - told["time_s"] - self._offset_s, 0.0), _LONGEST_GAP_S)
+        length_m, turn_rad = v_m_s * later_s, yaw_rate_rad_s * later_s
+        middle_rad = heading_rad + 0.5 * turn_rad
+        return (
+            x_m + length_m * math.cos(middle_rad),
+            y_m + length_m * math.sin(middle_rad),
+            math.remainder(heading_rad + turn_rad, 2.0 * math.pi),
+        )
+
+    def close(self) -> None:
+        """End the thread and close the socket; what was heard stays readable. Idempotent."""
+        try:
+            self._socket.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            # The other side is gone already.
+            logger.debug("the truth's socket was closed before")
+        self._thread.join()
+        self._socket.close()
+
+    def _nobody(self, why: str) -> RobotUnavailable:
+        return RobotUnavailable(
+            f"nobody says at {self._address} what really happens ({why}); is the simulator running, and is the address "
+            "of its truth right?"
+        )
+
+    def _told(self) -> dict[str, Any]:
+        assert self._latest is not None
+        return self._latest
+
+    def _listen(self) -> None:
+        with self._socket.makefile("rb") as lines:
+            while True:
+                try:
+                    line = lines.readline(_LONGEST_LINE)
+                except OSError:
+                    return
+                if not line:
+                    return
+                try:
+                    self._take(json.loads(line))
+                except ValueError as failure:
+                    logger.warning("a line of the simulator's truth makes no sense and was dropped: %s", failure)
+
+    def _take(self, told: Any) -> None:
+        if not isinstance(told, dict) or not told.keys() >= _TOLD:
+            raise ValueError("this is no truth")
+        offset_s = self._clock.now() - told["time_s"]
+        before = self._latest
+        if before is None or told["time_s"] < before["time_s"] or offset_s < self._offset_s:
+            self._offset_s = offset_s
+        self._latest = told
+        self._known.set()
