@@ -2,7 +2,7 @@
 
 A mission says nothing about the robots behind it: the same file runs on every backend. Options of one backend or
 planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model;
-so is each `[[fault]]`.
+so are those of an adversary, `[adversaries.NAME]`, and each `[[fault]]`.
 """
 
 from __future__ import annotations
@@ -68,6 +68,7 @@ class Mission(Table):
         seed: everything that is drawn, is drawn from it.
         targets: where the robots are sent: the integer points, anywhere a body fits, or up to 1 m outside the fence.
         robots: only the first so many of the workspace, or None for all.
+        ac: who the ACs are: the mission's own machines, `adversary:NAME`, or an adversary as `module:Class`.
         planner: its name.
         target_timeout_s: a target that takes longer is given up.
         base_tick_s: how often controllers publish and supervisors tick.
@@ -75,6 +76,7 @@ class Mission(Table):
         rta: the safety modules.
         backends: raw options, by backend.
         planners: raw options, by planner.
+        adversaries: raw options, by adversary.
         fault: raw tables of the faults to inject, see `soter.faults`.
     """
 
@@ -85,6 +87,7 @@ class Mission(Table):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     targets: Literal["grid", "uniform", "hostile"] = "grid"
     robots: RobotId | None = None
+    ac: Name = "mission"
     planner: Name = "ompl-bitstar"
     target_timeout_s: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)] = 120.0
     base_tick_s: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = 0.05
@@ -92,6 +95,7 @@ class Mission(Table):
     rta: RtaTable = RtaTable()
     backends: RawTables = Field(default_factory=dict)
     planners: RawTables = Field(default_factory=dict)
+    adversaries: RawTables = Field(default_factory=dict)
     fault: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = ()
 
     _source: str | None = PrivateAttr(default=None)

@@ -24,6 +24,8 @@ EXAMPLES = """Examples:
 
   soter run examples/warehouse.toml --robots 3 --json result.json
 
+  soter run examples/surveillance.toml --backend kinematic --ac adversary:chase
+
   soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
 
 Exit codes:
@@ -55,6 +57,10 @@ def run(
     ] = None,
     robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
     planner: Annotated[str | None, typer.Option(metavar="NAME", help="The untrusted motion planner.")] = None,
+    ac: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Who the ACs are: mission, adversary:NAME, or a class as module:Class."),
+    ] = None,
     no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
     modules: Annotated[
         str | None, typer.Option(metavar="A,B", help="Only these safety modules, separated by commas.")
@@ -87,6 +93,7 @@ def run(
             "targets": targets,
             "robots": robots,
             "planner": planner,
+            "ac": ac,
             "rta.enabled": False if no_rta else None,
             "rta.modules": None if modules is None else module_list(modules),
         }

@@ -112,6 +112,7 @@ class RunResult(BaseModel):
         deterministic: the same seed gives the same run; False where host time had a say.
         trace_sha256: over all states and decisions.
         faults: what was injected, by the mission's `[[fault]]` tables.
+        ac: who the ACs were.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -151,6 +152,7 @@ class RunResult(BaseModel):
     trace_sha256: str
     failed_robots: dict[int, str]
     faults: tuple[FaultFigures, ...] = ()
+    ac: str = "mission"
 
     @property
     def violated(self) -> bool:

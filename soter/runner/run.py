@@ -219,6 +219,7 @@ class _Loop:
             backend=mission.backend,
             engine=engine,
             planner=mission.planner,
+            ac=mission.ac,
             targets_from=mission.targets,
             modules=self.modules,
             robots=len(self.robots),

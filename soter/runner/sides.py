@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from soter.config import Mission
 from soter.runner.ac_side import AcSide
+from soter.runner.adversary_side import AdversarySide
 from soter.runner.mission_side import MissionSide
+from soter.stack.adversaries import MISSION
 from soter.workspace import Workspace
 
 
@@ -18,6 +20,8 @@ def make_ac_side(mission: Mission, workspace: Workspace, body_radius_m: float, *
         virtual_time: time does not pass by itself, so that what is worked out may not depend on the host.
 
     Raises:
-        ConfigError: options that it does not allow; nothing has moved.
+        ConfigError: no such AC, or options that it does not allow; nothing has moved.
     """
+    if mission.ac != MISSION:
+        return AdversarySide(mission)
     return MissionSide(mission, workspace, body_radius_m, virtual_time=virtual_time)

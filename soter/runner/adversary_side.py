@@ -1,0 +1,78 @@
+"""The adversary's side of the ports: one adversary in place of the whole mission."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import Final
+
+from soter.config import Mission
+from soter.rta import Report
+from soter.runner.ac_side import Scene
+from soter.stack.adversaries import Arena, build_adversary
+
+logger = logging.getLogger(__name__)
+
+
+class AdversarySide:
+    """An `AcSide` with an adversary behind it. No planner, no machines, no targets.
+
+    Args:
+        mission: its `ac` names the adversary.
+
+    Raises:
+        ConfigError: no such adversary, or options that it does not allow.
+    """
+
+    paths_replaced = 0
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission: Final = mission
+        self._adversary: Final = build_adversary(mission)
+        self._name: Final = type(self._adversary).__name__
+        self._tick = 0
+        self.failures: dict[int | None, str] = {}
+        self.current_handler: str | None = None
+
+    def ready(self) -> None:
+        """Nothing runs elsewhere."""
+
+    def start(self, scene: Scene) -> None:
+        """Give the adversary its ports."""
+        mission = self._mission
+        arena = Arena(scene.terrain, scene.ports, mission.rta, mission.base_tick_s, mission.seed)
+        self._adversary.begin(arena)
+
+    def hear(self, report: Report) -> None:
+        """Pass on what a port reports."""
+        if not self.failures:
+            try:
+                self._adversary.hear(report)
+            except Exception as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
+                self._failed(failure)
+
+    def run(self, now_s: float) -> None:
+        """Let the adversary act."""
+        tick, self._tick = self._tick, self._tick + 1
+        if self.failures:
+            return
+        self.current_handler = f"{self._name}.act"
+        try:
+            self._adversary.act(now_s, tick)
+        except Exception as failure:  # noqa: BLE001 - an AC that fails costs its robots their AC, and nothing else
+            self._failed(failure)
+        finally:
+            self.current_handler = None
+
+    @property
+    def incidents(self) -> Sequence[str]:
+        """What makes this run one that does not repeat."""
+        return self._adversary.incidents
+
+    def close(self) -> None:
+        """End what the adversary started."""
+        self._adversary.close()
+
+    def _failed(self, failure: Exception) -> None:
+        logger.error("the adversary failed: %r", failure)
+        self.failures[None] = f"{self._name} failed: {failure!r}"

@@ -1,0 +1,143 @@
+"""What an adversary is given, and what it has to do."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import Annotated, Any, ClassVar, Final, Generic, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from soter.config_tables import RtaTable
+from soter.rta import Report
+from soter.sdk import RobotState, Waypoint
+from soter.stack.kit import RobotPort
+from soter.stack.terrain import Terrain
+
+BEYOND_M: Final = 1.0
+"""How far beyond an edge an attack aims, so that the robot does not slow down before it."""
+
+Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+
+
+class RobotFacts(BaseModel):
+    """What an adversary takes for granted about the robots; wrong numbers make it a weaker one.
+
+    Attributes:
+        v_max_m_s: their top speed.
+        brake_m_s2: how fast they brake.
+        latency_s: their declared latency.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    v_max_m_s: Positive = 0.22
+    brake_m_s2: Positive = 1.0
+    latency_s: Annotated[float, Field(ge=0.0, le=60.0, allow_inf_nan=False)] = 0.05
+
+    def reach_m(self, delta_s: float, robots: int = 1) -> float:
+        """Return the margin at which a module with this Delta takes a robot, when `robots` of them close in."""
+        stop_m = self.v_max_m_s**2 / (2.0 * self.brake_m_s2)
+        return robots * (self.v_max_m_s * (2.0 * delta_s + self.latency_s) + stop_m)
+
+
+class AdversaryOptions(BaseModel):
+    """What every adversary can be told in `[adversaries.NAME]`; an adversary's own model adds its options.
+
+    Attributes:
+        facts: what it takes for granted about the robots.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    facts: RobotFacts = RobotFacts()
+
+
+@dataclass(frozen=True)
+class Arena:
+    """Where an adversary plays, and with what.
+
+    Attributes:
+        terrain: fence and boxes.
+        ports: the ACs' rights, by robot; all that may be touched.
+        rta: what the safety modules promise; an adversary knows it.
+        base_tick_s: period of the supervisors.
+        seed: of the run.
+    """
+
+    terrain: Terrain
+    ports: Mapping[int, RobotPort]
+    rta: RtaTable
+    base_tick_s: float
+    seed: int
+
+    def random(self, name: str) -> Random:
+        """Return random numbers that depend on the run's seed and the name alone."""
+        return Random(f"adversary {name}, seed {self.seed}")
+
+    def states(self) -> dict[int, RobotState]:
+        """Return the latest sample of every robot that has one."""
+        return {robot_id: port.state for robot_id, port in self.ports.items() if port.state is not None}
+
+    def peers_of(self, robot_id: int) -> list[RobotState]:
+        """Return the others, the nearest first."""
+        states = self.states()
+        own = states.pop(robot_id, None)
+        if own is None:
+            return []
+        return sorted(states.values(), key=lambda peer: (peer.x_m - own.x_m) ** 2 + (peer.y_m - own.y_m) ** 2)
+
+    def looked(self, tick: int, delta_s: float) -> bool:
+        """Return whether the module with this Delta looked at this tick: it will not look again for a whole Delta."""
+        return tick % max(1, round(delta_s / self.base_tick_s)) == 0
+
+
+O = TypeVar("O", bound=AdversaryOptions)  # noqa: E741 - the letter of its bound
+
+
+class Adversary(ABC, Generic[O]):
+    """An AC for all robots at once that does its worst. Called after every tick, in the supervisor's thread.
+
+    Whatever it does must follow from its options, the arena, and what ports show: the same seed, the same attack.
+    Where it cannot keep to that it says so by `incidents`.
+
+    Args:
+        options: an instance of `options_model`.
+    """
+
+    options_model: ClassVar[type[AdversaryOptions]] = AdversaryOptions
+    """Validates the table `[adversaries.NAME]`."""
+
+    def __init__(self, options: O) -> None:
+        self.options: Final = options
+
+    def begin(self, arena: Arena) -> None:
+        """Take the robots over; called once, before the first tick."""
+        self.arena = arena
+
+    @abstractmethod
+    def act(self, now_s: float, tick: int) -> None:
+        """Ask for what shall happen next. `tick` is the number of the tick that has just passed, from 0."""
+
+    def hear(self, report: Report) -> None:
+        """Take what a port reports, in the middle of a tick. Nothing by default."""
+
+    @property
+    def incidents(self) -> Sequence[str]:
+        """What makes this run one that does not repeat."""
+        return ()
+
+    def close(self) -> None:
+        """End what was started. Nothing by default."""
+
+
+AnyAdversary = Adversary[Any]
+
+
+def towards(own: RobotState, x_m: float, y_m: float, speed_m_s: float | None = None) -> Waypoint:
+    """Return a goal beyond a place, in a straight line from where the robot is, at a radius that is never reached."""
+    dx, dy = x_m - own.x_m, y_m - own.y_m
+    length = (dx * dx + dy * dy) ** 0.5
+    if length > 0.0:
+        x_m, y_m = x_m + BEYOND_M * dx / length, y_m + BEYOND_M * dy / length
+    return Waypoint(x_m, y_m, 0.0, None, speed_m_s, 0.005, 600.0)
