@@ -9,11 +9,15 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
+from soter.errors import nearest
 from soter.problems import not_allowed
 from soter.workspace_xml import MAX_ROBOT_ID
 
 MODULES: Final = ("collision", "obstacle", "geofence", "battery")
 """The safety modules, in the order in which they take the actuator: the first of them in SC drives."""
+
+_TAKEN: Final = (*MODULES, "path", "supervisor")
+"""Names that stand for something else in results."""
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
@@ -120,6 +124,29 @@ class PathTable(DistanceTable):
     phi_safer_m: Metres = 0.1
 
 
+def _as_target(text: str) -> str:
+    module, colon, function = text.partition(":")
+    if not (colon and function.isidentifier() and all(part.isidentifier() for part in module.split("."))):
+        raise not_allowed("a function as 'package.module:function'")
+    return text
+
+
+class UserModuleTable(Table):
+    """A safety module of the user's own, `[rta.module.NAME]`; see docs/writing-a-module.md.
+
+    Attributes:
+        declare: the function that declares it, as `package.module:function`.
+        before: the module before which it may drive: a shipped one, or one of the user's that stands above it.
+        enabled: False leaves this module out.
+        options: raw options, checked by the model that the function takes.
+    """
+
+    declare: Annotated[str, AfterValidator(_as_target)]
+    before: Name = "battery"
+    enabled: bool = True
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
 def _in_fixed_order(modules: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(modules)) != len(modules):
         twice = next(name for name in modules if modules.count(name) > 1)
@@ -138,6 +165,7 @@ class RtaTable(Table):
         geofence: the fence.
         battery: the way home.
         path: the protected planner; a module of its own, since it has no say over the actuator.
+        module: the user's own modules, by name.
     """
 
     enabled: bool = True
@@ -151,6 +179,29 @@ class RtaTable(Table):
     geofence: GeofenceTable = GeofenceTable()
     battery: BatteryModuleTable = BatteryModuleTable()
     path: PathTable = PathTable()
+    module: dict[str, UserModuleTable] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _named_and_ranked(self) -> Self:
+        known = list(MODULES)
+        for name, table in self.module.items():
+            if name in _TAKEN or not re.fullmatch(r"[a-z][a-z0-9_-]{0,39}", name):
+                allowed = f"small letters, digits, - and _, beginning with a letter, and none of {', '.join(_TAKEN)}"
+                raise wrong(("module", name), name, f"a name of {allowed}")
+            if table.before not in known:
+                allowed = f"{', '.join(known)}{nearest(table.before, known)}"
+                raise wrong(("module", name, "before"), table.before, allowed)
+            known.append(name)
+        return self
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The names of all modules that are on, in the order of their right to drive."""
+        names = list(MODULES)
+        for name, table in self.module.items():
+            names.insert(names.index(table.before), name)
+        on = {*self.modules, *(name for name, table in self.module.items() if table.enabled)}
+        return tuple(name for name in names if self.enabled and name in on)
 
 
 def _by_robot(value: object) -> object:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -226,11 +227,16 @@ def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...]
 
 def _fields_at(model: type[BaseModel], where: tuple[str, ...]) -> list[str]:
     """Return the names of the fields of the model that sits at a key."""
-    for part in where:
+    parts = iter(where)
+    for part in parts:
         field = model.model_fields.get(part)
-        if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+        inner = None if field is None else field.annotation
+        if get_origin(inner) is dict:
+            # A table of tables with names of the user's own: the next part is such a name.
+            inner = get_args(inner)[1] if next(parts, None) is not None else None
+        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
             return []
-        model = field.annotation
+        model = inner
     return list(model.model_fields)
 
 

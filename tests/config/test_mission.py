@@ -158,7 +158,7 @@ WRONG: list[tuple[str, str]] = [
         (
             "m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, "
             "collision, obstacle, "
-            "geofence, battery, path"
+            "geofence, battery, path, module"
         ),
     ),
     (
@@ -166,7 +166,7 @@ WRONG: list[tuple[str, str]] = [
         (
             "m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, "
             "collision, obstacle, "
-            "geofence, battery, path"
+            "geofence, battery, path, module"
         ),
     ),
     (

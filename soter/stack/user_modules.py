@@ -1,0 +1,190 @@
+"""Safety modules of the user's own: found by name, declared from a kit, no matter which robot they guard."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from pydantic import BaseModel
+
+from soter.config import Mission, validate_options
+from soter.config_tables import UserModuleTable
+from soter.errors import ConfigError, IllFormedModule, nearest
+from soter.rta import Node, RTAModule, Situation, SpeedBound, Timing, Topic
+from soter.sdk import Capabilities, Waypoint
+from soter.stack.recovery import RecoveryPlanner
+from soter.stack.refuge import RefugeFinder
+from soter.stack.safe_controller import SafeController
+from soter.stack.terrain import Terrain
+from soter.workspace import Workspace
+
+
+@dataclass(frozen=True)
+class ModuleKit:
+    """What a module of the user's own is made from: one robot, its world, and certified motions.
+
+    Attributes:
+        name: the module's name in the mission; the declaration gets it whatever it calls itself.
+        robot_id: which robot it guards.
+        capabilities: what that robot promises.
+        workspace: fence, boxes, chargers.
+        terrain: the same, as distances.
+        ac: the AC's node.
+        waypoint: the topic that AC and SCs publish.
+        recovery: makes and certifies legs against the mission's other modules.
+        refuges: finds places that are safer for every static rule.
+        model: the robot's speed bound, R(T) of any margin that is a distance to something at rest.
+        timing: what the robot adds to every horizon.
+        tick_s: the base tick, a period for nodes.
+    """
+
+    name: str
+    robot_id: int
+    capabilities: Capabilities
+    workspace: Workspace
+    terrain: Terrain
+    ac: Node
+    waypoint: Topic[Any]
+    recovery: RecoveryPlanner
+    refuges: RefugeFinder
+    model: SpeedBound
+    timing: Timing
+    tick_s: float
+
+    def safe_controller(self, motion: Callable[[Situation], Waypoint | None]) -> Node:
+        """Return a safe controller that publishes what `motion` returns at every tick: a leg, or None to hold."""
+        return FunctionController(self.name, self.tick_s, self.waypoint, self.recovery, motion)
+
+
+class FunctionController(SafeController):
+    """A safe controller that is one function of the situation.
+
+    Args:
+        name: for recordings.
+        period_s: how often it looks.
+        waypoint: where it publishes.
+        recovery: certifies legs.
+        motion: returns the next leg, or None to hold.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        period_s: float,
+        waypoint: Topic[Waypoint],
+        recovery: RecoveryPlanner,
+        motion: Callable[[Situation], Waypoint | None],
+    ) -> None:
+        super().__init__(name, period_s, waypoint, recovery)
+        self._motion: Final = motion
+
+    def motion(self, situation: Situation) -> Waypoint | None:
+        return self._motion(situation)
+
+
+def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
+    """Import what `package.module:name` names.
+
+    Args:
+        target: see there.
+        refused: makes the error.
+
+    Raises:
+        ConfigError: there is no such module or name, or importing it fails.
+    """
+    module_name, colon, name = target.partition(":")
+    if not (colon and name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
+        raise refused(f"it is '{target}', allowed: a name as 'package.module:name'")
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as failure:
+        raise refused(
+            f"it is '{target}', but there is no module '{failure.name}'; check its spelling, and that it can be "
+            "imported from the folder that this runs in"
+        ) from failure
+    except Exception as failure:  # foreign code may fail in any way while it is imported
+        raise refused(f"it is '{target}', but importing '{module_name}' failed: {failure!r}") from failure
+    found: object = getattr(module, name, None)
+    if found is None:
+        raise refused(f"module '{module_name}' has no '{name}'{nearest(name, list(vars(module)))}")
+    return found
+
+
+def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit) -> RTAModule:
+    """Return a module of the user's own for one robot, under the name that the mission gives it.
+
+    Raises:
+        ConfigError: there is no such function, it takes other arguments, an option is not allowed, or what it returns
+            is no module.
+        IllFormedModule: the function itself refuses to declare one.
+    """
+    key = f"rta.module.{kit.name}"
+    found = load_target(table.declare, lambda message: mission.refusal(f"{key}.declare", message))
+    return declare_from(
+        found, table.declare, kit, table.options, mission.source, key,
+        lambda message: mission.refusal(f"{key}.declare", message),
+    )  # fmt: skip
+
+
+def declare_from(
+    function: object,
+    target: str,
+    kit: ModuleKit,
+    options: Mapping[str, Any],
+    source: str | None,
+    key: str,
+    refused: Callable[[str], ConfigError],
+) -> RTAModule:
+    """Call a declaring function, `declare(kit)` or `declare(kit, options)`, and check what it returns.
+
+    Args:
+        function: what `target` names.
+        target: for messages.
+        kit: for the robot.
+        options: raw; the model is the annotation of the function's second parameter.
+        source: the mission file, or None.
+        key: dotted key of the module's table.
+        refused: makes errors about the function.
+
+    Raises:
+        ConfigError: see `declare_own`.
+        IllFormedModule: the function itself refuses to declare one.
+    """
+    if not callable(function):
+        raise refused(f"'{target}' is a {type(function).__name__}, allowed: a function that takes a ModuleKit")
+    arguments: list[Any] = [kit]
+    model = _options_model(function, target, refused)
+    if model is not None:
+        arguments.append(validate_options(model, options, source, f"{key}.options"))
+    elif options:
+        raise refused(f"'{target}' takes no options, but `{key}.options` gives {', '.join(options)}")
+    try:
+        made = function(*arguments)
+    except IllFormedModule:
+        raise
+    except Exception as failure:  # foreign code
+        raise refused(f"'{target}' failed: {failure!r}; this is a fault of that function") from failure
+    if not isinstance(made, RTAModule):
+        raise refused(f"'{target}' returned a {type(made).__name__}, allowed: a soter.rta.RTAModule")
+    return replace(made, name=kit.name)
+
+
+def _options_model(
+    function: Callable[..., Any], target: str, refused: Callable[[str], ConfigError]
+) -> type[BaseModel] | None:
+    """Return the model that a declaring function takes, or None if it takes a kit only."""
+    try:
+        parameters = list(inspect.signature(function).parameters.values())
+        hints = typing.get_type_hints(function)
+    except (TypeError, ValueError, NameError) as failure:
+        raise refused(f"the arguments of '{target}' cannot be read: {failure}") from failure
+    if len(parameters) == 1:
+        return None
+    model = hints.get(parameters[1].name) if len(parameters) == 2 else None
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        raise refused(f"'{target}' has to be declare(kit) or declare(kit, options: a pydantic model)")
+    return model
