@@ -18,14 +18,16 @@ from soter.sdk import Capabilities, Waypoint
 from soter.stack.terrain import Point, Terrain
 
 PAIR_NEAR_M: Final = 0.6
-"""Peers nearer than this limit every motion of a safe controller."""
+"""Peers nearer than this limit every motion of a safe controller; a larger separation needs a larger distance."""
 
 SEPARATION_M: Final = 0.3
 _ARRIVED_M: Final = 0.02
 _CLIMB_M: Final = 0.005
 _ROUNDING_M: Final = 1e-9
 _MOVING_M_S: Final = 0.02
-_ALIGNED_COS: Final = math.cos(0.35)
+_ALIGNED_RAD: Final = 0.35
+_ALIGNED_COS: Final = math.cos(_ALIGNED_RAD)
+_ALIGNED_SIN: Final = math.sin(_ALIGNED_RAD)
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
 
 
@@ -76,9 +78,22 @@ class RecoveryPlanner:
         self._pair_noise = capabilities.position_noise_m + peer_noise_m
         self._blind_s = period_s + capabilities.latency_s
         self._stop_m = self._v_max * self._v_max / (2.0 * capabilities.brake_m_s2)
+        self._drift_m_s = self._v_max * _ALIGNED_SIN
+        # Two robots that do not limit their legs for each other must not be able to meet within one leg of both.
+        self._pair_near_m = max(PAIR_NEAR_M, rules.separation_m + 2.0 * self.leg_m(capabilities.sample_age_s))
         self._reverses = capabilities.reverses
         self.no_certified_motion = 0
         """Ticks at which neither any motion nor holding kept every rule."""
+
+    def leg_m(self, age_s: float) -> float:
+        """Return the length of a leg, which is as far as the robot may go before its safe controller looks again.
+
+        It includes stopping, so that a robot whose supervisor dies comes to rest inside what was certified.
+
+        Args:
+            age_s: age of the sample that the leg starts from.
+        """
+        return self._v_max * (self._blind_s + age_s) + self._stop_m
 
     # --- certificates ----------------------------------------------------------------------------------------
 
@@ -90,7 +105,9 @@ class RecoveryPlanner:
         own = situation.own
         ax, ay = own.x_m, own.y_m
         worst = math.inf
-        rules, terrain, tube = self.rules, self.terrain, self._tube
+        rules, terrain = self.rules, self.terrain
+        # A robot that moves while its sample ages may have done so at a slant to the leg.
+        tube = self._tube + self._drift_m_s * situation.age_s
         if rules.fence:
             # Concave along a line: the least margin is at one of its ends.
             start, end = terrain.fence_m(ax, ay), terrain.fence_m(bx_m, by_m)
@@ -148,7 +165,7 @@ class RecoveryPlanner:
             px, py = peer.x_m - own.x_m, peer.y_m - own.y_m
             distance = math.sqrt(px * px + py * py)
             age_s = situation.age_s + max(0.0, situation.now_s - peer.stamp_s)
-            if distance >= PAIR_NEAR_M + self._pair_noise + self._peer_v_max * age_s:
+            if distance >= self._pair_near_m + self._pair_noise + self._peer_v_max * age_s:
                 continue
             if distance == 0.0:
                 return -1.0
@@ -183,7 +200,7 @@ class RecoveryPlanner:
         if self._must_stop_first(own, ux, uy):
             return None
         # Never less than braking from top speed takes, else the vehicle would have to slow down for every leg.
-        length = min(distance, self._v_max * (self._blind_s + situation.age_s) + self._stop_m)
+        length = min(distance, self.leg_m(situation.age_s))
         while length >= _ARRIVED_M:
             bx, by = own.x_m + ux * length, own.y_m + uy * length
             if self.certify(situation, bx, by) >= 0.0:
@@ -194,7 +211,7 @@ class RecoveryPlanner:
     def away(self, situation: Situation, score_x: float, score_y: float) -> Waypoint | None:
         """Return the certified leg that gets farthest along a direction, or None to hold."""
         own = situation.own
-        length = self._v_max * (self._blind_s + situation.age_s) + self._stop_m
+        length = self.leg_m(situation.age_s)
         best, chosen = 0.1, None
         for ux, uy in _DIRECTIONS:
             score = ux * score_x + uy * score_y
@@ -205,7 +222,7 @@ class RecoveryPlanner:
     def climb(self, situation: Situation) -> Waypoint | None:
         """Return the certified leg at whose end the least static margin is largest, or None to hold at the top."""
         own, terrain = situation.own, self.terrain
-        length = self._v_max * (self._blind_s + situation.age_s) + self._stop_m
+        length = self.leg_m(situation.age_s)
 
         def height(x_m: float, y_m: float) -> float:
             fence_m = terrain.fence_m(x_m, y_m) if self.rules.fence else math.inf

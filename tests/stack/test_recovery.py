@@ -11,7 +11,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from soter.rta import Situation
-from soter.stack.recovery import SEPARATION_M, RecoveryPlanner, RecoveryRules
+from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, RecoveryPlanner, RecoveryRules
 from soter.stack.terrain import Point, Terrain
 from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
@@ -174,6 +174,16 @@ def test_moving_away_is_allowed_even_where_the_rule_is_broken() -> None:
     assert recovery.certify(seen(one, robots([(2.0, 2.0), (2.0, 2.0)])), 1.9, 2.0) < 0.0
 
 
+def test_robots_that_keep_farther_apart_limit_their_legs_from_farther_away() -> None:
+    rules = RecoveryRules(separation_m=0.59)
+    one, other = robots([(2.0, 2.0), (2.61, 2.0)])
+    assert math.dist(one[:2], other[:2]) > PAIR_NEAR_M
+    for recovery, allowed in ((planner(EMPTY, rules), False), (planner(EMPTY), True)):
+        margins = [recovery.certify(seen(a, [a, b]), a.x_m + way, 2.0) for a, b, way in
+                   ((one, other, LEG_M), (other, one, -LEG_M))]  # fmt: skip
+        assert all((margin >= 0.0) is allowed for margin in margins)
+
+
 # --- fence and boxes ---------------------------------------------------------------------------------------
 
 
@@ -198,6 +208,18 @@ def test_a_certified_leg_leaves_the_robot_inside_and_clear_even_where_it_strays(
     for x, y in between(at, end):
         assert fence_m(x + across[0], y + across[1]) >= min(fence, 0.0) - 1e-9
         assert clear_m(terrain, x + across[0], y + across[1]) >= min(clear, 0.0) - 1e-9
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.1, 0.3])
+def test_what_a_robot_has_driven_at_a_slant_since_its_sample_is_paid_for(age_s: float) -> None:
+    """Before a leg is certified the robot may move as much as this much across it, else it stops first."""
+    aslant = 0.35
+    (own,) = robots([(2.5, 1.0)])
+    own = own._replace(vx_m_s=V_MAX * math.cos(aslant), vy_m_s=-V_MAX * math.sin(aslant))
+    across = V_MAX * math.sin(aslant) * age_s
+    for spare, allowed in ((-1e-6, False), (1e-6, True)):
+        at = own._replace(y_m=CAPABILITIES.tube_m + across + spare)
+        assert (planner(EMPTY).certify(seen(at, now_s=age_s), 2.6, at.y_m) >= 0.0) is allowed
 
 
 @settings(max_examples=300)
