@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 C = TypeVar("C")
 S = TypeVar("S")
+
+MAX_UPCOMING: Final = 1000
+"""What a controller intends beyond so many commands is left out: statistics must not keep the supervisor busy."""
 
 
 class Request(NamedTuple, Generic[C]):
@@ -83,13 +86,20 @@ class Port(Generic[C, S]):
         self._last_goal_id = 0
 
     def goto(self, command: C, upcoming: tuple[C, ...] = ()) -> int:
-        """Ask for a place; return the goal's number at once. Whether it moves anything is reported later."""
+        """Ask for a place; return the goal's number at once. Whether it moves anything is reported later.
+
+        Args:
+            command: what is asked for.
+            upcoming: what is intended after it, a plain tuple; anything else is left out, as is what is beyond
+                `MAX_UPCOMING`.
+        """
+        intended = upcoming[:MAX_UPCOMING] if type(upcoming) is tuple else ()
         with self._lock:
             self._last_goal_id += 1
             # A flood must not grow anything: only the newest replaced goal is worth a report.
             if self._slot is not None:
                 self._replaced = [self._slot.goal_id]
-            self._slot = Request(self._last_goal_id, command, upcoming)
+            self._slot = Request(self._last_goal_id, command, intended)
             return self._last_goal_id
 
     def take(self) -> Request[C] | None:

@@ -78,7 +78,14 @@ class NeedlessJudge:
         """Return where a robot is, and the places that its AC still means to pass."""
         request = self._forwarders[robot_id].request
         pending: list[Waypoint] = [] if request is None else [request.command, *request.upcoming]
-        return [(state.x_m, state.y_m), *((waypoint.x_m, waypoint.y_m) for waypoint in pending)]
+        return [(state.x_m, state.y_m), *(place for waypoint in pending if (place := _place(waypoint)) is not None)]
+
+
+def _place(waypoint: Waypoint) -> Place | None:
+    """Return where a waypoint is; None for what an untrusted AC has passed off as one."""
+    if type(waypoint) is not Waypoint or type(waypoint.x_m) is not float or type(waypoint.y_m) is not float:
+        return None
+    return (waypoint.x_m, waypoint.y_m) if math.isfinite(waypoint.x_m + waypoint.y_m) else None
 
 
 def _length_m(way: Sequence[Place]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Final
 
 from soter.rta import Mode, Node, Port, Request, Situation, Topic
@@ -22,6 +23,11 @@ class RobotActuator:
         self.port: Final = port
         self._goal: Goal | None = None
         self._port_goal_id: int | None = None
+
+    @property
+    def goal(self) -> Goal | None:
+        """The goal that was asked for last; None once it has ended."""
+        return self._goal
 
     def read(self) -> RobotState:
         """Return the latest sample."""
@@ -61,11 +67,19 @@ class RobotActuator:
         """Renew the lease."""
         self.robot.renew_lease()
 
+    def reported(self) -> Mode | None:
+        """Return who is in charge, as the robot's latest sample has it."""
+        return self._reported
+
+    def insist(self) -> None:
+        """Hand the robot over once more to whom it was handed over to."""
+        self.robot.hand_over_again()
+
     def _drive_for_ac(self, request: Request[Waypoint]) -> None:
         before = self._goal
         try:
-            goal = self.robot.goto(request.command, Controller.AC)
-        except (ValueError, TypeError, AttributeError):
+            goal = self.robot.goto(_plain(request.command), Controller.AC)
+        except (ValueError, TypeError, AttributeError, ArithmeticError):
             # The AC is untrusted: what is no waypoint is refused, and what it was doing goes on.
             self.port.report(request.goal_id, GoalStatus.REJECTED.value)
             return
@@ -79,6 +93,13 @@ class RobotActuator:
         if self._port_goal_id is not None:
             self.port.report(self._port_goal_id, goal.status.value)
             self._port_goal_id = None
+
+
+def _plain(command: Waypoint) -> Waypoint:
+    """Return a waypoint of Python's own numbers: others pass every check and may still fail later, in the vehicle."""
+    if type(command) is not Waypoint or all(type(value) is float or value is None for value in command):
+        return command
+    return Waypoint(*(float(value) if isinstance(value, Real) else value for value in command))
 
 
 class PortForwarder(Node):
