@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from numbers import Real
-from typing import Final
+from typing import Any, Final
 
 from soter.rta import Mode, Node, Port, Request, Situation, Topic
 from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState, Waypoint
 from soter.stack.safe_controller import WAYPOINT
+
+_MODES: Final = {Controller.AC: Mode.AC, Controller.SC: Mode.SC}
 
 
 class RobotActuator:
@@ -34,6 +36,7 @@ class RobotActuator:
         state = self.robot.read_state()
         port = self.port
         port.state = state
+        self._reported = state.controller
         if not port.engaged:
             port.refuse()
         goal = self._goal
@@ -69,10 +72,10 @@ class RobotActuator:
 
     def reported(self) -> Mode | None:
         """Return who is in charge, as the robot's latest sample has it."""
-        return self._reported
+        return None if self._reported is None else _MODES[self._reported]
 
     def insist(self) -> None:
-        """Hand the robot over once more to whom it was handed over to."""
+        """Send once more who is in charge."""
         self.robot.hand_over_again()
 
     def _drive_for_ac(self, request: Request[Waypoint]) -> None:
@@ -95,11 +98,14 @@ class RobotActuator:
             self._port_goal_id = None
 
 
-def _plain(command: Waypoint) -> Waypoint:
+def _plain(command: Any) -> Any:
     """Return a waypoint of Python's own numbers: others pass every check and may still fail later, in the vehicle."""
-    if type(command) is not Waypoint or all(type(value) is float or value is None for value in command):
+    if type(command) is not Waypoint:
         return command
-    return Waypoint(*(float(value) if isinstance(value, Real) else value for value in command))
+    values: tuple[Any, ...] = command
+    if all(type(value) is float or value is None for value in values):
+        return command
+    return Waypoint(*(float(value) if isinstance(value, Real) else value for value in values))
 
 
 class PortForwarder(Node):

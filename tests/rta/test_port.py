@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 import threading
+from collections.abc import Iterator
+from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.rta import ControlReport, GoalReport, Port, Report
+from soter.rta.port import MAX_UPCOMING
 
 
 def make() -> tuple[Port[str, int], list[Report]]:
@@ -124,3 +129,29 @@ def test_every_command_is_taken_or_reported_as_ended_but_for_replaced_ones_in_a_
     ended = [report.goal_id for report in reports if isinstance(report, GoalReport)]
     assert len(ended) == len(set(ended))
     assert not set(ended) & set(taken)
+
+
+class Endless(tuple[str, ...]):
+    """Intentions that never end."""
+
+    __slots__ = ()
+
+    def __iter__(self) -> Iterator[str]:
+        return itertools.repeat("on")
+
+
+@pytest.mark.parametrize("upcoming", [Endless(), None, 7, ["a", "b"]])
+def test_intentions_that_are_no_plain_tuple_are_left_out(upcoming: Any) -> None:
+    port: Port[str, None] = Port(1, lambda report: None)
+    port.goto("there", upcoming)
+    request = port.take()
+    assert request is not None
+    assert request.upcoming == ()
+
+
+def test_only_so_many_intentions_are_kept() -> None:
+    port: Port[str, None] = Port(1, lambda report: None)
+    port.goto("there", ("on",) * (MAX_UPCOMING + 1))
+    request = port.take()
+    assert request is not None
+    assert len(request.upcoming) == MAX_UPCOMING

@@ -135,3 +135,28 @@ def test_the_forwarder_publishes_what_lies_in_the_mailbox_once() -> None:
     assert forwarder.request is topic.value
     forwarder.engage(situation())
     assert forwarder.request is None
+
+
+class Traitor(float):
+    """Passes every check, and fails whoever computes with it."""
+
+    def __sub__(self, other: object) -> float:
+        raise ArithmeticError("no")
+
+    __rsub__ = __sub__
+
+
+def test_a_number_that_fails_whoever_computes_with_it_reaches_no_robot() -> None:
+    held = Held()
+    held.ask(Waypoint(Traitor(2.5), 1.0))
+    goal = held.actuator.goal
+    assert goal is not None
+    assert goal.target == Waypoint(2.5, 1.0)
+    assert all(type(value) is float or value is None for value in goal.target)
+
+
+def test_a_number_that_is_too_large_for_a_float_is_refused() -> None:
+    held = Held()
+    goal_id = held.ask(Waypoint(10**400, 1.0))
+    assert held.goals() == [(goal_id, "rejected")]
+    assert held.robot.calls == []
