@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from soter.rta import Region, Situation, Topic
+from soter.errors import IllFormedModule
+from soter.rta import PairBound, Region, RTAModule, Situation, Topic
 from soter.sdk import Waypoint
 from soter.stack.battery import Dock
 from soter.stack.recovery import RecoveryPlanner
@@ -18,6 +19,7 @@ PEER_STALE_S: Final = 0.5
 """A peer not heard of for longer makes the margin minus infinity: nobody knows where it is."""
 
 RETREAT_M: Final = 0.75
+_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,42 @@ class Separation(Region):
 
     def noise(self, noise_m: float) -> float:
         return noise_m + self.peer_noise_m
+
+
+def check_halves(module: RTAModule, leg_m: float) -> None:
+    """Check under which conditions each of two robots may use up half of the gap between them (P2a).
+
+    A safe controller limits its legs along the line to the peer as it is seen now. That line turns while both move;
+    and a robot that brakes takes some way, of which the peer knows nothing. Both are paid for where legs are at most
+    a quarter of the separation long, and where braking from top speed takes no longer than 4 Delta.
+
+    Args:
+        module: the collision module of one robot.
+        leg_m: the longest leg of its safe controllers.
+
+    Raises:
+        IllFormedModule: names the numbers and a value that would do.
+    """
+    phi_safe, model = module.phi_safe, module.model
+    if not isinstance(phi_safe, Separation) or not isinstance(model, PairBound):
+        return
+    if leg_m > phi_safe.least_m / 4.0 + _ROUNDING:
+        fits_m = math.ceil(leg_m * 4000.0 - 1e-6) / 1000.0
+        raise IllFormedModule(
+            module.name,
+            "P2a",
+            f"legs of its safe controllers are up to {leg_m:.3f} m long, more than a quarter of the separation of "
+            f"{phi_safe.least_m:g} m; phi_safe_m = {fits_m:.3f} would do, or robots with less latency and sample age",
+        )
+    own = model.own
+    braking_s = own.v_max_m_s / own.brake_m_s2
+    if braking_s > 4.0 * module.delta_s + _ROUNDING:
+        raise IllFormedModule(
+            module.name,
+            "P2a",
+            f"braking from top speed takes {braking_s:.3f} s, longer than 4 Delta = {4.0 * module.delta_s:g} s; "
+            f"Delta = {math.ceil(braking_s * 250.0 - 1e-6) / 1000.0:g} s would do",
+        )
 
 
 class BackAway(Retreat):

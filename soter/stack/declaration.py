@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final, Self
 
 from soter.config import Mission
@@ -13,7 +12,7 @@ from soter.rta import DischargeBound, PairBound, RTAModule, SpeedBound, Timing, 
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
-from soter.stack.collision import BackAway, Separation
+from soter.stack.collision import BackAway, Separation, check_halves
 from soter.stack.geofence import Fence
 from soter.stack.obstacle import Clearance
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
@@ -68,6 +67,7 @@ class Declared:
         refuges: finds where to retreat to.
         dock: the way home.
         timing: what the robot adds to every horizon.
+        own: the user's modules, those that are off included: their rules can be judged all the same.
     """
 
     modules: tuple[RTAModule, ...]
@@ -75,6 +75,7 @@ class Declared:
     refuges: RefugeFinder
     dock: Dock
     timing: Timing
+    own: tuple[RTAModule, ...] = ()
 
     def check(self, base_tick_s: float) -> None:
         """Check every module against the robot's promises.
@@ -84,6 +85,8 @@ class Declared:
         """
         for module in self.modules:
             module.check(self.timing, base_tick_s)
+            if module.name == COLLISION:
+                check_halves(module, self.recovery.leg_m(self.timing.sample_age_s))
 
 
 def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
@@ -148,7 +151,7 @@ def declare(
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
     fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
     drive_per_s = 1.0 / mission.battery.drive_s
-    table: dict[str, Callable[[], RTAModule]] = {
+    table = {
         COLLISION: lambda: RTAModule(
             COLLISION,
             ac,
@@ -191,12 +194,14 @@ def declare(
         ),
     }
     timing = timing_of(capabilities, tick_s)
+    own_modules = {}
     for name, own in mission.rta.module.items():
         kit = ModuleKit(
             name, robot_id, capabilities, workspace, terrain, ac, waypoint, recovery, refuges, speed, timing, tick_s
         )
-        table[name] = partial(declare_own, mission, own, kit)
-    return Declared(tuple(table[name]() for name in enabled(mission)), recovery, refuges, dock, timing)
+        own_modules[name] = declare_own(mission, own, kit)
+    declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in enabled(mission))
+    return Declared(declared, recovery, refuges, dock, timing, tuple(own_modules.values()))
 
 
 def _rules(mission: Mission) -> RecoveryRules:
