@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from soter.clock import Clock
+from soter.machine import Transition
 from soter.rta import Report
 from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotPort
@@ -35,6 +36,7 @@ class Scene:
         ports: the ACs' rights, by robot.
         disc_m: distance that plans keep from robots that stand in the way.
         log: told of targets.
+        on_transition: told of every change of state of the mission's machines, or None; for recordings.
     """
 
     clock: Clock
@@ -43,6 +45,7 @@ class Scene:
     ports: Mapping[int, RobotPort]
     disc_m: float
     log: TargetLog
+    on_transition: Callable[[Transition], None] | None = None
 
 
 class AcSide(Protocol):

@@ -76,6 +76,8 @@ class MissionSide:
             for robot_id, port in ports.items()
         }  # fmt: skip
         tasks = Tasks(kits, targets.next, scene.log.on_target, scene.log.on_ended)
+        if scene.on_transition is not None:
+            self._runtime.observe(scene.on_transition)
         self._runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
         # Before the first tick, so that no machine misses the first report of a port.
         self._runtime.run()

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from soter.config import Mission
+from soter.errors import IllFormedModule
 from soter.rta import (
+    Actuator,
     DecisionModule,
     Mode,
     PairBound,
@@ -65,6 +67,9 @@ def assemble(
     robots: Sequence[Robot],
     listener: Callable[[Report], None],
     watches: Sequence[Watch] = (),
+    *,
+    tap: Callable[[int, RobotActuator], Actuator] | None = None,
+    on_ill_formed: Callable[[IllFormedModule], None] | None = None,
 ) -> SafetySide:
     """Declare the enabled modules for every robot, check them against its capabilities, and bind them.
 
@@ -74,6 +79,8 @@ def assemble(
         robots: ready, with their SC in charge.
         listener: told of what the ports report.
         watches: told of every switch.
+        tap: returns what a supervisor uses in place of a robot's actuator, such as one that writes down what passes.
+        on_ill_formed: takes the refusal of a module and has it bound all the same; for questions, never for robots.
 
     Raises:
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
@@ -94,11 +101,17 @@ def assemble(
         declared = declare(
             mission, workspace, terrain, robot.id, robot.capabilities, peers, forwarder, waypoint, right_of_way
         )
-        declared.check(mission.base_tick_s)
+        try:
+            declared.check(mission.base_tick_s)
+        except IllFormedModule as refusal:
+            if on_ill_formed is None:
+                raise
+            on_ill_formed(refusal)
+        actuator = RobotActuator(robot, port)
         supervisors.append(
             RobotSupervisor(
                 robot.id,
-                RobotActuator(robot, port),
+                actuator if tap is None else tap(robot.id, actuator),
                 [DecisionModule(each, declared.timing, mission.base_tick_s, right_of_way) for each in declared.modules],
                 forwarder,
                 waypoint,
