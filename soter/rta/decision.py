@@ -53,7 +53,6 @@ class DecisionModule:
         self.reach = 0.0
         self.since_s = 0.0
         self.delta_s: Final = module.delta_s
-        self.monitor: Final = ModuleMonitor(module.model)
         self._permission = permission
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
@@ -62,6 +61,7 @@ class DecisionModule:
         self._phi_safe = module.phi_safe
         self._model = module.model
         self._noise = module.phi_safe.noise(timing.noise_m) if module.phi_safe is not None else 0.0
+        self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s)
         self._fixed_reach = (
             module.model.bound(self._look_s)
             if module.model is not None and not module.model.depends_on_state

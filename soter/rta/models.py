@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import ClassVar, Final
 
+from soter.rta.assumptions import Assumption
 from soter.rta.situation import Sample, Situation
 
 _ROUNDING_M: Final = 1e-9
@@ -17,6 +18,12 @@ class ReachModel(ABC):
 
     A model whose bound depends on the state overrides `reach`; `bound` must then be its maximum over all states.
     """
+
+    assumption: ClassVar[Assumption] = Assumption.MOTION
+    """What does not hold where a sample is not admitted."""
+
+    of_pairs: ClassVar[bool] = False
+    """Whether the margin is one between this robot and others, so that the others' motion counts as well."""
 
     @abstractmethod
     def bound(self, time_s: float) -> float:
@@ -60,7 +67,7 @@ class SpeedBound(ReachModel):
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + _ROUNDING_M
         dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
-        return dx * dx + dy * dy <= allowed_m * allowed_m
+        return allowed_m >= 0.0 and dx * dx + dy * dy <= allowed_m * allowed_m
 
 
 class PairBound(ReachModel):
@@ -70,6 +77,8 @@ class PairBound(ReachModel):
         own: this robot's bound.
         other: the bound that every peer is assumed to respect.
     """
+
+    of_pairs: ClassVar[bool] = True
 
     def __init__(self, own: SpeedBound, other: SpeedBound) -> None:
         self.own = own
@@ -91,6 +100,8 @@ class DischargeBound(ReachModel):
         cost_per_m: charge that one metre of the way home is accounted for.
         jump: charge by which the cost of the way home may jump, where a short way gets out of sight.
     """
+
+    assumption: ClassVar[Assumption] = Assumption.DISCHARGE
 
     def __init__(self, drive_per_s: float, v_max_m_s: float, cost_per_m: float, jump: float = 0.0) -> None:
         self.drive_per_s = drive_per_s

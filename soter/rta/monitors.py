@@ -1,12 +1,29 @@
-"""The spec monitor and the metrics of a module, made from its declaration alone."""
+"""What notices that an argument does not fit the robot: the spec monitor of a module, and those of the assumptions."""
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
+from soter.rta.assumptions import Assumption
 from soter.rta.models import ReachModel
-from soter.rta.situation import Mode
+from soter.rta.module import Timing
+from soter.rta.situation import Mode, Sample
+
+AHEAD_S: Final = 0.1
+"""How far a stamp may be ahead of fleet time before its clock counts as wrong, not only as a little fast."""
+
+_AT_SPEED: Final = 0.95
+_ROUNDING_M: Final = 1e-6
+_ROUNDING_S: Final = 1e-9
+
+
+class Finding(NamedTuple):
+    """An assumption that was seen not to hold, and what was seen."""
+
+    assumption: Assumption
+    cause: str
 
 
 class ModuleMonitor:
@@ -18,6 +35,8 @@ class ModuleMonitor:
 
     Args:
         model: R(T), or None for a rule given by predicates; then only decisions are counted.
+        noise: by how much the margin may be wrong.
+        sample_age_s: by how much longer the time between two samples may be than that between two looks.
 
     Attributes:
         looks: how often the margin was judged.
@@ -28,14 +47,18 @@ class ModuleMonitor:
         broken: looks at which the margin was negative or no number.
         surprises: looks at which the margin had fallen by more than the model allows.
         first_broken_s: fleet time of the first such look of either kind, or None.
+        found: the assumption that did not hold at the last look, until somebody has taken note of it.
     """
 
     __slots__ = (
         "_last_margin",
         "_last_s",
         "_model",
+        "_noise",
+        "_sample_age_s",
         "broken",
         "first_broken_s",
+        "found",
         "least_margin",
         "looks",
         "sc_s",
@@ -44,8 +67,10 @@ class ModuleMonitor:
         "to_sc",
     )
 
-    def __init__(self, model: ReachModel | None) -> None:
+    def __init__(self, model: ReachModel | None, noise: float = 0.0, sample_age_s: float = 0.0) -> None:
         self._model: Final = model
+        self._noise: Final = noise
+        self._sample_age_s: Final = sample_age_s
         self._last_margin = math.nan
         self._last_s = math.nan
         self.looks = 0
@@ -56,6 +81,7 @@ class ModuleMonitor:
         self.broken = 0
         self.surprises = 0
         self.first_broken_s: float | None = None
+        self.found: Finding | None = None
 
     def look(self, now_s: float, margin: float, before: Mode, after: Mode) -> None:
         """Take one look of the decision module."""
@@ -73,15 +99,177 @@ class ModuleMonitor:
             self.sc_s += elapsed_s
         if margin < self.least_margin:
             self.least_margin = margin
+        fall = self._last_margin - margin
         # Written so that a margin that is not a number counts.
         if not margin >= 0.0:
             self.broken += 1
             self._note(now_s)
-        elif self._last_margin - margin > model.bound(elapsed_s):
+            if -math.inf < margin < -self._noise:
+                first = math.isnan(self._last_margin)
+                self.found = Finding(Assumption.START if first else Assumption.RECOVERY, f"margin {margin:.3f}")
+        elif math.inf > fall > model.bound(elapsed_s + self._sample_age_s) + 2.0 * self._noise:
             self.surprises += 1
             self._note(now_s)
+            if not model.of_pairs:
+                # The samples are tested on their own: where they are right, it is the world that has changed.
+                self.found = Finding(Assumption.WORKSPACE, f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s")
         self._last_margin, self._last_s = margin, now_s
 
     def _note(self, now_s: float) -> None:
         if self.first_broken_s is None:
             self.first_broken_s = now_s
+
+
+class SampleMonitor:
+    """Tests every sample of one robot against the clock, the declared age, and the sample before it.
+
+    Args:
+        models: whose reach sets a sample has to lie in.
+        timing: the robot's declared age and noise.
+    """
+
+    def __init__(self, models: Sequence[ReachModel], timing: Timing) -> None:
+        self._models: Final = tuple(models)
+        self._timing: Final = timing
+
+    def look(self, now_s: float, before: Sample, sample: Sample) -> Finding | None:
+        """Return what is wrong with a sample that was read at fleet time `now_s`, or None."""
+        age_s = now_s - sample.stamp_s
+        most_s = self._timing.sample_age_s
+        if age_s > most_s + _ROUNDING_S:
+            return Finding(Assumption.SAMPLE_AGE, f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s")
+        if sample is before:
+            return None
+        if age_s < -AHEAD_S:
+            return Finding(Assumption.CLOCK, f"sample is stamped {-age_s:.3f} s ahead of the clock")
+        if sample.stamp_s < before.stamp_s:
+            return Finding(Assumption.CLOCK, f"stamps went back by {before.stamp_s - sample.stamp_s:.3f} s")
+        for model in self._models:
+            if not model.admits(before, sample, self._timing.noise_m):
+                return self._outside(model, before, sample)
+        return None
+
+    def _outside(self, model: ReachModel, before: Sample, sample: Sample) -> Finding:
+        cause = f"sample outside the reach set of {type(model).__name__}"
+        if model.assumption is not Assumption.MOTION:
+            return Finding(model.assumption, cause)
+        way_m, elapsed_s = _apart_m(before, sample), sample.stamp_s - before.stamp_s
+        speed_m_s = max(_speed_m_s(before), _speed_m_s(sample))
+        cause += f": {way_m:.3f} m in {elapsed_s:.3f} s at no more than {speed_m_s:.3f} m/s"
+        # A robot that is too fast says so itself; one that is merely elsewhere has a wrong idea of where it is.
+        explained = way_m <= speed_m_s * elapsed_s + 2.0 * self._timing.noise_m + _ROUNDING_M
+        return Finding(Assumption.MOTION if explained else Assumption.POSITION_NOISE, cause)
+
+
+class StopMonitor:
+    """Watches a robot that ought to come to rest: no farther than the time it takes to act, and braking, take it.
+
+    It ought to when it was told to stop and has not been told anything since, or while its lease is withheld.
+
+    Args:
+        models: reach models of the robot; the first that bounds its motion is used, and without one nothing is watched.
+        timing: the robot's declared timing.
+    """
+
+    __slots__ = ("_lease", "_noise_m", "_told")
+
+    def __init__(self, models: Sequence[ReachModel], timing: Timing) -> None:
+        model = next((model for model in models if model.assumption is Assumption.MOTION), None)
+        self._told: Final = _Order(model, timing.latency_s)
+        self._lease: Final = _Order(model, timing.latency_s + timing.lease_s)
+        self._noise_m: Final = timing.noise_m
+
+    def told(self, now_s: float, sample: Sample, stop: bool) -> None:
+        """Note that the robot was told to stop, or something else."""
+        self._told.note(now_s, sample, stop)
+
+    def lease(self, now_s: float, sample: Sample, withheld: bool) -> None:
+        """Note whether the lease was withheld."""
+        self._lease.note(now_s, sample, withheld)
+
+    def look(self, now_s: float, sample: Sample) -> Finding | None:
+        """Return what is wrong with a robot that ran on, or None."""
+        cause = self._lease.overrun(now_s, sample, self._noise_m)
+        if cause is not None:
+            return Finding(Assumption.LEASE, f"its lease was withheld, and it {cause}")
+        start = self._told.start
+        cause = self._told.overrun(now_s, sample, self._noise_m)
+        if cause is None or start is None:
+            return None
+        brakes = _speed_m_s(sample) < _AT_SPEED * _speed_m_s(start)
+        return Finding(Assumption.BRAKING if brakes else Assumption.LATENCY, f"told to stop, it {cause}")
+
+
+class _Order:
+    """One reason to be at rest, and where the robot was when it came up."""
+
+    __slots__ = ("_model", "_ordered_s", "_within_s", "start")
+
+    def __init__(self, model: ReachModel | None, within_s: float) -> None:
+        self._model: Final = model
+        self._within_s: Final = within_s
+        self._ordered_s = 0.0
+        self.start: Sample | None = None
+
+    def note(self, now_s: float, sample: Sample, stop: bool) -> None:
+        if not stop or self._model is None:
+            self.start = None
+        elif self.start is None:
+            self.start, self._ordered_s = sample, now_s
+
+    def overrun(self, now_s: float, sample: Sample, noise_m: float) -> str | None:
+        start, model = self.start, self._model
+        if start is None or model is None or sample is start:
+            return None
+        age_s = max(0.0, self._ordered_s - start.stamp_s)
+        most_m = model.bound(self._within_s + age_s) + 2.0 * noise_m + _ROUNDING_M
+        way_m = _apart_m(start, sample)
+        if way_m <= most_m:
+            return None
+        cause = f"got {way_m:.3f} m farther since {self._ordered_s:.3f} s, at most {most_m:.3f} m"
+        # Judged anew from here: a robot that has come to rest after all must not count for ever.
+        self.start, self._ordered_s = sample, now_s
+        return cause
+
+
+class PeerMonitor:
+    """Tests what peers report of themselves against the bound that they are assumed to respect.
+
+    One for a fleet: what a robot reports is the same for everybody who hears it.
+
+    Args:
+        model: the bound that is declared for peers.
+        noise_m: error of the positions that peers report, at most.
+        silent_s: a peer may not be silent for longer.
+    """
+
+    def __init__(self, model: ReachModel, noise_m: float, silent_s: float) -> None:
+        self._model: Final = model
+        self._noise_m: Final = noise_m
+        self._silent_s: Final = silent_s
+        self._before: dict[int, Sample] = {}
+
+    def look(self, now_s: float, samples: Sequence[Sample]) -> Mapping[int, Finding]:
+        """Return what is wrong, by the id of the robot whose sample it is."""
+        before, found = self._before, {}
+        for sample in samples:
+            robot_id = sample.robot_id
+            last = before.get(robot_id)
+            if sample is not last:
+                before[robot_id] = sample
+                if last is not None and not self._model.admits(last, sample, self._noise_m):
+                    cause = f"robot {robot_id}: sample outside the reach set that is declared for peers"
+                    found[robot_id] = Finding(Assumption.PEERS, cause)
+                    continue
+            silent_s = now_s - sample.stamp_s
+            if silent_s > self._silent_s:
+                found[robot_id] = Finding(Assumption.PEERS, f"robot {robot_id}: not heard of for {silent_s:.3f} s")
+        return found
+
+
+def _apart_m(one: Sample, other: Sample) -> float:
+    return math.hypot(other.x_m - one.x_m, other.y_m - one.y_m)
+
+
+def _speed_m_s(sample: Sample) -> float:
+    return math.hypot(sample.vx_m_s, sample.vy_m_s)

@@ -1,17 +1,17 @@
-"""The supervisor: every tick it senses, lets the due decision modules judge, and drives by whoever is in charge."""
+"""One robot's supervisor: every tick it senses, lets the due decision modules judge, and drives by who is in charge."""
 
 from __future__ import annotations
 
 import logging
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple, Protocol
 
+from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule
 from soter.rta.models import ReachModel
 from soter.rta.module import Timing
-from soter.rta.neighbours import Neighbours
+from soter.rta.monitors import Finding, SampleMonitor, StopMonitor
 from soter.rta.situation import Mode, Sample, Situation
 from soter.rta.topics import Node, Topic
 
@@ -20,6 +20,8 @@ logger = logging.getLogger(__name__)
 SUPERVISOR = "supervisor"
 """Named as the module when a disengagement comes from an assumption that failed, not from a module's margin."""
 
+
+_ROUNDING_S: Final = 1e-9
 
 ALARM_S: Final = 0.3
 """A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
@@ -39,6 +41,12 @@ class Actuator(Protocol):
 
     def renew(self) -> None:
         """Let the robot move on for another lease."""
+
+    def reported(self, sample: Sample) -> Mode | None:
+        """Return who is in charge as the robot itself reports it in a sample; None where it does not report that."""
+
+    def insist(self) -> None:
+        """Say again who is in charge: the robot reports that it is somebody else."""
 
 
 class SwitchRecord(NamedTuple):
@@ -79,6 +87,7 @@ class RobotSupervisor:
         situation: what the robot knew at the last tick.
         decide_s: host time of the last decisions, in seconds.
         ac_failure: why the AC will never get control again; empty while it may.
+        log: which assumptions did not hold.
 
     Args:
         robot_id: which robot.
@@ -114,9 +123,11 @@ class RobotSupervisor:
         self._ac: Final = ac
         self._waypoint: Final = waypoint
         self._sent = waypoint.count
-        self._models: Final = tuple(models)
         self._timing: Final = timing
         self._lateness_s: Final = timing.jitter_s + 1e-6
+        self._samples: Final = SampleMonitor(models, timing)
+        self.log: Final = AssumptionLog()
+        self._stop: Final = StopMonitor(models, timing)
         self._watches: Final = tuple(watches)
         self.ac_failure = ""
         self._alarm = ""
@@ -125,6 +136,9 @@ class RobotSupervisor:
         self._owed: tuple[str, str] | None = None
         self._looked_s = [math.nan] * len(self.modules)
         self._announced_ac = False
+        # Modules begin in SC, and so does a robot that is ready.
+        self._handed_over_s = -math.inf if modules else math.inf
+        self._disowned = False
 
     def fail_ac(self, cause: str) -> None:
         """Never give this robot to its AC again: that has failed for good, and the cause says how.
@@ -140,33 +154,59 @@ class RobotSupervisor:
         situation = self.situation
         before = situation.own
         self._alarm = ""
+        if now_s < situation.now_s:
+            self._clock_went_back(situation.now_s - now_s)
+        situation.now_s = now_s
         try:
             sample = self.actuator.read()
             if not math.isfinite(sample.x_m + sample.y_m + sample.stamp_s):
                 # Comparisons with NaN are false: a minimum over distances would leave it out, for this robot and peers.
                 raise ValueError(f"the sample is not finite: {sample}")
         except Exception as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
-            situation.now_s = now_s
             situation.age_s = max(0.0, now_s - before.stamp_s)
-            self._raise_alarm(f"no state: {failure}")
+            self._raise_alarm(Assumption.SAMPLE_AGE, f"no state: {failure}")
             return before
         situation.own = sample
-        situation.now_s = now_s
         # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
-        age_s = max(0.0, now_s - sample.stamp_s)
-        situation.age_s = age_s
-        if age_s > self._timing.sample_age_s + 1e-9:
-            self._raise_alarm(f"sample is {age_s:.3f} s old, declared at most {self._timing.sample_age_s:.3f} s")
-        elif sample is not before:
-            for model in self._models:
-                if not model.admits(before, sample, self._timing.noise_m):
-                    self._raise_alarm(f"sample outside the reach set of {type(model).__name__}")
-                    break
+        situation.age_s = max(0.0, now_s - sample.stamp_s)
+        for found in (self._samples.look(now_s, before, sample), self._stop.look(now_s, sample)):
+            if found is not None:
+                self._raise_alarm(*found)
+        self._look_for_owner(sample)
         return sample
 
-    def _raise_alarm(self, cause: str) -> None:
+    def _clock_went_back(self, by_s: float) -> None:
+        self.situation.now_s -= by_s
+        for module in self.modules:
+            if module.mode is Mode.SC:
+                # What held since a time that is yet to come has not held for any time.
+                module.force(self.situation.now_s, module.cause)
+        self._raise_alarm(Assumption.CLOCK, f"fleet time went back by {by_s:.3f} s")
+
+    def _look_for_owner(self, sample: Sample) -> None:
+        """Compare who is in charge with what the robot says of it; where it is another, the lease is left to run out.
+
+        The command of the controller that lost control would otherwise move the robot on.
+        """
+        reported = self.actuator.reported(sample)
+        self._disowned = (
+            reported is not None
+            and reported is not self.mode
+            and self._owed is None
+            and sample.stamp_s > self._handed_over_s + self._timing.latency_s + _ROUNDING_S
+        )
+        if self._disowned:
+            self._raise_alarm(Assumption.AUTHORITY, f"the robot reports {reported} in charge, not {self.mode}")
+            self._attempt(self.actuator.insist)
+
+    def distrust(self, finding: Finding) -> None:
+        """Take control from the AC for a while, because of what was found out about a peer."""
+        self._raise_alarm(*finding)
+
+    def _raise_alarm(self, assumption: Assumption, cause: str) -> None:
         """Note that an assumption has failed: the AC loses control for a while, whatever the margins are."""
-        self._alarm = cause
+        self.log.note(assumption, self.situation.now_s, cause)
+        self._alarm = f"{assumption}: {cause}"
         self._alarmed_until_s = self.situation.now_s + ALARM_S
 
     def decide(self, tick: int) -> None:
@@ -184,8 +224,13 @@ class RobotSupervisor:
                 if alarmed or tick % module.every_ticks == 0:
                     since_s = now_s - self._looked_s[rank]
                     self._looked_s[rank] = now_s
-                    if since_s > module.delta_s + self._lateness_s:
-                        self._raise_alarm(f"'{module.name}' looked after {since_s:.3f} s, not {module.delta_s:g} s")
+                    late_s = since_s - module.delta_s
+                    if late_s > self._lateness_s:
+                        self._raise_alarm(
+                            Assumption.JITTER if late_s <= self._lateness_s + self._timing.lease_s
+                            else Assumption.SCHEDULING,
+                            f"'{module.name}' looked after {since_s:.3f} s, not {module.delta_s:g} s",
+                        )  # fmt: skip
                     if module.decide(situation):
                         if module.mode is Mode.SC:
                             fired.append(module)
@@ -198,6 +243,7 @@ class RobotSupervisor:
                 if module.mode is Mode.AC:
                     fired.append(module)
                 module.force(now_s, f"decision module failed: {failure!r}")
+            self._look_at(module)
             if driver is None and module.mode is Mode.SC:
                 driver = module
         if driver is None and (now_s < self._alarmed_until_s or self.ac_failure):
@@ -209,6 +255,19 @@ class RobotSupervisor:
             self._hand_over("", "no safety module is enabled")
         elif self._owed is not None:
             self._hand_over(*self._owed)
+
+    def _look_at(self, module: DecisionModule) -> None:
+        """Take note of what a module's own monitor has found."""
+        found = module.monitor.found
+        if found is None:
+            return
+        module.monitor.found = None
+        cause = f"'{module.name}': {found.cause}"
+        if module.mode is Mode.AC:
+            self._raise_alarm(found.assumption, cause)
+        else:
+            # The module has the robot already, and keeps it until phi_safer.
+            self.log.note(found.assumption, self.situation.now_s, cause)
 
     def act(self) -> None:
         """Let the controller in charge take its step, send what it published, renew the lease."""
@@ -223,9 +282,10 @@ class RobotSupervisor:
             self._sent = waypoint.count
         if waypoint.count != self._sent:
             self._sent = waypoint.count
-            self._attempt(lambda: self.actuator.drive(waypoint.value, self.mode))
-        if not self._refused:
+            self._drive(waypoint.value)
+        if not self._refused and not self._disowned:
             self._attempt(self.actuator.renew)
+        self._stop.lease(situation.now_s, situation.own, withheld=self._refused or self._disowned)
         self._refused = False
 
     def _hand_over(self, module: str, cause: str) -> None:
@@ -237,6 +297,13 @@ class RobotSupervisor:
         self._attempt(lambda: self.actuator.hand_over(self.mode, module, cause))
         if not self._refused:
             self._owed = None
+            self._handed_over_s = self.situation.now_s
+            self._stop.told(self.situation.now_s, self.situation.own, stop=True)
+
+    def _drive(self, command: Any) -> None:
+        """Pass on a command; None means that the robot ought to stop."""
+        self._attempt(lambda: self.actuator.drive(command, self.mode))
+        self._stop.told(self.situation.now_s, self.situation.own, stop=command is None)
 
     def _attempt(self, call: Callable[[], None]) -> None:
         """Call the actuator; where it fails the lease is left to run out, and the AC loses control for a while."""
@@ -245,12 +312,12 @@ class RobotSupervisor:
         except Exception as failure:
             logger.exception("robot %d: its interface failed", self.robot_id)
             self._refused = True
-            self._raise_alarm(f"interface failed: {failure!r}")
+            self._raise_alarm(Assumption.LATENCY, f"interface failed: {failure!r}")
 
     def _without_module(self) -> DecisionModule | None:
         """Return whose safe controller drives when no module asks for it, but the AC may not."""
         if not self.modules:
-            self._attempt(lambda: self.actuator.drive(None, self.mode))
+            self._drive(None)
             return None
         return self.modules[-1] if self.ac_failure else self.modules[0]
 
@@ -271,7 +338,7 @@ class RobotSupervisor:
         if self.mode is not was or before is not driver:
             # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
             if self.mode is was:
-                self._attempt(lambda: self.actuator.drive(None, self.mode))
+                self._drive(None)
             else:
                 self._announced_ac = True
                 self._hand_over(name, cause)
@@ -299,49 +366,6 @@ class RobotSupervisor:
 
     def _isolate(self, node: Node, failure: Exception) -> None:
         logger.error("robot %d: node '%s' failed", self.robot_id, node.name, exc_info=failure)
-        self._attempt(lambda: self.actuator.drive(None, self.mode))
+        self._drive(None)
         if self.mode is Mode.AC:
             self.fail_ac(f"AC failed: {failure!r}")
-
-
-class Supervisor:
-    """The supervisors of all robots of a fleet, ticked together.
-
-    Args:
-        robots: one supervisor a robot.
-        base_tick_s: period of the tick.
-        neighbour_radius_m: peers farther away than this are left out of a robot's situation; must exceed every
-            distance at which a module or safe controller takes notice of a peer.
-        before_decisions: called once a tick, after all robots were sensed and before any decides: the arbiter.
-    """
-
-    def __init__(
-        self,
-        robots: Sequence[RobotSupervisor],
-        base_tick_s: float,
-        neighbour_radius_m: float,
-        before_decisions: Callable[[float, Mapping[int, RobotSupervisor]], None] | None = None,
-    ) -> None:
-        self.robots: Final = {robot.robot_id: robot for robot in robots}
-        self.base_tick_s: Final = base_tick_s
-        self._list: Final = tuple(robots)
-        self._neighbours = Neighbours(neighbour_radius_m)
-        self._before_decisions = before_decisions
-        self._tick = 0
-
-    def tick(self, now_s: float) -> None:
-        """Do one tick at fleet time `now_s`; call it every `base_tick_s`."""
-        robots = self._list
-        samples = [robot.sense(now_s) for robot in robots]
-        self._neighbours.assign(robots, samples)
-        if self._before_decisions is not None:
-            self._before_decisions(now_s, self.robots)
-        tick = self._tick
-        counter = time.perf_counter
-        for robot in robots:
-            start_s = counter()
-            robot.decide(tick)
-            robot.decide_s = counter() - start_s
-        for robot in robots:
-            robot.act()
-        self._tick = tick + 1

@@ -164,6 +164,15 @@ class Robot(ABC):
         self._switch = switch
         return switch
 
+    def hand_over_again(self) -> None:
+        """Send the last change of control once more: the robot's own report shows that it has not heard of it.
+
+        Raises:
+            LifecycleError: before `init()` or after `close()`.
+        """
+        self._require_ready("hand_over_again")
+        self._hand_over(self._in_charge)
+
     def renew_lease(self) -> None:
         """Renew the lease of the controller in charge: `switch_ac_sc` to the same one, without a handle."""
         self._require_ready("renew_lease")

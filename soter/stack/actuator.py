@@ -5,7 +5,7 @@ from __future__ import annotations
 from numbers import Real
 from typing import Any, Final
 
-from soter.rta import Mode, Node, Port, Request, Situation, Topic
+from soter.rta import Mode, Node, Port, Request, Sample, Situation, Topic
 from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState, Waypoint
 from soter.stack.safe_controller import WAYPOINT
 
@@ -36,7 +36,6 @@ class RobotActuator:
         state = self.robot.read_state()
         port = self.port
         port.state = state
-        self._reported = state.controller
         if not port.engaged:
             port.refuse()
         goal = self._goal
@@ -70,9 +69,9 @@ class RobotActuator:
         """Renew the lease."""
         self.robot.renew_lease()
 
-    def reported(self) -> Mode | None:
-        """Return who is in charge, as the robot's latest sample has it."""
-        return None if self._reported is None else _MODES[self._reported]
+    def reported(self, sample: Sample) -> Mode | None:
+        """Return who is in charge as the robot itself has it."""
+        return _MODES[sample.controller] if isinstance(sample, RobotState) and sample.controller else None
 
     def insist(self) -> None:
         """Send once more who is in charge."""

@@ -110,12 +110,14 @@ class FakeActuator:
         sample: what it reads; an exception is raised instead.
         calls: what it was told, in order.
         failing: names of calls that raise.
+        report: who is in charge, as the robot itself says.
     """
 
     def __init__(self, robot_id: int = 1) -> None:
         self.sample: Sample | Exception = At(10.0, robot_id=robot_id)
         self.calls: list[tuple[Any, ...]] = []
         self.failing: set[str] = set()
+        self.report: Mode | None = None
 
     def read(self) -> Sample:
         if isinstance(self.sample, Exception):
@@ -130,6 +132,12 @@ class FakeActuator:
 
     def renew(self) -> None:
         self._note("renew")
+
+    def reported(self, sample: Sample) -> Mode | None:
+        return self.report
+
+    def insist(self) -> None:
+        self._note("insist")
 
     def _note(self, *call: Any) -> None:
         self.calls.append(call)

@@ -342,8 +342,8 @@ def test_a_stale_sample_takes_control_and_its_age_is_known() -> None:
     rig = Rig("a", timing=Timing(latency_s=0.05, sample_age_s=0.1))
     rig.start()
     rig.fresh = False
-    rig.actuator.sample = At(10.0, stamp_s=rig.now_s - 0.1)
-    rig.tick()
+    rig.actuator.sample = At(10.0, stamp_s=rig.now_s - TICK_S)
+    rig.tick(2)
     assert rig.driver() is None, "as old as declared"
     rig.tick()
     assert rig.driver() == "a"
