@@ -1,7 +1,7 @@
 """The engine without physics: acceleration-limited speeds, circular arcs, and exact contact along their chords.
 
-In each step of 0.05 s the speeds change towards the command at constant rate, and the robot moves along the
-circular arc with the length and turn that result. Bodies stop where they touch. They may turn in contact, and they
+In each step, of 0.05 s by default, the speeds change towards the command at constant rate, and the robot moves along
+the circular arc with the length and turn that result. Bodies stop where they touch. They may turn in contact, and they
 may move away again. A robot that pushes uses charge as if it drove.
 
 One loop over plain floats serves few robots and many: commands come from one call for each robot anyway, and what
@@ -22,7 +22,7 @@ from soter_sim.judge import Judge, Stops
 from soter_sim.sweep import enter_disc, meet_box
 
 STEP_S: Final = 0.05
-"""Control period and integration step; 1/STEP_S is 20 Hz."""
+"""Control period and integration step, unless another is asked for; 1/STEP_S is 20 Hz."""
 
 _CONTACT_M: Final = 2.0 * BODY_RADIUS_M
 
@@ -33,12 +33,13 @@ class KinematicEngine:
     Args:
         workspace: fence, boxes and chargers.
         specs: the robots and where they start.
+        step_s: control period and integration step.
     """
 
-    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec]) -> None:
+    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec], step_s: float = STEP_S) -> None:
         self.bodies = Bodies(specs)
-        self.period_s = STEP_S
-        self._judge = Judge(workspace, self.bodies, STEP_S, LIMITS.v_max_m_s)
+        self.period_s = step_s
+        self._judge = Judge(workspace, self.bodies, step_s, LIMITS.v_max_m_s)
         self.record = self._judge.record
         self._done = 0
         self._to_x = [*self.bodies.x]
@@ -52,7 +53,7 @@ class KinematicEngine:
         indices = range(len(x))
         least_charge = self.record.min_margin["battery"]
 
-        step_s = STEP_S
+        step_s = self.period_s
         v_max, w_max = LIMITS.v_max_m_s, LIMITS.yaw_rate_max_rad_s
         dv_max, dw_max = LIMITS.accel_m_s2 * step_s, LIMITS.yaw_accel_rad_s2 * step_s
         half_s = 0.5 * step_s
@@ -195,7 +196,7 @@ class KinematicEngine:
             box_at, pair_at = box_times.get(box_hit, inf), meetings.get(pair_hit, inf)
             if box_at <= pair_at:
                 now, stopped = box_at, (box_hit,)
-                self._judge.hit_box(box_hit, (step + now) * STEP_S)
+                self._judge.hit_box(box_hit, (step + now) * self.period_s)
             else:
                 now, stopped = pair_at, self._who_stops(*pair_hit, pair_at, stops)
                 self._judge.hit_robot(*pair_hit)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soter.sdk.values import Waypoint
+from soter.sdk.values import RobotSpec, Waypoint
 from soter.workspace import Box, Workspace
 from soter_sim import BODY_RADIUS_M, LIMITS, World
+from soter_sim.kinematic import KinematicEngine
 from tests.sim.worlds import CASE, constant, driven, empty, positions, scripted, specs, touring
 
 V, A, YAW_A = LIMITS.v_max_m_s, LIMITS.accel_m_s2, LIMITS.yaw_accel_rad_s2
@@ -194,3 +196,16 @@ def test_how_time_is_cut_into_calls_changes_nothing() -> None:
         return positions(world)
 
     assert end(10.0) == end(*(k * 0.013 for k in range(1, 770)), 10.0)
+
+
+def test_a_finer_step_is_the_same_motion() -> None:
+    def engine(workspace: Workspace, robots: Sequence[RobotSpec]) -> KinematicEngine:
+        return KinematicEngine(workspace, robots, 1 / 60)
+
+    coarse = World(empty(), specs((5.0, 5.0, 0.3)))
+    fine = World(empty(), specs((5.0, 5.0, 0.3)), engine)
+    for world in (coarse, fine):
+        world.set_control(1, constant(0.2, 0.5))
+        world.advance(6.0)
+    assert fine.period_s == 1 / 60
+    assert math.dist(coarse.truth.pose(1), fine.truth.pose(1)) < 1e-3
