@@ -38,6 +38,10 @@ class ReachModel(ABC):
         """Whether `reach` may be less than `bound`."""
         return type(self).reach is not ReachModel.reach
 
+    def of_own(self) -> ReachModel:
+        """Return the part of the model that is about this robot alone, against which its samples are tested."""
+        return self
+
     @abstractmethod
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         """Return whether `after` lies in the reach set of `before`; if not, the model is wrong about this robot."""
@@ -86,6 +90,9 @@ class PairBound(ReachModel):
 
     def bound(self, time_s: float) -> float:
         return self.own.bound(time_s) + self.other.bound(time_s)
+
+    def of_own(self) -> ReachModel:
+        return self.own
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         return self.own.admits(before, after, noise_m)

@@ -12,7 +12,7 @@ from soter.rta import (
     Actuator,
     DecisionModule,
     Mode,
-    PairBound,
+    PeerMonitor,
     Port,
     ReachModel,
     Report,
@@ -25,6 +25,7 @@ from soter.rta import (
 )
 from soter.sdk import Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
+from soter.stack.collision import PEER_STALE_S
 from soter.stack.battery import Dock
 from soter.stack.declaration import PeerBounds, declare, timing_of
 from soter.stack.recovery import RecoveryPlanner
@@ -130,7 +131,11 @@ def assemble(
             )
         right_of_way.update(now_s, bound)
 
-    supervisor = Supervisor(supervisors, mission.base_tick_s, NEIGHBOUR_M, before_decisions)
+    watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_STALE_S)
+    supervisor = Supervisor(
+        supervisors, mission.base_tick_s, NEIGHBOUR_M, before_decisions,
+        watched if COLLISION in enabled(mission) else None,
+    )  # fmt: skip
     bound = supervisor.robots
     return SafetySide(
         supervisor,
@@ -153,12 +158,5 @@ def _trigger_m(mission: Mission, robots: Sequence[Robot]) -> float:
 
 
 def _monitored(modules: Sequence[RTAModule]) -> list[ReachModel]:
-    """Return one model of each kind: the same speed bound need not be tested three times a tick."""
-    seen: dict[type, ReachModel] = {}
-    for module in modules:
-        model: ReachModel | None = module.model
-        if isinstance(model, PairBound):
-            model = model.own
-        if model is not None:
-            seen.setdefault(type(model), model)
-    return list(seen.values())
+    """Return what the modules assume of the robot's own samples, each model once however many modules share it."""
+    return list(dict.fromkeys(module.model.of_own() for module in modules if module.model is not None))
