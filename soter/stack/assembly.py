@@ -25,11 +25,11 @@ from soter.rta import (
 )
 from soter.sdk import Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
-from soter.stack.collision import PEER_STALE_S
 from soter.stack.battery import Dock
-from soter.stack.declaration import PeerBounds, declare, timing_of
+from soter.stack.collision import PEER_STALE_S
+from soter.stack.declaration import PeerBounds, declare, enabled, timing_of
 from soter.stack.recovery import RecoveryPlanner
-from soter.stack.right_of_way import BATTERY, RightOfWay
+from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
