@@ -63,7 +63,7 @@ Report = GoalReport | ControlReport
 class Port(Generic[C, S]):
     """A mailbox of one slot: a newer command replaces one that was not yet taken, so a flood costs nothing.
 
-    `goto` may be called from any thread. `take`, `report` and `engaged` belong to the supervisor's thread.
+    `goto` and `put` may be called from any thread. `take`, `report` and `engaged` belong to the supervisor's thread.
 
     Args:
         robot_id: whose port.
@@ -96,11 +96,19 @@ class Port(Generic[C, S]):
         intended = upcoming[:MAX_UPCOMING] if type(upcoming) is tuple else ()
         with self._lock:
             self._last_goal_id += 1
-            # A flood must not grow anything: only the newest replaced goal is worth a report.
-            if self._slot is not None:
-                self._replaced = [self._slot.goal_id]
-            self._slot = Request(self._last_goal_id, command, intended)
+            self._put(Request(self._last_goal_id, command, intended))
             return self._last_goal_id
+
+    def put(self, request: Request[C]) -> None:
+        """Ask under a number of the caller's own, which reports will repeat: for what comes from another port."""
+        with self._lock:
+            self._put(request)
+
+    def _put(self, request: Request[C]) -> None:
+        # A flood must not grow anything: only the newest replaced goal is worth a report.
+        if self._slot is not None:
+            self._replaced = [self._slot.goal_id]
+        self._slot = request
 
     def take(self) -> Request[C] | None:
         """Empty the mailbox; tells the owner of a command that was replaced in it."""
