@@ -136,13 +136,15 @@ class UserModuleTable(Table):
 
     Attributes:
         declare: the function that declares it, as `package.module:function`.
-        before: the module before which it may drive: a shipped one, or one of the user's that stands above it.
+        before: the module before which it may drive: a shipped one, or one of the user's that stands above it. Its
+            own motions are certified against the shipped rules, but those of the shipped modules know nothing of its
+            rule; hence it comes first unless told otherwise.
         enabled: False leaves this module out.
         options: raw options, checked by the model that the function takes.
     """
 
     declare: Annotated[str, AfterValidator(_as_target)]
-    before: Name = "battery"
+    before: Name = MODULES[0]
     enabled: bool = True
     options: dict[str, Any] = Field(default_factory=dict)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -78,6 +79,9 @@ def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | 
     """
     from soter.config import load_mission
 
+    # Classes and modules of one's own are found as Python run here would find them.
+    if "" not in sys.path:
+        sys.path.insert(0, "")
     mission = load_mission(path, overrides)
     if engine is None:
         return mission

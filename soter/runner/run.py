@@ -21,6 +21,7 @@ from soter.runner.progress import Progress, robot_progress
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
 from soter.runner.trace import Trace
+from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
 from soter.stack.assembly import SafetySide, assemble
@@ -131,6 +132,8 @@ class _Loop:
         self.metrics.judge = NeedlessJudge(
             self.safety.supervisor.robots, self.safety.forwarders, self.safety.modules, capabilities.v_max_m_s
         ).judge
+        truth = fleet.truth
+        self.user_rules: Final = None if truth is None else UserRules(truth, self.safety.own)
         disc_m = self.safety.trigger_m + DISC_SLACK_M
         side.start(Scene(fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, self.metrics))
 
@@ -181,6 +184,8 @@ class _Loop:
             metrics.tick(now_s, tick, robots, charging)
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
+            if self.user_rules is not None:
+                self.user_rules.look(clock.now(), self.robots)
             if stop is not None and stop():
                 return "interrupted"
             if on_progress is not None and tick % _LOOK_TICKS == 0:
@@ -203,8 +208,19 @@ class _Loop:
             self.mission.duration_s,
             wall_s,
             robot_progress(self.robots, self.metrics),
-            None if truth is None else _violations(truth.report()),
+            self._violations(None if truth is None else truth.report()),
         )
+
+    def _violations(self, report: TruthReport | None) -> dict[str, int] | None:
+        if report is None or self.user_rules is None:
+            return None
+        return {**{rule: report.count(rule) for rule in RULES}, **self.user_rules.counts()}
+
+    def _min_margin(self, report: TruthReport | None) -> dict[str, float] | None:
+        if report is None or self.user_rules is None:
+            return None
+        margins = {**report.min_margin, **self.user_rules.min_margin}
+        return {rule: round(margin, 5) for rule, margin in margins.items()}
 
     def result(self, status: str, failure: str, engine: str | None) -> RunResult:
         """Sum up."""
@@ -227,7 +243,7 @@ class _Loop:
             duration_s=duration_s,
             wall_s=round(self.wall_s, 3),
             real_time_factor=round(duration_s / self.wall_s, 1) if self.wall_s else 0.0,
-            violations=None if report is None else _violations(report),
+            violations=self._violations(report),
             contacts=None if report is None else report.contacts,
             ac_share=round(metrics.ac_share, 4),
             ac_share_without_charging=round(metrics.ac_share_without_charging, 4),
@@ -239,7 +255,7 @@ class _Loop:
             targets_reached=targets.reached,
             longest_stall_s=round(metrics.longest_stall_s, 2),
             no_progress_s=round(metrics.no_progress_s, 2),
-            min_margin=None if report is None else {rule: round(m, 5) for rule, m in report.min_margin.items()},
+            min_margin=self._min_margin(report),
             paths_replaced=self.side.paths_replaced,
             no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
             monitors=module_figures(self.robots),
@@ -251,10 +267,6 @@ class _Loop:
             faults=_fault_figures(self.fleet),
             failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},
         )
-
-
-def _violations(report: TruthReport) -> dict[str, int]:
-    return {rule: report.count(rule) for rule in RULES}
 
 
 def _fault_figures(fleet: Fleet) -> tuple[FaultFigures, ...]:

@@ -50,6 +50,7 @@ class SafetySide:
         terrain: the static workspace.
         trigger_m: distance between two robots at which the collision module acts.
         charging: whether a robot stands on its station because it has to charge.
+        own: the user's modules, by robot id, those that are off included.
     """
 
     supervisor: Supervisor
@@ -60,6 +61,7 @@ class SafetySide:
     terrain: Terrain
     trigger_m: float
     charging: Callable[[int], bool]
+    own: Mapping[int, tuple[RTAModule, ...]]
 
 
 def assemble(
@@ -93,6 +95,7 @@ def assemble(
     recoveries: dict[int, RecoveryPlanner] = {}
     forwarders: dict[int, PortForwarder] = {}
     modules: dict[int, tuple[RTAModule, ...]] = {}
+    own: dict[int, tuple[RTAModule, ...]] = {}
     docks: dict[int, Dock] = {}
     supervisors: list[RobotSupervisor] = []
     for robot in robots:
@@ -122,7 +125,7 @@ def assemble(
             )
         )
         ports[robot.id], recoveries[robot.id], docks[robot.id] = port, declared.recovery, declared.dock
-        forwarders[robot.id], modules[robot.id] = forwarder, declared.modules
+        forwarders[robot.id], modules[robot.id], own[robot.id] = forwarder, declared.modules, declared.own
 
     def before_decisions(now_s: float, bound: Mapping[int, RobotSupervisor]) -> None:
         for robot_id, supervisor in bound.items():
@@ -146,6 +149,7 @@ def assemble(
         terrain,
         _trigger_m(mission, robots),
         lambda robot_id: docks[robot_id].charging(bound[robot_id].situation),
+        own,
     )
 
 

@@ -18,7 +18,7 @@ from soter.stack.obstacle import Clearance
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.refuge import RefugeFinder
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
-from soter.stack.safe_controller import Retreat
+from soter.stack.safe_controller import WAYPOINT, Retreat
 from soter.stack.terrain import Terrain
 from soter.stack.user_modules import ModuleKit, declare_own
 from soter.workspace import Workspace
@@ -197,9 +197,10 @@ def declare(
     own_modules = {}
     for name, own in mission.rta.module.items():
         kit = ModuleKit(
-            name, robot_id, capabilities, workspace, terrain, ac, waypoint, recovery, refuges, speed, timing, tick_s
-        )
-        own_modules[name] = declare_own(mission, own, kit)
+            name, robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery, refuges, speed, timing,
+            tick_s,
+        )  # fmt: skip
+        own_modules[name] = declare_own(mission, own, kit, waypoint)
     declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in enabled(mission))
     return Declared(declared, recovery, refuges, dock, timing, tuple(own_modules.values()))
 

@@ -25,7 +25,7 @@ from soter.workspace import Workspace
 
 @dataclass(frozen=True)
 class ModuleKit:
-    """What a module of the user's own is made from: one robot, its world, and certified motions.
+    """What a module of the user's own is made from: one robot and its world.
 
     Attributes:
         name: the module's name in the mission; the declaration gets it whatever it calls itself.
@@ -34,8 +34,8 @@ class ModuleKit:
         workspace: fence, boxes, chargers.
         terrain: the same, as distances.
         ac: the AC's node.
-        waypoint: the topic that AC and SCs publish.
-        recovery: makes and certifies legs against the mission's other modules.
+        waypoint: where the module's safe controller publishes where to go, as far away as it likes, or None to hold.
+        recovery: certified motions; what the safe controller publishes is driven by them in any case.
         refuges: finds places that are safer for every static rule.
         model: the robot's speed bound, R(T) of any margin that is a distance to something at rest.
         timing: what the robot adds to every horizon.
@@ -55,35 +55,48 @@ class ModuleKit:
     timing: Timing
     tick_s: float
 
-    def safe_controller(self, motion: Callable[[Situation], Waypoint | None]) -> Node:
-        """Return a safe controller that publishes what `motion` returns at every tick: a leg, or None to hold."""
-        return FunctionController(self.name, self.tick_s, self.waypoint, self.recovery, motion)
 
+class CertifiedController(SafeController):
+    """Drives where another node wants to go, but only by legs that keep every rule of the mission's other modules.
 
-class FunctionController(SafeController):
-    """A safe controller that is one function of the situation.
+    Whoever writes a safe controller thinks of one rule. The recovery planner thinks of the rest: a leg that would break
+    another one is shortened or not driven, so that a mistake in a module of the user's own costs that module's promise
+    only.
 
     Args:
-        name: for recordings.
-        period_s: how often it looks.
-        waypoint: where it publishes.
+        inner: the user's node.
+        wanted: where it publishes.
+        waypoint: where the robot's controllers publish.
         recovery: certifies legs.
-        motion: returns the next leg, or None to hold.
     """
 
-    def __init__(
-        self,
-        name: str,
-        period_s: float,
-        waypoint: Topic[Waypoint],
-        recovery: RecoveryPlanner,
-        motion: Callable[[Situation], Waypoint | None],
-    ) -> None:
-        super().__init__(name, period_s, waypoint, recovery)
-        self._motion: Final = motion
+    def __init__(self, inner: Node, wanted: Topic[Any], waypoint: Topic[Waypoint], recovery: RecoveryPlanner) -> None:
+        super().__init__(inner.name, inner.period_s, waypoint, recovery)
+        self.publishes = inner.publishes  # type: ignore[assignment]  # a user's node may publish anything: P1b says so
+        self.inner: Final = inner
+        self._wanted: Final = wanted
+        self._engaged = False
+
+    def engage(self, situation: Situation) -> None:
+        super().engage(situation)
+        # What the inner node wanted when it was last in charge is no concern of now.
+        self._wanted.value = None
+        self._engaged = True
+        self.inner.engage(situation)
 
     def motion(self, situation: Situation) -> Waypoint | None:
-        return self._motion(situation)
+        if not self._engaged:
+            # Whoever drives first at the start of a run takes charge of nobody.
+            self.engage(situation)
+        self.inner.step(situation)
+        wanted = self._wanted.value
+        if wanted is None:
+            return self.recovery.hold(situation)
+        if not isinstance(wanted, Waypoint):
+            raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
+        wanted.check()
+        leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
+        return leg if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
 
 
 def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
@@ -114,8 +127,14 @@ def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
     return found
 
 
-def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit) -> RTAModule:
+def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit, waypoint: Topic[Any]) -> RTAModule:
     """Return a module of the user's own for one robot, under the name that the mission gives it.
+
+    Args:
+        mission: for messages.
+        table: `[rta.module.NAME]`.
+        kit: for the robot.
+        waypoint: where the robot's controllers publish.
 
     Raises:
         ConfigError: there is no such function, it takes other arguments, an option is not allowed, or what it returns
@@ -125,7 +144,7 @@ def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit) -> RTA
     key = f"rta.module.{kit.name}"
     found = load_target(table.declare, lambda message: mission.refusal(f"{key}.declare", message))
     return declare_from(
-        found, table.declare, kit, table.options, mission.source, key,
+        found, table.declare, kit, waypoint, table.options, mission.source, key,
         lambda message: mission.refusal(f"{key}.declare", message),
     )  # fmt: skip
 
@@ -134,6 +153,7 @@ def declare_from(
     function: object,
     target: str,
     kit: ModuleKit,
+    waypoint: Topic[Any],
     options: Mapping[str, Any],
     source: str | None,
     key: str,
@@ -145,6 +165,7 @@ def declare_from(
         function: what `target` names.
         target: for messages.
         kit: for the robot.
+        waypoint: where the robot's controllers publish.
         options: raw; the model is the annotation of the function's second parameter.
         source: the mission file, or None.
         key: dotted key of the module's table.
@@ -170,7 +191,9 @@ def declare_from(
         raise refused(f"'{target}' failed: {failure!r}; this is a fault of that function") from failure
     if not isinstance(made, RTAModule):
         raise refused(f"'{target}' returned a {type(made).__name__}, allowed: a soter.rta.RTAModule")
-    return replace(made, name=kit.name)
+    # The user's safe controller publishes where it wants to go; what the robot gets is certified.
+    sc = CertifiedController(made.sc, kit.waypoint, waypoint, kit.recovery)
+    return replace(made, name=kit.name, sc=sc)
 
 
 def _options_model(
