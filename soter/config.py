@@ -27,6 +27,7 @@ from pydantic import (
 from soter.config_tables import (
     MODULES,
     BatteryTable,
+    IsolationTable,
     Name,
     RawTables,
     RobotId,
@@ -77,6 +78,7 @@ class Mission(Table):
         backends: raw options, by backend.
         planners: raw options, by planner.
         adversaries: raw options, by adversary.
+        isolation: limits of the mission's process.
         fault: raw tables of the faults to inject, see `soter.faults`.
     """
 
@@ -93,6 +95,7 @@ class Mission(Table):
     base_tick_s: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = 0.05
     battery: BatteryTable = BatteryTable()
     rta: RtaTable = RtaTable()
+    isolation: IsolationTable = IsolationTable()
     backends: RawTables = Field(default_factory=dict)
     planners: RawTables = Field(default_factory=dict)
     adversaries: RawTables = Field(default_factory=dict)

@@ -232,3 +232,15 @@ class BatteryTable(Table):
     idle_s: Positive = 7200.0
     charge_s: Positive = 60.0
     initial: Annotated[dict[RobotId, Charge] | None, BeforeValidator(_by_robot)] = None
+
+
+class IsolationTable(Table):
+    """What the mission may use where it has a process of its own, which it has on a wall clock.
+
+    Attributes:
+        memory_mib: address space that it may add to what it starts with, in MiB.
+        silent_s: host time for which it may be silent before it counts as hung.
+    """
+
+    memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
+    silent_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 2.0
