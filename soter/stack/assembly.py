@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from soter.config import Mission
@@ -73,6 +73,7 @@ def assemble(
     *,
     tap: Callable[[int, RobotActuator], Actuator] | None = None,
     on_ill_formed: Callable[[IllFormedModule], None] | None = None,
+    deltas: float = 2.0,
 ) -> SafetySide:
     """Declare the enabled modules for every robot, check them against its capabilities, and bind them.
 
@@ -84,6 +85,7 @@ def assemble(
         watches: told of every switch.
         tap: returns what a supervisor uses in place of a robot's actuator, such as one that writes down what passes.
         on_ill_formed: takes the refusal of a module and has it bound all the same; for questions, never for robots.
+        deltas: how many Delta the modules look ahead when they judge; anything but 2 is for questions too.
 
     Raises:
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
@@ -111,12 +113,13 @@ def assemble(
             if on_ill_formed is None:
                 raise
             on_ill_formed(refusal)
+        judged = replace(declared.timing, deltas=deltas)
         actuator = RobotActuator(robot, port)
         supervisors.append(
             RobotSupervisor(
                 robot.id,
                 actuator if tap is None else tap(robot.id, actuator),
-                [DecisionModule(each, declared.timing, mission.base_tick_s, right_of_way) for each in declared.modules],
+                [DecisionModule(each, judged, mission.base_tick_s, right_of_way) for each in declared.modules],
                 forwarder,
                 waypoint,
                 _monitored(declared.modules),
