@@ -12,7 +12,7 @@ import numpy as np
 
 from soter.record.tracks import RunTracks, Track
 from soter.rta import Mode, ModuleMonitor, RobotSupervisor, SwitchRecord
-from soter.runner.result import ModuleFigures, TargetCounts, TickTimes
+from soter.runner.result import BreachFigures, ModuleFigures, TargetCounts, TickTimes
 from soter.stack.events import Outcome, Place
 from soter.workspace import Workspace
 
@@ -190,6 +190,18 @@ def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, ModuleFigures
             surprises=sum(monitor.surprises for monitor in monitors),
         )
         for name, monitors in by_name.items()
+    }
+
+
+def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, BreachFigures]]:
+    """Return which assumptions did not hold, by robot; robots for which all did are left out."""
+    return {
+        robot.robot_id: {
+            assumption.id: BreachFigures(times=breach.times, first_s=round(breach.first_s, 6), cause=breach.cause)
+            for assumption, breach in robot.log.breaches.items()
+        }
+        for robot in robots
+        if robot.log.breaches
     }
 
 

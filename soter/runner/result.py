@@ -65,6 +65,21 @@ class ModuleFigures(BaseModel):
     surprises: int
 
 
+class BreachFigures(BaseModel):
+    """How often one assumption of the safety argument was seen not to hold for one robot.
+
+    Attributes:
+        times: looks at which it did not.
+        first_s: fleet time of the first.
+        cause: what was seen then.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    times: int
+    first_s: float
+    cause: str
+
+
 class FaultFigures(BaseModel):
     """One injected fault of one robot.
 
@@ -112,6 +127,7 @@ class RunResult(BaseModel):
         deterministic: the same seed gives the same run; False where host time had a say.
         trace_sha256: over all states and decisions.
         faults: what was injected, by the mission's `[[fault]]` tables.
+        assumptions: by robot, and by number (see `soter.rta.Assumption`), those that were seen not to hold.
         ac: who the ACs were.
     """
 
@@ -152,6 +168,7 @@ class RunResult(BaseModel):
     trace_sha256: str
     failed_robots: dict[int, str]
     faults: tuple[FaultFigures, ...] = ()
+    assumptions: dict[int, dict[str, BreachFigures]] = {}
     ac: str = "mission"
 
     @property

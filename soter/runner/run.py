@@ -15,7 +15,7 @@ from soter.faults import FaultyFleet, read_faults
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
 from soter.runner.ac_side import AcSide, Scene
-from soter.runner.metrics import Metrics, counts, module_figures
+from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
@@ -265,6 +265,7 @@ class _Loop:
             nondeterminism="; ".join(self.side.incidents),
             trace_sha256=self.trace.hexdigest(),
             faults=_fault_figures(self.fleet),
+            assumptions=breach_figures(self.robots),
             failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},
         )
 
