@@ -2,7 +2,7 @@
 
 from soter.runner.progress import Progress, RobotProgress
 from soter.runner.result import NeedlessCounts, RunResult, TargetCounts, TickTimes
-from soter.runner.run import Run, run_mission
+from soter.runner.run import Run, Study, run_mission
 
 __all__ = [
     "NeedlessCounts",
@@ -10,6 +10,7 @@ __all__ = [
     "RobotProgress",
     "Run",
     "RunResult",
+    "Study",
     "TargetCounts",
     "TickTimes",
     "run_mission",

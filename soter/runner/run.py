@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from soter.config import Mission, validate_options
-from soter.errors import RunFailed
+from soter.errors import IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
@@ -39,6 +39,19 @@ _ROUNDING_S: Final = 1e-9
 
 
 @dataclass(frozen=True)
+class Study:
+    """Questions to the modules that a mission must not ask.
+
+    Attributes:
+        deltas: how many Delta they look ahead.
+        on_ill_formed: takes the refusal of an ill-formed module, which then runs all the same; None refuses.
+    """
+
+    deltas: float = 2.0
+    on_ill_formed: Callable[[IllFormedModule], None] | None = None
+
+
+@dataclass(frozen=True)
 class Run:
     """What a run leaves behind.
 
@@ -57,6 +70,7 @@ def run_mission(
     on_progress: Callable[[Progress], None] | None = None,
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
+    study: Study | None = None,
 ) -> Run:
     """Run a mission to its end. Call it from the main thread: only there can a blocked handler be interrupted.
 
@@ -65,6 +79,7 @@ def run_mission(
         on_progress: called every `progress_every_s` of host time.
         progress_every_s: see there.
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
+        study: what is changed of the modules that no mission may change; on simulated robots only.
 
     Returns:
         What happened. Whatever ends the run, its robots are stopped by then.
@@ -93,6 +108,8 @@ def run_mission(
     faults = read_faults(mission, [spec.id for spec in specs])
     with ExitStack() as stack:
         declared = backend_class.robot_class.declared
+        if study is not None and not declared.in_process:
+            raise mission.refusal("backend", f"it is {mission.backend!r}, but studies of modules run on simulated robots")
         side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=declared.in_process)
         stack.callback(side.close)
         try:
@@ -104,7 +121,7 @@ def run_mission(
         side.ready()
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
-        loop = _Loop(mission, workspace, fleet, side)
+        loop = _Loop(mission, workspace, fleet, side, study or Study())
         status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
         return Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
@@ -113,7 +130,7 @@ def run_mission(
 class _Loop:
     """One run, from the first tick to the last."""
 
-    def __init__(self, mission: Mission, workspace: Workspace, fleet: Fleet, side: AcSide) -> None:
+    def __init__(self, mission: Mission, workspace: Workspace, fleet: Fleet, side: AcSide, study: Study) -> None:
         self.mission: Final = mission
         self.fleet: Final = fleet
         self.side: Final = side
@@ -121,7 +138,10 @@ class _Loop:
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
         robot_ids = [robot.id for robot in fleet.robots]
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
-        self.safety: Final[SafetySide] = assemble(mission, workspace, fleet.robots, side.hear, [self.metrics])
+        self.safety: Final[SafetySide] = assemble(
+            mission, workspace, fleet.robots, side.hear, [self.metrics],
+            on_ill_formed=study.on_ill_formed, deltas=study.deltas,
+        )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
         self.ticks = 0
