@@ -18,6 +18,7 @@ from soter.runner.ac_side import AcSide, Scene
 from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
+from soter.runner.remote_side import RemoteSide
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
 from soter.runner.trace import Trace
@@ -110,7 +111,12 @@ def run_mission(
         declared = backend_class.robot_class.declared
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is {mission.backend!r}, but studies of modules run on simulated robots")
-        side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=declared.in_process)
+        side: AcSide
+        if declared.in_process:
+            side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
+        else:
+            # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
+            side = RemoteSide(mission, workspace, declared.body_radius_m)
         stack.callback(side.close)
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))
@@ -186,12 +192,15 @@ class _Loop:
         stop: Callable[[], bool] | None,
     ) -> str:
         base_tick_s, clock, side = self.mission.base_tick_s, self.fleet.clock, self.side
+        receive = side.receive if isinstance(side, RemoteSide) else None
         began_s = clock.now()
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
         charging = self.safety.charging
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = start_s
         for tick in range(last):
+            if receive is not None:
+                receive()
             # In virtual time the clock shows just this time; on a wall clock it shows how late the tick really is.
             now_s = clock.now()
             self.missed_ticks += now_s - (began_s + tick * base_tick_s) > self.jitter_s + _ROUNDING_S

@@ -1,0 +1,227 @@
+"""What crosses between the supervisor's process and the mission's, in MessagePack.
+
+Nothing is unpickled and nothing is believed: what comes from the mission is decoded into these types or refused, and
+texts and lists have a longest length. Positions in metres, workspace frame; times in seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+import msgspec
+
+from soter.rta import ControlReport, GoalReport, Report
+from soter.sdk import RobotState, Waypoint
+
+MAX_TURN_BYTES: Final = 1 << 16
+"""The longest message of a mission: room for an `Ask` of every robot, but not for one of them to keep a tick busy."""
+
+MAX_ANNOUNCED: Final = 16
+"""Waypoints that a mission may announce beyond the one it asks for."""
+
+MAX_NEWS: Final = 1024
+MAX_TEXT: Final = 300
+MAX_LONG_TEXT: Final = 10_000
+
+Id = Annotated[int, msgspec.Meta(ge=0, lt=2**62)]
+Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
+LongText = Annotated[str, msgspec.Meta(max_length=MAX_LONG_TEXT)]
+
+
+class Garbage(ValueError):
+    """What came from the mission's process is not what was agreed."""
+
+
+class _Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    pass
+
+
+# --- to the mission ----------------------------------------------------------------------------------------
+
+
+class GoalEnd(_Message, tag="goal", frozen=True):
+    """A `GoalReport`."""
+
+    robot_id: int
+    goal_id: int
+    status: str
+
+
+class Handover(_Message, tag="control", frozen=True):
+    """A `ControlReport`."""
+
+    robot_id: int
+    engaged: bool
+    module: str
+    cause: str
+
+
+class Begin(_Message, tag="begin", frozen=True):
+    """The robots are ready; the first tick is near.
+
+    Attributes:
+        fleet_s: fleet time,
+        steady_s: at this moment of the host's steady clock.
+        robot_ids: which robots, in the order of every `Tick.states`.
+        body_radius_m: of the largest.
+        disc_m: distance that plans keep from robots that stand in the way.
+    """
+
+    fleet_s: float
+    steady_s: float
+    robot_ids: tuple[int, ...]
+    body_radius_m: float
+    disc_m: float
+
+
+class Tick(_Message, tag="tick", frozen=True):
+    """What the ports show after a tick.
+
+    Attributes:
+        number: counts the ticks that were sent.
+        now_s: fleet time of the tick.
+        fleet_s: fleet time when this was sent,
+        steady_s: which was this moment of the host's steady clock.
+        states: every robot's latest sample.
+        reports: what the ports have reported since the last one, oldest first.
+    """
+
+    number: int
+    now_s: float
+    fleet_s: float
+    steady_s: float
+    states: tuple[RobotState | None, ...]
+    reports: tuple[GoalEnd | Handover, ...]
+
+
+# --- from the mission --------------------------------------------------------------------------------------
+
+
+class Started(_Message, tag="started", frozen=True):
+    """The ACs are there; `Begin` may come."""
+
+
+class Refused(_Message, tag="refused", frozen=True):
+    """The ACs cannot be made, and why: what the error says, and where a `ConfigError` is."""
+
+    kind: Literal["config", "backend", "other"]
+    message: LongText
+    source: LongText | None = None
+    line: int | None = None
+    key: LongText | None = None
+
+
+class Ask(_Message, frozen=True):
+    """A goto through a robot's port.
+
+    Attributes:
+        robot_id: which robot.
+        handover: how many hand-overs of that robot the mission had heard of when it asked.
+        goal_id: the mission's number for it.
+        target: where to.
+        upcoming: what the AC intends after it; for statistics only.
+    """
+
+    robot_id: Id
+    handover: Id
+    goal_id: Id
+    target: Waypoint
+    upcoming: Annotated[tuple[Waypoint, ...], msgspec.Meta(max_length=MAX_ANNOUNCED)] = ()
+
+
+class TargetGiven(_Message, tag="given", frozen=True):
+    """A robot has been given a target."""
+
+    robot_id: Id
+    target_id: Id
+    x_m: float
+    y_m: float
+
+
+class TargetEnded(_Message, tag="ended", frozen=True):
+    """A target has ended, one way or another."""
+
+    robot_id: Id
+    target_id: Id
+    outcome: Text
+
+
+class Failed(_Message, frozen=True):
+    """Something has failed for good: a robot's AC, or with None what all of them depend on."""
+
+    robot_id: Id | None
+    cause: Text
+
+
+class Turn(_Message, tag="turn", frozen=True):
+    """What the mission did about a tick; the mission's sign of life.
+
+    Attributes:
+        tick: the number of the tick that it has seen last.
+        asks: at most one for a robot.
+        news: targets given and ended, oldest first.
+        failures: of now.
+        incidents: new ones.
+        paths_replaced: how many paths of the planner were not used up to now.
+    """
+
+    tick: Id
+    asks: Annotated[tuple[Ask, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
+    news: Annotated[tuple[TargetGiven | TargetEnded, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
+    failures: Annotated[tuple[Failed, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
+    incidents: Annotated[tuple[Text, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
+    paths_replaced: Id = 0
+
+
+class Busy(_Message, tag="busy", frozen=True):
+    """The mission has been in one handler for long. It says so while it can, so that a hang has a name."""
+
+    handler: Text
+
+
+Down = Begin | Tick
+Up = Started | Refused | Turn | Busy
+
+_encoder: Final = msgspec.msgpack.Encoder()
+_up: Final = msgspec.msgpack.Decoder(Up)
+_down: Final = msgspec.msgpack.Decoder(Down)
+
+
+def encode(message: Up | Down) -> bytes:
+    """Encode a message."""
+    return _encoder.encode(message)
+
+
+def decode_up(data: bytes) -> Up:
+    """Decode a message of the mission's process.
+
+    Raises:
+        Garbage: it is none.
+    """
+    if len(data) > MAX_TURN_BYTES:
+        raise Garbage(f"a message of more than {MAX_TURN_BYTES} bytes")
+    try:
+        message: Up = _up.decode(data)
+    except (msgspec.DecodeError, RecursionError) as failure:
+        raise Garbage(" ".join(str(failure).split())[:MAX_TEXT]) from None
+    return message
+
+
+def decode_down(data: bytes) -> Down:
+    """Decode a message of the supervisor's process."""
+    message: Down = _down.decode(data)
+    return message
+
+
+def packed(report: Report) -> GoalEnd | Handover:
+    """Return a port's report as it crosses."""
+    if isinstance(report, GoalReport):
+        return GoalEnd(report.robot_id, report.goal_id, report.status)
+    return Handover(report.robot_id, report.engaged, report.module[:MAX_TEXT], report.cause[:MAX_TEXT])
+
+
+def unpacked(message: GoalEnd | Handover) -> Report:
+    """Return a port's report as it was."""
+    if isinstance(message, GoalEnd):
+        return GoalReport(message.robot_id, message.goal_id, message.status)
+    return ControlReport(message.robot_id, message.engaged, message.module, message.cause)

@@ -1,0 +1,179 @@
+"""The main function of a mission's process: makes the ACs' side and runs it at every tick that it is told of."""
+
+from __future__ import annotations
+
+import faulthandler
+import importlib
+import logging
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import BinaryIO, Final, NoReturn
+
+from soter.child import die_with_parent, yield_to_others
+from soter.config import Mission
+from soter.errors import BackendError, ConfigError
+from soter.link import Begin, Failed, MissionEnd, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
+from soter.link.messages import MAX_LONG_TEXT, MAX_TEXT
+from soter.rta import Report
+from soter.runner.ac_side import AcSide, Scene
+from soter.stack.events import Outcome, Place
+from soter.stack.terrain import Terrain
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+_LOOK_S: Final = 0.25
+_BUSY_LOOKS: Final = 2
+"""A handler that has been found running so often in a row, with nothing done in between, is named."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSpec:
+    """What a mission's process is told when it starts.
+
+    Attributes:
+        factory: makes the ACs' side, as `module:function`; called as `soter.runner.sides.make_ac_side` is.
+        mission: what to do.
+        workspace: where.
+        body_radius_m: of the robots.
+        memory_limit_bytes: address space that the process may add to what it has before the ACs' side is made.
+        niceness: how much less than the supervisor it is favoured by the scheduler.
+    """
+
+    factory: str
+    mission: Mission
+    workspace: Workspace
+    body_radius_m: float
+    memory_limit_bytes: int
+    niceness: int
+
+
+def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
+    """Serve the supervisor until it is gone. Never returns, and skips exit handlers: untrusted code may have left some.
+
+    Args:
+        stdin: holds a pickled `MissionSpec`.
+        socket_fd: a Unix socket of packets, see `soter.link`.
+        lifeline_fd: read end of a pipe that the supervisor holds open and never writes to.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(lifeline_fd)
+    # Where it crashes is said among its last words.
+    faulthandler.enable()
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(line_buffering=True)  # type: ignore[union-attr] # both are text files here
+    spec: MissionSpec = pickle.load(stdin)  # noqa: S301 - from the supervisor
+    yield_to_others(spec.niceness, spec.memory_limit_bytes)
+    _Host(spec, socket.socket(fileno=socket_fd)).serve()
+    os._exit(0)
+
+
+class _Host:
+    """The ACs' side in this process, and who it talks to."""
+
+    def __init__(self, spec: MissionSpec, link: socket.socket) -> None:
+        self._spec: Final = spec
+        self._end: Final = MissionEnd(link, self._hear)
+        self._side: AcSide | None = None
+        self._news: list[TargetGiven | TargetEnded] = []
+        self._incidents = 0
+        self._turns = 0
+        self._broken = ""
+
+    def serve(self) -> None:
+        """Make the ACs' side, and run it at every tick until the supervisor is gone."""
+        side = self._made()
+        if side is None:
+            return
+        self._side = side
+        threading.Thread(target=self._watch, args=(side,), name="mission-watch", daemon=True).start()
+        try:
+            while (messages := self._end.wait()) is not None:
+                for message in messages:
+                    if isinstance(message, Begin):
+                        self._attempt(partial(self._start, side, message))
+                last = messages[-1]
+                if isinstance(last, Tick):
+                    self._attempt(partial(side.run, last.now_s))
+                    self._end.answer(self._turn(side))
+                self._turns += 1
+        finally:
+            side.close()
+
+    # --- the log of targets ------------------------------------------------------------------------------------
+
+    def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
+        """Note a robot's target."""
+        self._news.append(TargetGiven(robot_id, target_id, float(place[0]), float(place[1])))
+
+    def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
+        """Note how a target ended."""
+        self._news.append(TargetEnded(robot_id, target_id, outcome.value))
+
+    # --- the rest ----------------------------------------------------------------------------------------------
+
+    def _made(self) -> AcSide | None:
+        spec = self._spec
+        module, _, function = spec.factory.partition(":")
+        try:
+            make: Callable[..., AcSide] = getattr(importlib.import_module(module), function)
+            side = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False)
+            side.ready()
+        except ConfigError as error:
+            texts = (text if text is None else text[:MAX_LONG_TEXT] for text in (error.source, error.key))
+            source, key = texts
+            self._end.say(Refused("config", str(error)[:MAX_LONG_TEXT], source, error.line, key))
+        except BackendError as error:
+            self._end.say(Refused("backend", str(error)[:MAX_LONG_TEXT]))
+        except Exception as failure:
+            logger.exception("the ACs could not be made")
+            self._end.say(Refused("other", repr(failure)[:MAX_LONG_TEXT]))
+        else:
+            self._end.say(Started())
+            return side
+        return None
+
+    def _start(self, side: AcSide, begin: Begin) -> None:
+        terrain = Terrain(self._spec.workspace, begin.body_radius_m)
+        side.start(Scene(self._end.clock, self._spec.workspace, terrain, self._end.ports, begin.disc_m, self))
+
+    def _hear(self, report: Report) -> None:
+        assert self._side is not None
+        self._attempt(partial(self._side.hear, report))
+
+    def _attempt(self, call: Callable[[], None]) -> None:
+        """Call the ACs' side, unless that has failed already."""
+        if self._broken:
+            return
+        try:
+            call()
+        except Exception as failure:
+            logger.exception("the mission failed")
+            self._broken = f"the mission failed: {failure!r}"
+
+    def _turn(self, side: AcSide) -> Turn:
+        news, self._news = tuple(self._news), []
+        incidents = tuple(each[:MAX_TEXT] for each in side.incidents[self._incidents :])
+        self._incidents += len(incidents)
+        failures = {None: self._broken, **side.failures} if self._broken else side.failures
+        failed = tuple(Failed(robot_id, cause[:MAX_TEXT]) for robot_id, cause in failures.items())
+        return Turn(0, news=news, failures=failed, incidents=incidents, paths_replaced=side.paths_replaced)
+
+    def _watch(self, side: AcSide) -> None:
+        """Name a handler that does not come back, while the interpreter still lets other threads run."""
+        seen, looks = (-1, ""), 0
+        pause = threading.Event()
+        while not pause.wait(_LOOK_S):
+            found = self._turns, side.current_handler or ""
+            looks = looks + 1 if found == seen else 0
+            seen = found
+            if looks >= _BUSY_LOOKS and found[1]:
+                self._end.busy(found[1][:MAX_TEXT])
+                looks = 0

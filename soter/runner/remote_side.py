@@ -1,0 +1,134 @@
+"""The ACs' side in a process of its own, on a wall clock: whatever becomes of it, the supervisor's ticks go on."""
+
+from __future__ import annotations
+
+import logging
+from typing import Final
+
+from soter.child import Child, ChildDied
+from soter.config import Mission
+from soter.errors import BackendUnavailable, ConfigError, RunFailed
+from soter.link import Garbage, Refused, SupervisorEnd, TargetGiven, Turn
+from soter.rta import Report
+from soter.runner.ac_side import Scene, TargetLog
+from soter.runner.mission_process import MissionSpec
+from soter.runner.words import Words
+from soter.stack.events import Outcome
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+FACTORY: Final = "soter.runner.sides:make_ac_side"
+PROCESS: Final = "soter.runner.mission_process"
+
+START_LIMIT_S: Final = 75.0
+"""Host time that the mission may take to start: a planner's worker has 60 s."""
+
+NICENESS: Final = 5
+GRACE_S: Final = 1.0
+MAX_INCIDENTS: Final = 100
+
+WALL_CLOCK: Final = "it ran on a wall clock"
+
+_OUTCOMES: Final = {outcome.value: outcome for outcome in Outcome}
+
+
+class RemoteSide:
+    """An `AcSide` that speaks for another one, in a process of its own.
+
+    The process is killed when it fails, when the run ends, and by the kernel when this process ends, however it does.
+
+    Args:
+        mission: what to do; its `isolation` says what the process may use.
+        workspace: where.
+        body_radius_m: of the robots.
+        factory: makes the ACs' side over there, as `module:function`.
+    """
+
+    current_handler: str | None = None
+
+    def __init__(self, mission: Mission, workspace: Workspace, body_radius_m: float, factory: str = FACTORY) -> None:
+        self.failures: dict[int | None, str] = {}
+        self.paths_replaced = 0
+        self.incidents: list[str] = [WALL_CLOCK]
+        self._scene: Scene | None = None
+        limits = mission.isolation
+        self._words: Final = Words("mission")
+        spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS)
+        # At a tick there is no time to wait for how a process has ended.
+        self._child: Final = Child(PROCESS, spec, output_fd=self._words.output_fd, patience_s=0.0)
+        self._words.started()
+        self._end: Final = SupervisorEnd(self._child, limits.silent_s)
+
+    @property
+    def pid(self) -> int:
+        """The id of the mission's process."""
+        return self._child.pid
+
+    def ready(self) -> None:
+        """Wait until the ACs are there.
+
+        Raises:
+            ConfigError: the mission asks for what is not allowed.
+            BackendUnavailable: a library is missing.
+            RunFailed: the mission's process does not start.
+        """
+        try:
+            first = self._end.await_start(START_LIMIT_S)
+        except (ChildDied, Garbage) as failure:
+            raise RunFailed(f"the mission's process could not be started ({failure})") from failure
+        if first is None:
+            raise RunFailed(
+                f"the mission's process has not started within {START_LIMIT_S:g} s; is the host overloaded?"
+            )
+        if not isinstance(first, Refused):
+            return
+        if first.kind == "config":
+            error = ConfigError(first.message)  # which has its place in it already
+            error.source, error.line, error.key = first.source, first.line, first.key
+            raise error
+        if first.kind == "backend":
+            raise BackendUnavailable(first.message)
+        raise RunFailed(f"the mission could not be made: {first.message}")
+
+    def start(self, scene: Scene) -> None:
+        """Tell the mission that its robots are ready; it begins while the first ticks pass."""
+        self._scene = scene
+        self._end.begin(scene.ports, scene.clock.now(), scene.terrain.body_radius_m, scene.disc_m)
+
+    def hear(self, report: Report) -> None:
+        """Queue what a port reports."""
+        self._end.hear(report)
+
+    def receive(self) -> None:
+        """Take what the mission has said since the last tick. To be called before a tick; never waits."""
+        assert self._scene is not None
+        for turn in self._end.receive():
+            self._take(turn, self._scene.log)
+        if self._end.failure and None not in self.failures:
+            self.failures[None] = f"the mission has failed: {self._end.failure}"
+            logger.error("%s", self.failures[None])
+
+    def run(self, now_s: float) -> None:
+        """Tell the mission of a tick; never waits."""
+        assert self._scene is not None
+        states = [port.state for port in self._scene.ports.values()]
+        self._end.send(now_s, self._scene.clock.now(), states)
+
+    def close(self) -> None:
+        """End the mission's process. Idempotent."""
+        self._child.kill(0.0 if self._end.failure else GRACE_S)
+        self._words.close()
+
+    def _take(self, turn: Turn, log: TargetLog) -> None:
+        for each in turn.news:
+            if isinstance(each, TargetGiven):
+                log.on_target(each.robot_id, each.target_id, (each.x_m, each.y_m))
+            elif (outcome := _OUTCOMES.get(each.outcome)) is not None:
+                log.on_ended(each.robot_id, each.target_id, outcome)
+            else:
+                self._end.fail(f"it sent garbage: a target ended as '{each.outcome}'")
+        for failed in turn.failures:
+            self.failures.setdefault(failed.robot_id, failed.cause)
+        self.paths_replaced = turn.paths_replaced
+        self.incidents += turn.incidents[: max(0, MAX_INCIDENTS - len(self.incidents))]
