@@ -88,12 +88,13 @@ LIBRARIES: dict[str, set[str] | None] = {
     "typer": {"soter.cli"},
     "rich": {"soter.cli"},
     "pybullet": {"soter.adapters.pybullet", "soter_sim"},
+    "pymavlink": {"soter.adapters.mavlink", "soter_sim"},
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.
-VENDORS = {"pybullet", "ompl", "matplotlib"}
+VENDORS = {"pybullet", "pymavlink", "ompl", "matplotlib"}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 
 

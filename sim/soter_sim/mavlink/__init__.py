@@ -1,0 +1,87 @@
+"""The MAVLink face: the robots of a simulated world, each with an autopilot that behaves as ArduPilot's does.
+
+This is the contract with whoever talks to them. It imports nothing: the vehicles are another process, started by
+
+```
+python -m soter_sim.mavlink WORLD.json|- [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
+    [--engine kinematic|pybullet] [--speedup N] [--boot SECONDS] [--sign FILE] [--parent PID]
+```
+
+`WORLD.json`, or standard input, describes the world: see `soter_sim.mavlink.described`. Once all sockets are open, one
+line of JSON is printed: `{"links": ["udpin:127.0.0.1:14550", ...], "truth": "127.0.0.1:PORT", "robots": [1, 2]}`. With
+`--parent` the process ends when that one is not its parent any more; SIGINT and SIGTERM end it with code 0. What is not
+allowed ends it with code 2 and one line on standard error. Nothing but 127.0.0.1 is ever used.
+
+**Links.** `--udp PORT`: the vehicles are clients and send to PORT, on which a ground station listens, all of them from
+one socket; what comes from elsewhere is dropped. `--tcp PORT`: the vehicles listen, for any number of ground stations;
+port 0 takes one that is free. Both may be repeated. The addresses printed are what pymavlink takes; MAVSDK has
+`udpin://127.0.0.1:PORT` and `tcpout://127.0.0.1:PORT`. MAVLink 2; with `--sign` packets are signed with SHA-256 of the
+passphrase, and others are dropped.
+
+**Identity.** System id = robot id, component id 1. A message with target system 0 is for every vehicle; another
+system's is answered with silence. The target component is not looked at. Acknowledgements go to the sender, on its
+link.
+
+**Time.** `time_boot_ms` and all other times are the vehicle's: 0 at boot, `--speedup` seconds by second at most. The
+vehicles live in control periods of 0.05 s: states are those at the end of a period, with its stamp, sent at once; what
+is received acts from the next period on. A host that lags slows the vehicles down. So nothing is sent more than 20
+times a second: asking for more is DENIED. TIMESYNC is answered with the clock between two periods. A reboot
+(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only) starts the clock anew and forgets message intervals, keeper and home;
+parameters and mission stay.
+
+**Boot.** `--boot S`: HEARTBEAT from S/21, a position (whose height is 584 m off) from S/4, EKF_STATUS_REPORT 831
+instead of 167 and correct positions from S on. Arming and modes that need a position are refused until then.
+
+**Frames.** The origin of the EKF is the origin of the workspace: LOCAL_POSITION_NED is x = north, y = east, z = down
+from there. On earth it is 47.397742 N, 8.545594 E, 488 m; a metre is 1/0.011131884502145034 units of 1e-7 degrees.
+
+**Charge.** BATTERY_STATUS: `battery_remaining` is whole per cent; `current_consumed` is (1 - charge) x BATT_CAPACITY
+(10 000 mAh), so 1e-4 fine.
+
+**Targets** (SET_POSITION_TARGET_LOCAL_NED, _GLOBAL_INT; never acknowledged; dropped in silence outside GUIDED or when
+disarmed, with a STATUSTEXT when a number in use is not finite). A position (mask bits 0-2 clear) is driven to as
+`soter.drive` does: brake, pivot, straight, stop; a later one replaces it, and one nearly along the motion is steered to
+without stopping. While SOTER_YAW_SPEED is 1, which is the default and more than ArduPilot's rover does, a yaw (bit 10
+clear) is arrived with, backwards where that is nearer, and a velocity beside a position (bits 3-5 clear) caps the speed
+by its horizontal length. A velocity alone is kept for 3 s of vehicle time. Copters must have taken off
+(MAV_CMD_NAV_TAKEOFF).
+
+**Authority and lease.** At first, everybody's targets are obeyed, as on any autopilot. MAV_CMD_DO_GUIDED_MASTER (221)
+changes that:
+
+- param1, param2: system and component in charge, the *master*. Only its targets are obeyed, in GUIDED; others are
+  dropped in silence. Naming another drops the target, and the vehicle brakes. 0, 0 ends all this: no master, no keeper,
+  no lease, no target.
+- Who sends it becomes the *keeper*. While the lease lives, only the keeper may send it: others get DENIED.
+- Every DO_GUIDED_MASTER of the keeper, also one that changes nothing, renews the lease, and nothing else does: no
+  target, no heartbeat. The lease lasts SOTER_LEASE_MS (default 250, 50 to 5000) of vehicle time. It counts from param5
+  (`x` of a COMMAND_INT, exact), the `time_boot_ms` at which the sender renewed it, or from arrival if that is 0; a time
+  in the future counts as now, and a renewal overtaken by a later one shortens nothing.
+- While the lease is dead, the target is held and moves nothing; it passes again when the lease is renewed, because only
+  who judged the vehicle safe renews it.
+- Who has been named by a keeper other than itself is a *subordinate*: all it may send is targets, and requests for
+  messages, parameters and missions. Everything else is DENIED, until 0, 0 or a reboot, also while the lease is dead.
+- While the lease lives, whoever is neither keeper nor subordinate may stop the vehicle (HOLD; BRAKE, LOITER, LAND;
+  disarm) and ask for messages; everything else is DENIED. When it is dead, they may do all that is possible without a
+  keeper.
+- NAMED_VALUE_INT `GMASTER` (request or stream 252) is 256 x system + component of the master, with a minus while the
+  lease is dead, and 0 without a master. It is sent to everybody at once when it changes. POSITION_TARGET_LOCAL_NED (85)
+  echoes the target while there is one, whether or not it moves the vehicle.
+
+So a supervisor sends from one component (say 191), names itself for the SC and another (say 192) for the AC, and the AC
+sends targets from there.
+
+**Truth.** TCP on `truth`; what a reader says is ignored. One line of JSON a period, at most 65536 bytes with the
+newline:
+
+```
+{"time_s": world time, "robots": {"1": {"pose": [x_m, y_m, z_m, heading_rad], "velocity": [east, north, up, yaw rate],
+ "charge": 0..1, "booted_s": the world time at which its clock began}}, "open": [[rule, [ids], start_s], ...],
+ "min_margin": {rule: margin}, "contacts": n, "robot_contacts": n, "closed_before": n, "closed": [[rule, [ids], start_s,
+ end_s], ...]}
+```
+
+East, north, up; radians counter-clockwise from east. `closed` has the violations that ended since the last line that
+this reader was sent, `closed_before` how many it was told of earlier: nothing is told twice, and a reader that is slow
+misses lines but no violation. A vehicle's time of a moment is its world time minus `booted_s`.
+"""

@@ -1,0 +1,81 @@
+"""`python -m soter_sim.mavlink WORLD`: the simulated vehicles for programs; people use `soter sim mavlink`.
+
+It prints one line of JSON, `{"links": [ADDRESS, ...], "truth": "HOST:PORT", "robots": [ID, ...]}`, once it is ready.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from soter.errors import SoterError
+from soter_sim.mavlink.described import read_world
+from soter_sim.mavlink.signing import read_key
+from soter_sim.mavlink.simulation import Settings, Simulation
+
+_LOOK_FOR_PARENT_STEPS = 20
+
+
+def main() -> int:
+    """Run the program and return its exit code."""
+    arguments = _parser().parse_args()
+    try:
+        data = sys.stdin.buffer.read() if arguments.world == "-" else Path(arguments.world).read_bytes()
+        workspace, robots = read_world(data, arguments.world)
+        settings = Settings(
+            vehicle=arguments.vehicle,
+            engine=arguments.engine,
+            udp=tuple(arguments.udp),
+            tcp=tuple(arguments.tcp),
+            truth=arguments.truth,
+            speedup=arguments.speedup,
+            boot_s=arguments.boot,
+            key=None if arguments.sign is None else read_key(arguments.sign),
+        )
+        simulation = Simulation(workspace, robots, settings)
+    except (SoterError, ValueError, OSError, ImportError) as failure:
+        sys.stderr.write(f"error: {failure}\n")
+        return 2
+    with simulation:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: simulation.stop())
+        ready = {
+            "links": [link.address for link in simulation.links],
+            "truth": simulation.truth.address,
+            "robots": [autopilot.id for autopilot in simulation.autopilots],
+        }
+        sys.stdout.write(f"{json.dumps(ready)}\n")
+        sys.stdout.flush()
+        simulation.run(_parent_lives(arguments.parent))
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m soter_sim.mavlink", description="Simulated vehicles on MAVLink.")
+    parser.add_argument("world", help="a JSON file, or - for standard input; see soter_sim.mavlink.described")
+    parser.add_argument("--udp", type=int, action="append", default=[], help="send to this port of this host")
+    parser.add_argument("--tcp", type=int, action="append", default=[], help="listen on this port; 0 for any free one")
+    parser.add_argument("--truth", type=int, default=0, help="tell the truth on this port; 0 for any free one")
+    parser.add_argument("--vehicle", default="rover", help="rover or copter")
+    parser.add_argument("--engine", default="kinematic", help="kinematic or pybullet")
+    parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
+    parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
+    parser.add_argument("--sign", type=Path, help="a file with a passphrase: sign, and take what is signed only")
+    parser.add_argument("--parent", type=int, help="end when this process is no longer the parent")
+    return parser
+
+
+def _parent_lives(parent: int | None) -> Callable[[], bool]:
+    """Return what says whether a process is still the parent; it looks now and then only."""
+    steps = itertools.count(1)
+    return lambda: parent is None or next(steps) % _LOOK_FOR_PARENT_STEPS != 0 or os.getppid() == parent
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,288 @@
+"""One vehicle's autopilot: boot, modes, arming, and what it steers for. What is said on the wire is elsewhere."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter_sim.mavlink.frames import Origin
+from soter_sim.mavlink.guided import Guided
+from soter_sim.mavlink.kinds import Kind, Mode
+from soter_sim.mavlink.mission import Mission
+from soter_sim.mavlink.parameters import Parameters
+from soter_sim.mavlink.route import Homing, Landing, Manners, Route, Touring
+from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Vehicle
+
+logger = logging.getLogger(__name__)
+
+# An autopilot that takes 42 s to get ready is heard after 2 s and has a GPS fix after 11 s.
+_HEARD: Final = 2.0 / 42.0
+_FIXED: Final = 11.0 / 42.0
+
+_NEEDS_POSITION: Final = frozenset({Mode.GUIDED, Mode.AUTO, Mode.RTL, Mode.LOITER, Mode.BRAKE})
+_ON_GROUND_M: Final = 0.02
+_LAND_M_S: Final = 0.05
+_TEXT: Final = 50
+
+
+class Autopilot:
+    """An autopilot that behaves as ArduPilot's does.
+
+    Args:
+        robot_id: the vehicle's number, which is its system id.
+        kind: what it is.
+        vehicle: what it steers.
+        origin: of the EKF.
+        boot_s: from power-on until it is ready.
+        transmit: sends a message to everybody.
+
+    Attributes:
+        mode: what it does.
+        armed: its motors may turn.
+        parameters: as they are set; they outlive a reboot.
+        mission: what AUTO does; it outlives a reboot.
+        guided: who may command it in GUIDED, and what they do.
+        home: where RTL goes to: metres east, north and up; None until it is armed or ready.
+        booted_s: the world's time at which its clock began.
+        now_s: its own time, since then.
+        speed_m_s: the speed that DO_CHANGE_SPEED has set, or None.
+    """
+
+    def __init__(
+        self,
+        robot_id: int,
+        kind: Kind,
+        vehicle: Vehicle,
+        origin: Origin,
+        boot_s: float,
+        transmit: Callable[[mav.MAVLink_message], None],
+    ) -> None:
+        self.id: Final = robot_id
+        self.kind: Final = kind
+        self.origin: Final = origin
+        self.parameters: Final = Parameters(kind, robot_id)
+        self.mission: Final = Mission()
+        self._vehicle: Final = vehicle
+        self._boot_s: Final = boot_s
+        self._transmit: Final = transmit
+        self._world_s = 0.0
+        self._texts = 0
+        self._boot()
+        vehicle.steer(self._setpoint)
+
+    def _boot(self) -> None:
+        self.booted_s = self._world_s
+        self.now_s = 0.0
+        self.mode = self.kind.first
+        self.armed = False
+        self.guided = Guided()
+        self.route: Route | None = None
+        self.home: tuple[float, float, float] | None = None
+        self.speed_m_s: float | None = None
+        self.told_ready = False
+        self.failed: str | None = None
+        self._idle_since_s = inf
+        self._reboots = False
+
+    # --- what it knows --------------------------------------------------------------------------------------
+
+    @property
+    def heard(self) -> bool:
+        """Whether it has booted so far that it talks."""
+        return self.now_s >= _HEARD * self._boot_s
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it knows where it is, though not well."""
+        return self.now_s >= _FIXED * self._boot_s
+
+    @property
+    def ready(self) -> bool:
+        """Whether the EKF is usable."""
+        return self.now_s >= self._boot_s
+
+    @property
+    def failing(self) -> bool:
+        """Whether a fail-safe has taken over."""
+        return self.failed is not None
+
+    @property
+    def boot_ms(self) -> int:
+        """Its time as messages carry it."""
+        return round(1000.0 * self.now_s)
+
+    def sample(self) -> Sample:
+        """Return what the sensors say."""
+        return self._vehicle.sample()
+
+    @property
+    def landed(self) -> bool:
+        """Whether it stands on the ground."""
+        sample = self.sample()
+        return sample.z_m <= _ON_GROUND_M and abs(sample.up_m_s) <= _LAND_M_S
+
+    # --- what it is told ------------------------------------------------------------------------------------
+
+    def say(self, severity: int, text: str) -> None:
+        """Say something to everybody."""
+        parts = [text[begin : begin + _TEXT] for begin in range(0, len(text), _TEXT)]
+        if len(parts) > 1:
+            self._texts = self._texts % 0xFFFF + 1
+        for number, part in enumerate(parts):
+            name = self._texts if len(parts) > 1 else 0
+            self._transmit(mav.MAVLink_statustext_message(severity, part.encode("ascii", "replace"), name, number))
+
+    def set_mode(self, mode: Mode, reason: str) -> str | None:
+        """Change the mode; return why not, if that cannot be."""
+        if mode is self.mode:
+            return None
+        refusal = self._mode_refusal(mode)
+        if refusal is not None:
+            self.say(mav.MAV_SEVERITY_WARNING, f"Mode change to {mode.value} failed: {refusal}")
+            return refusal
+        logger.info("robot %d: %s -> %s: %s", self.id, self.mode.value, mode.value, reason)
+        self.mode = mode
+        # What was under way is not taken up again when the mode comes back.
+        self.guided.halt()
+        self.route = self._make_route(mode)
+        return None
+
+    def _mode_refusal(self, mode: Mode) -> str | None:
+        if mode in _NEEDS_POSITION and not self.ready:
+            return "requires position"
+        if mode is Mode.AUTO and not self.mission.items:
+            return "no mission"
+        if mode is Mode.AUTO and self.kind.flies and self.landed and self.armed:
+            first = self.mission.item(max(self.mission.current, 1))
+            if first is not None and first.command != mav.MAV_CMD_NAV_TAKEOFF:
+                return "mission does not begin with a take-off"
+        return None
+
+    def _make_route(self, mode: Mode) -> Route | None:
+        if mode is Mode.LAND:
+            return Landing(self.manners())
+        home = self.home or (0.0, 0.0, 0.0)
+        if mode is Mode.RTL:
+            return Homing(self.kind, home, self.sample(), self.manners())
+        if mode is Mode.AUTO:
+            return Touring(self.kind, self.mission, self.origin, home, self.manners, self._reached, self.set_speed)
+        return None
+
+    def arm(self) -> str | None:
+        """Arm; return why not, if that cannot be."""
+        if self.armed:
+            return None
+        refusal = self._arm_refusal()
+        if refusal is not None:
+            self.say(mav.MAV_SEVERITY_CRITICAL, f"Arm: {refusal}")
+            return refusal
+        self.armed = True
+        self._idle_since_s = self.now_s
+        self.guided.halt()
+        sample = self.sample()
+        self.home = (sample.x_m, sample.y_m, sample.z_m)
+        self.say(mav.MAV_SEVERITY_INFO, "Arming motors")
+        return None
+
+    def _arm_refusal(self) -> str | None:
+        if not self.ready:
+            return "EKF attitude is bad" if not self.fixed else "AHRS: waiting for home"
+        if self.mode not in self.kind.armable:
+            return f"{self.mode.value} mode not armable"
+        if self.sample().charge <= 0.0:
+            return "Battery 1 is empty"
+        return None
+
+    def disarm(self) -> str | None:
+        """Disarm; return why not, if that cannot be."""
+        if self.armed:
+            if self.kind.flies and not self.landed:
+                self.say(mav.MAV_SEVERITY_CRITICAL, "Disarm: flying")
+                return "flying"
+            self.armed = False
+            self.guided.halt()
+            self.route = self._make_route(self.mode)
+            self.say(mav.MAV_SEVERITY_INFO, "Disarming motors")
+        return None
+
+    def reboot(self) -> str | None:
+        """Begin anew with the next control period, with the clock at 0; return why not, if that cannot be."""
+        if self.armed:
+            self.say(mav.MAV_SEVERITY_WARNING, "Reboot: armed")
+            return "armed"
+        # Not at once: what is asking still wants its answer.
+        self._reboots = True
+        return None
+
+    def set_speed(self, speed_m_s: float | None) -> None:
+        """Go at another speed from now on, as far as the vehicle can; None: as fast as the parameter says."""
+        self.speed_m_s = speed_m_s
+        target = self.guided.target()
+        if isinstance(target, Place):
+            self.guided.put(replace(target, speed_m_s=self.cruise_m_s), self.now_s)
+
+    @property
+    def cruise_m_s(self) -> float:
+        """How fast it goes where nobody says otherwise."""
+        if self.speed_m_s is not None:
+            return self.speed_m_s
+        return self.parameters["WPNAV_SPEED"] / 100.0 if self.kind.flies else self.parameters["WP_SPEED"]
+
+    def manners(self) -> Manners:
+        """Return how it does what it does by itself."""
+        parameters = self.parameters
+        if not self.kind.flies:
+            return Manners(self.cruise_m_s, parameters["WP_RADIUS"], 0.0, 0.0)
+        return Manners(
+            self.cruise_m_s,
+            parameters["WPNAV_RADIUS"] / 100.0,
+            parameters["LAND_SPEED"] / 100.0,
+            parameters["RTL_ALT"] / 100.0,
+        )
+
+    # --- what it does ---------------------------------------------------------------------------------------
+
+    def tick(self, world_s: float) -> None:
+        """Look at how things are; called after each control period with the world's time."""
+        self._world_s = world_s
+        if self._reboots:
+            self._boot()
+        self.now_s = world_s - self.booted_s
+        if self.ready and not self.told_ready:
+            self.told_ready = True
+            if self.home is None:
+                sample = self.sample()
+                self.home = (sample.x_m, sample.y_m, sample.z_m)
+            self.say(mav.MAV_SEVERITY_INFO, "EKF3 IMU0 is using GPS")
+        if self.armed and self.kind.flies:
+            self._disarm_on_ground()
+
+    def _disarm_on_ground(self) -> None:
+        if not self.landed:
+            self._idle_since_s = inf
+            return
+        if self._idle_since_s == inf:
+            self._idle_since_s = self.now_s
+        idle_s = self.parameters["DISARM_DELAY"]
+        if self.route is not None and self.route.lands:
+            if isinstance(self.route, Touring):
+                self.route.landed()
+            self.disarm()
+        elif 0.0 < idle_s <= self.now_s - self._idle_since_s:
+            self.disarm()
+
+    def _setpoint(self, world_s: float) -> Setpoint:
+        if not self.armed:
+            return None
+        now_s = world_s - self.booted_s
+        if self.mode is Mode.GUIDED:
+            return self.guided.setpoint(now_s)
+        return None if self.route is None else self.route.setpoint(self.sample(), now_s)
+
+    def _reached(self, seq: int) -> None:
+        self._transmit(mav.MAVLink_mission_item_reached_message(seq))

@@ -1,0 +1,50 @@
+"""Frames: the world is east, north, up from a corner of the workspace; on the wire it is north, east, down or degrees.
+
+The origin of the EKF is the origin of the workspace, so that both differ by their axes only.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, radians
+from typing import Final, NamedTuple
+
+_M_PER_E7_DEG: Final = 0.011131884502145034
+"""Metres along a meridian by 1e-7 degrees, on the sphere that ArduPilot takes the earth for."""
+
+
+class Origin(NamedTuple):
+    """Where on earth the workspace has its origin.
+
+    Attributes:
+        lat_deg: degrees north.
+        lon_deg: degrees east.
+        alt_m: metres above the sea.
+    """
+
+    lat_deg: float = 47.397742
+    lon_deg: float = 8.545594
+    alt_m: float = 488.0
+
+    def geodetic_e7(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """Return latitude and longitude, in 1e-7 degrees, of a place in the workspace."""
+        return (
+            round(self.lat_deg * 1e7 + y_m / _M_PER_E7_DEG),
+            round(self.lon_deg * 1e7 + x_m / (_M_PER_E7_DEG * cos(radians(self.lat_deg)))),
+        )
+
+    def local_m(self, lat_e7: float, lon_e7: float) -> tuple[float, float]:
+        """Return metres east and north, in the workspace, of a place given in 1e-7 degrees."""
+        return (
+            (lon_e7 - self.lon_deg * 1e7) * _M_PER_E7_DEG * cos(radians(self.lat_deg)),
+            (lat_e7 - self.lat_deg * 1e7) * _M_PER_E7_DEG,
+        )
+
+
+def wrapped_rad(angle_rad: float) -> float:
+    """Return an angle in (-pi, pi]."""
+    return pi - (pi - angle_rad) % (2.0 * pi)
+
+
+def turned_rad(angle_rad: float) -> float:
+    """Turn a heading (counter-clockwise from east) into a yaw (clockwise from north), or back; in (-pi, pi]."""
+    return wrapped_rad(0.5 * pi - angle_rad)

@@ -1,0 +1,99 @@
+"""The kinds of vehicle: their modes, with ArduPilot's numbers, and what sets them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+
+class Mode(Enum):
+    """What an autopilot is doing."""
+
+    MANUAL = "MANUAL"
+    STABILIZE = "STABILIZE"
+    HOLD = "HOLD"
+    LOITER = "LOITER"
+    BRAKE = "BRAKE"
+    GUIDED = "GUIDED"
+    AUTO = "AUTO"
+    RTL = "RTL"
+    LAND = "LAND"
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of vehicle.
+
+    Attributes:
+        name: as the command line has it.
+        mav_type: for HEARTBEAT.
+        flies: it takes off and lands; else it stays on the ground.
+        numbers: its modes' numbers on the wire.
+        first: the mode after power-on.
+        stop: the mode in which it stands, or hovers.
+        stops: the modes that anybody may choose at any time, because they stop it.
+        armable: the modes in which it may be armed.
+        streams_hz: what it sends unasked, and how often.
+    """
+
+    name: str
+    mav_type: int
+    flies: bool
+    numbers: Mapping[Mode, int]
+    first: Mode
+    stop: Mode
+    stops: frozenset[Mode]
+    armable: frozenset[Mode]
+    streams_hz: Mapping[int, float]
+
+    def mode(self, number: int) -> Mode | None:
+        """Return the mode with this number, or None."""
+        return next((mode for mode, each in self.numbers.items() if each == number), None)
+
+
+_UNASKED: Final = (
+    mav.MAVLINK_MSG_ID_SYS_STATUS,
+    mav.MAVLINK_MSG_ID_SYSTEM_TIME,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT,
+    mav.MAVLINK_MSG_ID_ATTITUDE,
+    mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    mav.MAVLINK_MSG_ID_MISSION_CURRENT,
+    mav.MAVLINK_MSG_ID_VFR_HUD,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS,
+    mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+)
+
+ROVER: Final = Kind(
+    name="rover",
+    mav_type=mav.MAV_TYPE_GROUND_ROVER,
+    flies=False,
+    numbers={Mode.MANUAL: 0, Mode.HOLD: 4, Mode.AUTO: 10, Mode.RTL: 11, Mode.GUIDED: 15},
+    first=Mode.MANUAL,
+    stop=Mode.HOLD,
+    stops=frozenset({Mode.HOLD}),
+    armable=frozenset({Mode.MANUAL, Mode.HOLD, Mode.AUTO, Mode.GUIDED}),
+    streams_hz={mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0} | dict.fromkeys(_UNASKED, 1.0),
+)
+"""A ground robot; nobody moves its sticks, so that it stands in MANUAL."""
+
+COPTER: Final = Kind(
+    name="copter",
+    mav_type=mav.MAV_TYPE_QUADROTOR,
+    flies=True,
+    numbers={
+        Mode.STABILIZE: 0, Mode.AUTO: 3, Mode.GUIDED: 4, Mode.LOITER: 5, Mode.RTL: 6, Mode.LAND: 9, Mode.BRAKE: 17,
+    },
+    first=Mode.STABILIZE,
+    stop=Mode.BRAKE,
+    stops=frozenset({Mode.BRAKE, Mode.LOITER, Mode.LAND}),
+    armable=frozenset({Mode.STABILIZE, Mode.LOITER, Mode.GUIDED}),
+    streams_hz={mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0},
+)  # fmt: skip
+"""A multicopter; nobody moves its sticks, so that it hovers in STABILIZE and LOITER, or stays on the ground."""
+
+KINDS: Final = {kind.name: kind for kind in (ROVER, COPTER)}

@@ -1,0 +1,95 @@
+"""The parameters of a vehicle: ArduPilot's names where it has them, `SOTER_` where this simulation adds something."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter_sim.mavlink.kinds import Kind
+
+NAME_LENGTH: Final = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter.
+
+    Attributes:
+        value: at first.
+        least: the least that is allowed.
+        most: the most that is allowed.
+        whole: only whole numbers are allowed.
+    """
+
+    value: float
+    least: float = -inf
+    most: float = inf
+    whole: bool = False
+
+    @property
+    def mav_type(self) -> int:
+        """Its type on the wire."""
+        return int(mav.MAV_PARAM_TYPE_INT32 if self.whole else mav.MAV_PARAM_TYPE_REAL32)
+
+
+def _whole(value: int, least: int, most: int) -> Parameter:
+    return Parameter(value, least, most, whole=True)
+
+
+_COMMON: Final = {
+    "SYSID_MYGCS": _whole(255, 1, 255),
+    "FS_GCS_ENABLE": _whole(0, 0, 1),
+    "FS_GCS_TIMEOUT": Parameter(5.0, 1.0, 120.0),
+    "BATT_CAPACITY": _whole(10_000, 10_000, 10_000),
+    "BATT_LOW_MAH": _whole(0, 0, 10_000),
+    "BATT_CRT_MAH": _whole(0, 0, 10_000),
+    "BATT_FS_LOW_ACT": _whole(0, 0, 2),
+    "BATT_FS_CRT_ACT": _whole(0, 0, 2),
+    "SOTER_LEASE_MS": _whole(250, 50, 5_000),
+    "SOTER_YAW_SPEED": _whole(1, 0, 1),
+}
+_ROVER: Final = {
+    "WP_SPEED": Parameter(0.22, 0.02, 0.22),
+    "WP_RADIUS": Parameter(0.10, 0.02, 10.0),
+}
+_COPTER: Final = {
+    "WPNAV_SPEED": Parameter(22.0, 2.0, 50.0),
+    "WPNAV_RADIUS": Parameter(10.0, 2.0, 1_000.0),
+    "WPNAV_SPEED_UP": Parameter(50.0, 5.0, 50.0),
+    "WPNAV_SPEED_DN": Parameter(30.0, 5.0, 50.0),
+    "LAND_SPEED": Parameter(20.0, 5.0, 50.0),
+    "RTL_ALT": Parameter(100.0, 20.0, 10_000.0),
+    "DISARM_DELAY": _whole(10, 0, 127),
+}
+
+
+class Parameters:
+    """A vehicle's parameters; they outlive a reboot.
+
+    Args:
+        kind: which ones there are.
+        robot_id: the vehicle's number.
+    """
+
+    def __init__(self, kind: Kind, robot_id: int) -> None:
+        known = {"SYSID_THISMAV": _whole(robot_id, robot_id, robot_id)} | _COMMON | (_COPTER if kind.flies else _ROVER)
+        self.known: Final = dict(sorted(known.items()))
+        self.names: Final = tuple(self.known)
+        self._values = {name: each.value for name, each in self.known.items()}
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def set(self, name: str, value: float) -> str | None:
+        """Set a parameter; return why not, if that is not allowed, and change nothing."""
+        known = self.known[name]
+        # Written so that NaN fails too.
+        if not known.least <= value <= known.most:
+            return f"{name} is {value:g}, allowed: {known.least:g} to {known.most:g}"
+        if known.whole and value != int(value):
+            return f"{name} is {value:g}, allowed: whole numbers"
+        self._values[name] = value
+        return None

@@ -1,0 +1,202 @@
+"""A world with an autopilot on every robot, in step with the host's clock."""
+
+from __future__ import annotations
+
+import logging
+import selectors
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from math import inf
+from typing import Final, Literal, Self
+
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+from soter_sim.mavlink.autopilot import Autopilot
+from soter_sim.mavlink.channel import Channel, Source
+from soter_sim.mavlink.frames import Origin
+from soter_sim.mavlink.kinds import KINDS
+from soter_sim.mavlink.links import Link, TcpLink, UdpLink
+from soter_sim.mavlink.rover import Rover
+from soter_sim.mavlink.station import Station
+from soter_sim.mavlink.telemetry import Message
+from soter_sim.mavlink.truth import TruthServer
+from soter_sim.world import ENGINES, World
+
+logger = logging.getLogger(__name__)
+
+_SYSTEM_MOST: Final = 254
+_BEHIND_PERIODS: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a simulation is set up.
+
+    Attributes:
+        vehicle: "rover" or "copter".
+        engine: "kinematic" or "pybullet"; copters have the kinematic one only.
+        udp: ports of this host on which ground stations listen.
+        tcp: ports to listen on; 0 for any that is free.
+        truth: the port of the truth; 0 for any that is free.
+        speedup: simulated seconds by second, at most.
+        boot_s: simulated time from power-on until an autopilot is ready.
+        key: for signing, of 32 bytes, or None.
+        origin: of the EKF, on earth.
+
+    Raises:
+        ValueError: one of them is not allowed; the message names it.
+    """
+
+    vehicle: Literal["rover", "copter"] = "rover"
+    engine: str = "kinematic"
+    udp: tuple[int, ...] = ()
+    tcp: tuple[int, ...] = ()
+    truth: int = 0
+    speedup: float = 1.0
+    boot_s: float = 2.0
+    key: bytes | None = None
+    origin: Origin = field(default_factory=Origin)
+
+    def __post_init__(self) -> None:
+        if self.vehicle not in KINDS:
+            raise ValueError(f"vehicle is '{self.vehicle}', allowed: {', '.join(KINDS)}")
+        if self.engine not in ENGINES:
+            raise ValueError(f"engine is '{self.engine}', allowed: {', '.join(ENGINES)}")
+        if KINDS[self.vehicle].flies and self.engine != "kinematic":
+            raise ValueError(f"engine is '{self.engine}', allowed for a {self.vehicle}: kinematic")
+        for name, least in (("udp", 1), ("tcp", 0), ("truth", 0)):
+            ports = getattr(self, name)
+            for port in (ports,) if isinstance(ports, int) else ports:
+                if not least <= port <= 65535:
+                    raise ValueError(f"{name} is {port}, allowed: a port from {least} to 65535")
+        if not self.udp and not self.tcp:
+            raise ValueError("udp and tcp are empty, allowed: at least one port, or nobody could reach the vehicles")
+        if not 0.0 < self.speedup < inf:
+            raise ValueError(f"speedup is {self.speedup}, allowed: above 0")
+        if not 0.0 <= self.boot_s < inf:
+            raise ValueError(f"boot_s is {self.boot_s}, allowed: 0 or more")
+        if self.key is not None and len(self.key) != 32:
+            raise ValueError(f"key has {len(self.key)} bytes, allowed: 32")
+
+
+class Simulation:
+    """Robots of a world, each with an autopilot, on links.
+
+    Not thread-safe: one thread runs it. `stop` alone may be called from another, or from a signal handler.
+
+    Args:
+        workspace: fence, boxes and chargers.
+        robots: which robots there are; their ids are their system ids.
+        settings: how it is set up.
+
+    Attributes:
+        world: the world.
+        autopilots: one for each robot.
+        links: what they are reached over.
+        truth: what tells what really happens.
+
+    Raises:
+        ValueError: a robot cannot be put there, or its id is no system id.
+        ImportError: the engine's library is not installed.
+        OSError: a port is taken.
+    """
+
+    def __init__(self, workspace: Workspace, robots: Sequence[RobotSpec], settings: Settings) -> None:
+        for spec in robots:
+            if not 1 <= spec.id <= _SYSTEM_MOST:
+                raise ValueError(f"robot has the id {spec.id}, allowed on MAVLink: 1 to {_SYSTEM_MOST}")
+        kind = KINDS[settings.vehicle]
+        self._settings: Final = settings
+        self._stopped = False
+        self._stepped_at_s = time.perf_counter()
+        self.links: Final[list[Link]] = []
+        with ExitStack() as stack:
+            selector = self._selector = stack.enter_context(selectors.DefaultSelector())
+            self.world: Final = stack.enter_context(World(workspace, robots, settings.engine))
+            self.autopilots: Final = [
+                Autopilot(
+                    spec.id, kind, Rover(self.world, spec.id), settings.origin, settings.boot_s,
+                    partial(self._transmit, spec.id),
+                )
+                for spec in robots
+            ]  # fmt: skip
+            most_hz = 1.0 / self.world.period_s
+            self._stations: Final = [
+                Station(autopilot, self._channels, most_hz, self.clock_s) for autopilot in self.autopilots
+            ]
+            for port in settings.udp:
+                self._add(stack, UdpLink(selector, self._hear, port, settings.key))
+            for port in settings.tcp:
+                self._add(stack, TcpLink(selector, self._hear, port, settings.key))
+            self.truth: Final = TruthServer(selector, self.world, self.autopilots, settings.truth)
+            stack.callback(self.truth.close)
+            self._stack: Final = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def clock_s(self) -> float:
+        """Return the world's time between two control periods, as far as it has come by the host's clock."""
+        passed_s = (time.perf_counter() - self._stepped_at_s) * self._settings.speedup
+        return self.world.now_s + min(max(passed_s, 0.0), self.world.period_s)
+
+    def run(self, alive: Callable[[], bool] = lambda: True) -> None:
+        """Keep pace with the host's clock until `stop` is called, or `alive`, asked in every step, says no.
+
+        A host that lags slows the world down: no period is made up for that is more than one late, so that whoever
+        commands a vehicle loses no time of its lease to this process.
+        """
+        period_s = self.world.period_s / self._settings.speedup
+        due_s = time.perf_counter() + period_s
+        while not self._stopped and alive():
+            self._listen(due_s)
+            self.step()
+            due_s = max(due_s + period_s, time.perf_counter() - _BEHIND_PERIODS * period_s)
+
+    def step(self) -> None:
+        """Run one control period, and say what is due."""
+        world = self.world
+        world.advance(world.now_s + world.period_s)
+        self._stepped_at_s = time.perf_counter()
+        for station in self._stations:
+            station.autopilot.tick(world.now_s)
+            station.send_due()
+        self.truth.tell()
+
+    def stop(self) -> None:
+        """End `run` after the step that it is in."""
+        self._stopped = True
+
+    def close(self) -> None:
+        """Close every socket, and free what the world holds."""
+        self._stack.close()
+
+    def _add(self, stack: ExitStack, link: Link) -> None:
+        self.links.append(link)
+        stack.callback(link.close)
+
+    def _listen(self, until_s: float) -> None:
+        """Hear what comes, at least once, until the host's time `until_s`."""
+        while True:
+            left_s = until_s - time.perf_counter()
+            for key, events in self._selector.select(max(left_s, 0.0)):
+                key.data(events)
+            if until_s <= time.perf_counter():
+                return
+
+    def _hear(self, channel: Channel, by: Source, message: Message) -> None:
+        for station in self._stations:
+            station.hear(channel, by, message)
+
+    def _channels(self) -> Iterable[Channel]:
+        return [channel for link in self.links for channel in link.channels]
+
+    def _transmit(self, robot_id: int, message: Message) -> None:
+        for channel in self._channels():
+            channel.send(robot_id, message)

@@ -1,0 +1,145 @@
+"""One vehicle on the wire: takes every message that is for it, and sends what is due."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter_sim.mavlink.autopilot import Autopilot
+from soter_sim.mavlink.channel import Channel, Source, Streams
+from soter_sim.mavlink.commands import DENIED, Command, carry_out, may_command, set_mode
+from soter_sim.mavlink.kinds import Mode
+from soter_sim.mavlink.setpoint import Place, Velocity
+from soter_sim.mavlink.targets import NotATarget, global_target, local_target
+from soter_sim.mavlink.telemetry import BUILDERS, Message
+
+_EVERYBODY: Final = 0
+
+Read = Callable[[Autopilot, Message], Place | Velocity]
+"""Reads a target out of a message."""
+
+
+class Station:
+    """What an autopilot hears and says.
+
+    Args:
+        autopilot: whose messages these are.
+        channels: lists all channels there are.
+        most_hz: how often a second a message may be sent at most.
+        clock_s: the world's time, between control periods too.
+    """
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        channels: Callable[[], Iterable[Channel]],
+        most_hz: float,
+        clock_s: Callable[[], float],
+    ) -> None:
+        self.autopilot: Final = autopilot
+        self._channels = channels
+        self._most_hz = most_hz
+        self._clock_s = clock_s
+        self._booted_s = autopilot.booted_s
+        self._handlers: Final[dict[str, Callable[[Channel, Source, Message], None]]] = {
+            "COMMAND_LONG": self._command_long,
+            "COMMAND_INT": self._command_int,
+            "SET_MODE": self._set_mode,
+            "SET_POSITION_TARGET_LOCAL_NED": self._local_target,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._global_target,
+            "TIMESYNC": self._timesync,
+            "PING": self._ping,
+        }
+
+    def hear(self, channel: Channel, by: Source, message: Message) -> None:
+        """Take a message; those for others, or of no meaning here, are passed over."""
+        handler = self._handlers.get(message.get_type())
+        if handler is None or not self.autopilot.heard:
+            return
+        if getattr(message, "target_system", _EVERYBODY) in (_EVERYBODY, self.autopilot.id):
+            self._open(channel)
+            handler(channel, by, message)
+
+    def send_due(self) -> None:
+        """Send what is due, to whom it is due."""
+        autopilot = self.autopilot
+        if autopilot.booted_s != self._booted_s:
+            # What was asked for before a reboot is forgotten.
+            self._booted_s = autopilot.booted_s
+            for channel in self._channels():
+                channel.streams.pop(autopilot.id, None)
+        if not autopilot.heard:
+            return
+        for channel in self._channels():
+            for message_id in self._open(channel).due(autopilot.now_s):
+                message = BUILDERS[message_id](autopilot)
+                if message is not None:
+                    channel.send(autopilot.id, message)
+
+    def _open(self, channel: Channel) -> Streams:
+        streams = channel.streams.get(self.autopilot.id)
+        if streams is None:
+            streams = channel.streams[self.autopilot.id] = Streams(dict(self.autopilot.kind.streams_hz))
+        return streams
+
+    # --- commands -------------------------------------------------------------------------------------------
+
+    def _command_long(self, channel: Channel, by: Source, message: Message) -> None:
+        params = (message.param1, message.param2, message.param3, message.param4)
+        self._carry_out(
+            Command(message.command, by, channel, params, message.param5, message.param6, message.param7, None)
+        )
+
+    def _command_int(self, channel: Channel, by: Source, message: Message) -> None:
+        params = (message.param1, message.param2, message.param3, message.param4)
+        self._carry_out(Command(message.command, by, channel, params, message.x, message.y, message.z, message.frame))
+
+    def _carry_out(self, command: Command) -> None:
+        result = carry_out(self.autopilot, command, self._most_hz)
+        self._acknowledge(command.channel, command.by, command.number, result)
+
+    def _acknowledge(self, channel: Channel, to: Source, number: int, result: int) -> None:
+        channel.send(self.autopilot.id, mav.MAVLink_command_ack_message(number, result, 0, 0, *to))
+
+    def _set_mode(self, channel: Channel, by: Source, message: Message) -> None:
+        autopilot = self.autopilot
+        stops = any(message.custom_mode == autopilot.kind.numbers[mode] for mode in autopilot.kind.stops)
+        result = DENIED
+        if message.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and may_command(autopilot, by, stops=stops):
+            result = set_mode(autopilot, message.custom_mode, f"asked for by {by}")
+        self._acknowledge(channel, by, mav.MAVLINK_MSG_ID_SET_MODE, result)
+
+    # --- targets --------------------------------------------------------------------------------------------
+
+    def _local_target(self, _channel: Channel, by: Source, message: Message) -> None:
+        self._take_target(by, message, local_target)
+
+    def _global_target(self, _channel: Channel, by: Source, message: Message) -> None:
+        self._take_target(by, message, global_target)
+
+    def _take_target(
+        self, by: Source, message: Message, read: Callable[[Autopilot, Message], Place | Velocity]
+    ) -> None:
+        autopilot = self.autopilot
+        # As on any autopilot, nothing is said of what comes at the wrong time.
+        if autopilot.mode is not Mode.GUIDED or not autopilot.armed or (autopilot.kind.flies and autopilot.landed):
+            return
+        try:
+            target = read(autopilot, message)
+        except NotATarget as failure:
+            autopilot.say(mav.MAV_SEVERITY_WARNING, f"Ignored a target: {failure}")
+            return
+        autopilot.guided.give(by, target, autopilot.now_s)
+
+    # --- time -----------------------------------------------------------------------------------------------
+
+    def _timesync(self, channel: Channel, _by: Source, message: Message) -> None:
+        if message.tc1 == 0:
+            now_ns = round(1e9 * (self._clock_s() - self.autopilot.booted_s))
+            channel.send(self.autopilot.id, mav.MAVLink_timesync_message(now_ns, message.ts1))
+
+    def _ping(self, channel: Channel, by: Source, message: Message) -> None:
+        if message.target_system == _EVERYBODY:
+            channel.send(self.autopilot.id, mav.MAVLink_ping_message(message.time_usec, message.seq, *by))
