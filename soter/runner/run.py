@@ -110,7 +110,7 @@ def run_mission(
     with ExitStack() as stack:
         declared = backend_class.robot_class.declared
         if study is not None and not declared.in_process:
-            raise mission.refusal("backend", f"it is {mission.backend!r}, but studies of modules run on simulated robots")
+            raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
         side: AcSide
         if declared.in_process:
             side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
