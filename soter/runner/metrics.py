@@ -6,9 +6,10 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soter.record.tracks import RunTracks, Track
 from soter.rta import Mode, ModuleMonitor, RobotSupervisor, SwitchRecord
@@ -20,6 +21,8 @@ SAMPLE_TICKS: Final = 5
 """Tracks and stalls are sampled every so many ticks."""
 
 STALL_M: Final = 0.1
+
+_ROUNDING_S: Final = 1e-9
 
 
 class Stall:
@@ -81,6 +84,7 @@ class Metrics:
         self._busy_ticks = 0
         self._robot_ticks = 0
         self._decide_s: array[float] = array("f")
+        self._late_s: array[float] = array("d")
 
     # --- told by others --------------------------------------------------------------------------------------
 
@@ -107,9 +111,17 @@ class Metrics:
         self.no_progress_s = max(self.no_progress_s, self._now_s - self._progress_s)
         self._progress_s = self._now_s
 
-    def tick(self, now_s: float, tick: int, robots: Sequence[RobotSupervisor], charging: Callable[[int], bool]) -> None:
-        """Take one tick."""
+    def tick(
+        self,
+        now_s: float,
+        tick: int,
+        late_s: float,
+        robots: Sequence[RobotSupervisor],
+        charging: Callable[[int], bool],
+    ) -> None:
+        """Take one tick, and how late it came."""
         self._now_s = now_s
+        self._late_s.append(late_s)
         self._robot_ticks += len(robots)
         decide_s = self._decide_s
         for robot in robots:
@@ -161,11 +173,15 @@ class Metrics:
 
     def tick_times(self) -> TickTimes:
         """Host time of one robot's decisions at one tick."""
-        if not self._decide_s:
-            return TickTimes(p50=0.0, p99=0.0, max=0.0)
-        micros = np.frombuffer(self._decide_s, dtype=np.float32) * 1e6
-        p50, p99 = (float(value) for value in np.percentile(micros, (50, 99)))
-        return TickTimes(p50=round(p50, 2), p99=round(p99, 2), max=round(float(micros.max()), 2))
+        return _percentiles(np.frombuffer(self._decide_s, dtype=np.float32) * 1e6)
+
+    def tick_lateness(self) -> TickTimes:
+        """How late ticks came, in milliseconds."""
+        return _percentiles(np.frombuffer(self._late_s) * 1e3)
+
+    def missed_ticks(self, jitter_s: float) -> int:
+        """How many ticks came later than the robots' declared jitter allows."""
+        return int(np.count_nonzero(np.frombuffer(self._late_s) > jitter_s + _ROUNDING_S))
 
 
 def counts(counter: Mapping[str, int], names: Sequence[str]) -> dict[str, int]:
@@ -203,6 +219,13 @@ def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, Bre
         for robot in robots
         if robot.log.breaches
     }
+
+
+def _percentiles(times: NDArray[np.floating[Any]]) -> TickTimes:
+    if not times.size:
+        return TickTimes(p50=0.0, p99=0.0, max=0.0)
+    p50, p99 = (float(value) for value in np.percentile(times, (50, 99)))
+    return TickTimes(p50=round(p50, 2), p99=round(p99, 2), max=round(float(times.max()), 2))
 
 
 def _finite(value: float) -> float | None:

@@ -11,7 +11,7 @@ THESIS_AC_SHARE = 0.802
 
 
 class TickTimes(BaseModel):
-    """Host time that one robot's decision modules took at one tick, in microseconds."""
+    """How long something took at the ticks of a run, or how late it came: median, 99th percentile, and the worst."""
 
     model_config = ConfigDict(frozen=True)
     p50: float
@@ -105,6 +105,8 @@ class RunResult(BaseModel):
         failure: why it failed; empty otherwise.
         violations: by rule, judged by ground truth; None where there is no truth.
         contacts: times that bodies began to touch; None without truth.
+        truth_ended_s: fleet time at which ground truth fell silent: violations, contacts and margins are those up to
+            then, and what happened later is not known; None if it was heard to the end, or if there is none.
         ac_share: part of the robots' time in which their AC was in control.
         ac_share_without_charging: the same, leaving out the time in which the battery module was in SC.
         disengagements: AC -> SC switches by the module that fired first.
@@ -122,8 +124,9 @@ class RunResult(BaseModel):
         wall_s: host time.
         real_time_factor: the one divided by the other.
         monitors: by module, what its spec monitors saw.
-        dm_tick_us: host time of the decisions.
-        missed_ticks: ticks that came later than declared.
+        dm_tick_us: host time that one robot's decision modules took at one tick, in microseconds.
+        tick_late_ms: how late ticks came on a wall clock, in milliseconds; None in virtual time.
+        missed_ticks: ticks that came later than the robots' declared jitter.
         deterministic: the same seed gives the same run; False where host time had a say.
         trace_sha256: over all states and decisions.
         faults: what was injected, by the mission's `[[fault]]` tables.
@@ -163,6 +166,8 @@ class RunResult(BaseModel):
     monitors: dict[str, ModuleFigures]
     dm_tick_us: TickTimes
     missed_ticks: int
+    tick_late_ms: TickTimes | None = None
+    truth_ended_s: float | None = None
     deterministic: bool
     nondeterminism: str
     trace_sha256: str

@@ -15,6 +15,7 @@ from soter.faults import FaultyFleet, read_faults
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
 from soter.runner.ac_side import AcSide, Scene
+from soter.runner.aside import Aside
 from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
@@ -36,7 +37,6 @@ DISC_SLACK_M: Final = 0.05
 """Added to the distance at which the collision module acts, for plans around robots that stand in the way."""
 
 _LOOK_TICKS: Final = 64
-_ROUNDING_S: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class _Loop:
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
         self.ticks = 0
-        self.missed_ticks = 0
+        self.wall_clock: Final = isinstance(side, RemoteSide)
         self.jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
         self.wall_s = 0.0
         capabilities = fleet.robots[0].capabilities
@@ -172,8 +172,14 @@ class _Loop:
         """Tick until the time is up; return the status and, for a failure, what it was."""
         start_s = time.perf_counter()
         try:
-            with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:
-                return self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop), ""
+            with ExitStack() as stack:
+                watchdog = stack.enter_context(HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks))
+                if on_progress is not None and self.wall_clock:
+                    on_progress = stack.enter_context(Aside(on_progress)).put
+                status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
+            failure = self.side.failures.get(None)
+            # The robots were brought home by their SCs, but what they were for was not done.
+            return ("failed", failure) if failure and status == "completed" else (status, "")
         except KeyboardInterrupt:
             return "interrupted", ""
         except RunFailed as failure:
@@ -198,30 +204,32 @@ class _Loop:
         charging = self.safety.charging
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = start_s
+        look_ticks = 1 if self.wall_clock else _LOOK_TICKS
         for tick in range(last):
             if receive is not None:
                 receive()
             # In virtual time the clock shows just this time; on a wall clock it shows how late the tick really is.
             now_s = clock.now()
-            self.missed_ticks += now_s - (began_s + tick * base_tick_s) > self.jitter_s + _ROUNDING_S
+            late_s = now_s - (began_s + tick * base_tick_s)
             supervisor.tick(now_s)
             side.run(now_s)
             watchdog.check()
             if side.failures:
                 self._fail_acs()
             trace.add(now_s, robots)
-            metrics.tick(now_s, tick, robots, charging)
+            metrics.tick(now_s, tick, late_s, robots, charging)
+            if on_progress is not None and tick % look_ticks == 0:
+                # Now there is time until the next tick.
+                wall_s = time.perf_counter()
+                if wall_s - shown_s >= progress_every_s:
+                    shown_s = wall_s
+                    on_progress(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
             if self.user_rules is not None:
                 self.user_rules.look(clock.now(), self.robots)
             if stop is not None and stop():
                 return "interrupted"
-            if on_progress is not None and tick % _LOOK_TICKS == 0:
-                wall_s = time.perf_counter()
-                if wall_s - shown_s >= progress_every_s:
-                    shown_s = wall_s
-                    on_progress(self._progress(wall_s - start_s))
         return "completed"
 
     def _fail_acs(self) -> None:
@@ -274,6 +282,7 @@ class _Loop:
             real_time_factor=round(duration_s / self.wall_s, 1) if self.wall_s else 0.0,
             violations=self._violations(report),
             contacts=None if report is None else report.contacts,
+            truth_ended_s=None if report is None or report.ended_s is None else round(report.ended_s, 2),
             ac_share=round(metrics.ac_share, 4),
             ac_share_without_charging=round(metrics.ac_share_without_charging, 4),
             disengagements=counts(metrics.disengagements, self.modules),
@@ -289,7 +298,8 @@ class _Loop:
             no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
             monitors=module_figures(self.robots),
             dm_tick_us=metrics.tick_times(),
-            missed_ticks=self.missed_ticks,
+            missed_ticks=metrics.missed_ticks(self.jitter_s),
+            tick_late_ms=metrics.tick_lateness() if self.wall_clock else None,
             deterministic=not self.side.incidents and status == "completed",
             nondeterminism="; ".join(self.side.incidents),
             trace_sha256=self.trace.hexdigest(),

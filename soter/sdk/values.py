@@ -241,11 +241,14 @@ class TruthReport:
         violations: every interval, oldest first.
         min_margin: by rule, the least margin seen: metres, or charge from 0 to 1 for the battery.
         contacts: number of times that bodies began to touch, a robot and a box or two robots.
+        ended_s: fleet time at which the world fell silent; what has happened since then is not known. None while it
+            is heard.
     """
 
     violations: tuple[Violation, ...]
     min_margin: Mapping[str, float] = field(default_factory=dict)
     contacts: int = 0
+    ended_s: float | None = None
 
     def count(self, rule: str) -> int:
         """Return the number of violations of one rule."""
