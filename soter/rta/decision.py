@@ -29,6 +29,13 @@ class DecisionModule:
     horizon (margin >= R(H)), which is what P3 asks of phi_safer: phi_safer is a hysteresis for robots that have been
     disengaged, such as "charged to 85 %", and a robot at its start has not been.
 
+    Args:
+        module: the declaration.
+        timing: what the robot adds to every horizon.
+        base_tick_s: period of the supervisor.
+        permission: who else has a say.
+        safer_alone: give back wherever phi_safer holds, for studies: as well formed as the module must be for that.
+
     Attributes:
         module: the declaration.
         rank: its place in the order of the right to drive, 0 for the first; set by the supervisor.
@@ -41,7 +48,12 @@ class DecisionModule:
     """
 
     def __init__(
-        self, module: RTAModule, timing: Timing, base_tick_s: float, permission: Permission | None = None
+        self,
+        module: RTAModule,
+        timing: Timing,
+        base_tick_s: float,
+        permission: Permission | None = None,
+        safer_alone: bool = False,
     ) -> None:
         self.module: Final = module
         self.name: Final = module.name
@@ -54,6 +66,7 @@ class DecisionModule:
         self.since_s = 0.0
         self.delta_s: Final = module.delta_s
         self._permission = permission
+        self._safer_alone = safer_alone
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
         # The age of the sample is known when it is judged; the horizon has its bound instead.
@@ -148,7 +161,7 @@ class DecisionModule:
         reach = model.reach(situation, self._look_s + situation.age_s)
         self.reach = reach
         sure = margin - self._noise
-        if not sure - reach >= 0.0:
+        if not sure - reach >= 0.0 and not self._safer_alone:
             return False
         if not self._was_engaged and sure >= self._horizon_reach:
             return True

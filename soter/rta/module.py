@@ -26,7 +26,7 @@ class Timing:
         noise_m: error of a reported position, at most.
         lease_s: how long the robot moves on when the supervisor falls silent.
         tick_s: how often the lease is renewed.
-        deltas: how many Delta a module looks ahead. Proofs need 2; less is for studies of what that is worth.
+        deltas: how many Delta a module looks ahead, for studies of what that is worth; None for what proofs need.
     """
 
     latency_s: float = 0.0
@@ -35,7 +35,7 @@ class Timing:
     noise_m: float = 0.0
     lease_s: float = 0.0
     tick_s: float = 0.0
-    deltas: float = 2.0
+    deltas: float | None = None
 
     def silent_s(self, delta_s: float) -> float:
         """Return how long a robot moves on at most after a look of a module, if its supervisor dies before the next.
@@ -49,7 +49,7 @@ class Timing:
 
         A supervisor that dies must leave the robot inside phi_safe.
         """
-        return max(self.deltas * delta_s, self.silent_s(delta_s))
+        return max(2.0 * delta_s, self.silent_s(delta_s)) if self.deltas is None else self.deltas * delta_s
 
 
 class Region(ABC):

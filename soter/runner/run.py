@@ -44,11 +44,13 @@ class Study:
     """Questions to the modules that a mission must not ask.
 
     Attributes:
-        deltas: how many Delta they look ahead.
+        deltas: how many Delta they look ahead; None for what proofs need.
+        safer_alone: they give back wherever phi_safer holds, though the AC could break the rule before the next look.
         on_ill_formed: takes the refusal of an ill-formed module, which then runs all the same; None refuses.
     """
 
-    deltas: float = 2.0
+    deltas: float | None = None
+    safer_alone: bool = False
     on_ill_formed: Callable[[IllFormedModule], None] | None = None
 
 
@@ -146,7 +148,7 @@ class _Loop:
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
         self.safety: Final[SafetySide] = assemble(
             mission, workspace, fleet.robots, side.hear, [self.metrics],
-            on_ill_formed=study.on_ill_formed, deltas=study.deltas,
+            on_ill_formed=study.on_ill_formed, deltas=study.deltas, safer_alone=study.safer_alone,
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()

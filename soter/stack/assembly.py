@@ -73,7 +73,8 @@ def assemble(
     *,
     tap: Callable[[int, RobotActuator], Actuator] | None = None,
     on_ill_formed: Callable[[IllFormedModule], None] | None = None,
-    deltas: float = 2.0,
+    deltas: float | None = None,
+    safer_alone: bool = False,
 ) -> SafetySide:
     """Declare the enabled modules for every robot, check them against its capabilities, and bind them.
 
@@ -85,7 +86,8 @@ def assemble(
         watches: told of every switch.
         tap: returns what a supervisor uses in place of a robot's actuator, such as one that writes down what passes.
         on_ill_formed: takes the refusal of a module and has it bound all the same; for questions, never for robots.
-        deltas: how many Delta the modules look ahead when they judge; anything but 2 is for questions too.
+        deltas: how many Delta the modules look ahead when they judge, in place of what proofs need; a question too.
+        safer_alone: the modules give back wherever phi_safer holds, within reach of phi_safe's edge or not; another.
 
     Raises:
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
@@ -119,7 +121,10 @@ def assemble(
             RobotSupervisor(
                 robot.id,
                 actuator if tap is None else tap(robot.id, actuator),
-                [DecisionModule(each, judged, mission.base_tick_s, right_of_way) for each in declared.modules],
+                [
+                    DecisionModule(each, judged, mission.base_tick_s, right_of_way, safer_alone)
+                    for each in declared.modules
+                ],
                 forwarder,
                 waypoint,
                 _monitored(declared.modules),
