@@ -14,6 +14,7 @@ from soter.errors import IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
+from soter.rta import Watch
 from soter.runner.ac_side import AcSide, Scene
 from soter.runner.aside import Aside
 from soter.runner.metrics import Metrics, breach_figures, counts, module_figures

@@ -84,7 +84,8 @@ LIBRARIES: dict[str, set[str] | None] = {
     "pydantic_core": None,  # a part of pydantic: the details of its errors
     "typing_extensions": None,
     "defusedxml": {"soter.workspace_xml"},
-    "msgspec": {"soter.link"},
+    "msgspec": {"soter.link", "soter.record"},
+    "mcap": {"soter.record"},
     "typer": {"soter.cli"},
     "rich": {"soter.cli"},
     "pybullet": {"soter.adapters.pybullet", "soter_sim"},

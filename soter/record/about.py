@@ -1,0 +1,124 @@
+"""What a recording says about its run: the mission, the robots' promises, the modules, the versions."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final
+
+from soter.config import Mission
+from soter.problems import MAX_FILE_BYTES
+from soter.record.messages import MISSION_TOML, VERSION, WORKSPACE_XML, About, ModuleAbout, RobotAbout
+from soter.record.samples import state_of
+from soter.rta import RobotSupervisor, RTAModule, Timing
+from soter.sdk import Capabilities, RobotState
+
+DISTRIBUTIONS: Final = ("soter-rta", "mcap", "msgspec", "numpy", "pydantic", "pybullet", "ompl")
+
+
+def describe(
+    mission: Mission,
+    capabilities: Mapping[int, Capabilities],
+    timings: Mapping[int, Timing],
+    supervisors: Sequence[RobotSupervisor],
+    modules: Mapping[int, Sequence[RTAModule]],
+) -> About:
+    """Return what is known about a run before its first tick.
+
+    Args:
+        mission: the effective mission.
+        capabilities: what the robots promised, by id.
+        timings: what that adds to every horizon, by id.
+        supervisors: of the robots, before the first tick.
+        modules: their modules as declared.
+    """
+    names = tuple(module.name for module in next(iter(modules.values()), ()))
+    return About(
+        VERSION,
+        mission.model_dump(mode="json", exclude_none=True),
+        mission.source or "",
+        mission.backend,
+        mission.seed,
+        mission.base_tick_s,
+        all(each.in_process for each in capabilities.values()),
+        datetime.now(UTC).isoformat(timespec="seconds"),
+        names,
+        tuple(
+            _robot(each, capabilities[each.robot_id], timings[each.robot_id], modules[each.robot_id])
+            for each in supervisors
+        ),
+        versions(),
+    )
+
+
+def files(mission: Mission) -> dict[str, bytes]:
+    """Return the mission file and the workspace file as they are now; what cannot be read is left out."""
+    found = {}
+    for name, path in ((MISSION_TOML, mission.source), (WORKSPACE_XML, mission.workspace)):
+        if path is None:
+            continue
+        try:
+            with Path(path).open("rb") as stream:
+                found[name] = stream.read(MAX_FILE_BYTES)
+        except OSError:
+            continue
+    return found
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what a run depends on, by name; what is not installed is left out."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for name in DISTRIBUTIONS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def capabilities_of(robot: RobotAbout) -> Capabilities:
+    """Return what a recorded robot promised.
+
+    Raises:
+        ValueError: a promise is missing or unknown.
+    """
+    given = {name: float(value) if isinstance(value, str) else value for name, value in robot.capabilities.items()}
+    try:
+        return Capabilities(**given)  # type: ignore[arg-type]
+    except TypeError as failure:
+        raise ValueError(f"robot {robot.robot_id}: its capabilities are not those of this version: {failure}") from None
+
+
+def _robot(
+    supervisor: RobotSupervisor, capabilities: Capabilities, timing: Timing, modules: Sequence[RTAModule]
+) -> RobotAbout:
+    sample = supervisor.situation.own
+    if not isinstance(sample, RobotState):
+        raise TypeError(f"robot {supervisor.robot_id}: a sample is a RobotState, not a {type(sample).__name__}")
+    promises = {name: _plain(value) for name, value in dataclasses.asdict(capabilities).items()}
+    return RobotAbout(
+        supervisor.robot_id, promises, state_of(sample), tuple(_module(module, timing) for module in modules)
+    )
+
+
+def _module(module: RTAModule, timing: Timing) -> ModuleAbout:
+    edge = module.edge_margin()
+    reach = math.nan if module.model is None else module.model.bound(module.horizon_s(timing))
+    return ModuleAbout(
+        module.name,
+        module.delta_s,
+        module.dwell_s,
+        "" if module.phi_safe is None else module.phi_safe.unit,
+        edge if math.isfinite(edge) else None,
+        reach if math.isfinite(reach) else None,
+    )
+
+
+def _plain(value: float | bool) -> float | bool | str:
+    """Return a promise as JSON can have it."""
+    return value if math.isfinite(value) else str(value)

@@ -1,0 +1,91 @@
+"""A recording as an MCAP file that is being written: channels and schemas, and chunks that are closed in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import IO, Any, Final
+
+import msgspec
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+from msgspec import Struct
+
+from soter.record import foxglove, messages
+
+PROFILE: Final = "soter"
+CHUNK_BYTES: Final = 1 << 20
+
+_encode: Final = msgspec.json.Encoder().encode
+
+
+def json_schema(message: type[Struct]) -> dict[str, Any]:
+    """Return the JSON schema of a message, an object at its root as MCAP's readers want it."""
+    schema = msgspec.json.schema(message)
+    definitions = schema.pop("$defs")
+    root = definitions.pop(schema.pop("$ref").rpartition("/")[2])
+    return {**root, "$defs": definitions} if definitions else root
+
+
+def schema_name(message: type[Struct]) -> str:
+    """Return the name of a message's schema."""
+    own = issubclass(message, messages.Message)
+    return messages.schema_name(message) if own else foxglove.schema_name(message)
+
+
+class RecordingFile:
+    """The file of one recording. Times are nanoseconds of fleet time and, for publishing, of the host's day.
+
+    Args:
+        stream: where it goes; a buffered binary file.
+
+    Raises:
+        OSError: from every method, when the file cannot be written.
+    """
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream: Final = stream
+        self._writer: Final = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._schemas: Final[dict[type[Struct], int]] = {}
+        self._channels: Final[dict[str, int]] = {}
+        self._sequences: Final[dict[int, int]] = {}
+        self._pending = False
+        self._writer.start(profile=PROFILE, library="soter")
+
+    def attach(self, name: str, data: bytes, media_type: str) -> None:
+        """Add a file."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def describe(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a list of keys and values that every MCAP tool shows."""
+        self._writer.add_metadata(name, dict(values))
+
+    def write(self, topic: str, message: Struct, time_ns: int, host_ns: int) -> None:
+        """Add a message."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channel(topic, type(message))
+        sequence = self._sequences[channel] = self._sequences[channel] + 1
+        self._writer.add_message(channel, time_ns, _encode(message), host_ns, sequence)
+        self._pending = True
+
+    def flush(self) -> None:
+        """Close the chunk and hand everything to the system: whatever happens now, it can be read."""
+        if self._pending:
+            self._pending = False
+            self._writer.flush()  # type: ignore[no-untyped-call]
+        self._stream.flush()
+
+    def finish(self) -> None:
+        """Write the index, without which a reader has to go through the whole file."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.flush()
+
+    def _channel(self, topic: str, message: type[Struct]) -> int:
+        schema = self._schemas.get(message)
+        if schema is None:
+            data = _encode(json_schema(message))
+            schema = self._writer.register_schema(schema_name(message), SchemaEncoding.JSONSchema, data)
+            self._schemas[message] = schema
+        channel = self._writer.register_channel(topic, MessageEncoding.JSON, schema)
+        self._channels[topic], self._sequences[channel] = channel, 0
+        return channel

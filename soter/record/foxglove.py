@@ -1,0 +1,282 @@
+"""The messages that the Foxglove app draws without any extension, filled with what a run shows.
+
+Names and fields are those of Foxglove's message schemas; fields that have their default are left out there too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Final
+
+from msgspec import Meta, Struct
+
+from soter.workspace import Box, Workspace
+
+FRAME: Final = "workspace"
+"""The frame that everything stands in: ENU, metres."""
+
+ROBOT_HEIGHT_M: Final = 0.19
+_FLAT_M: Final = 0.004
+_LINE_M: Final = 0.03
+
+FENCE_COLOUR: Final = (0.35, 0.35, 0.40, 1.0)
+BOX_COLOUR: Final = (0.45, 0.36, 0.30, 1.0)
+CHARGER_COLOUR: Final = (0.95, 0.80, 0.25, 0.8)
+AC_COLOUR: Final = (0.20, 0.65, 0.32, 1.0)
+SC_COLOUR: Final = (0.90, 0.33, 0.20, 1.0)
+
+_LINE_STRIP: Final = 0
+
+
+class Time(Struct):
+    """Seconds and nanoseconds."""
+
+    sec: int
+    nsec: int
+
+    @classmethod
+    def of(cls, time_s: float) -> Time:
+        """Return a fleet time; there is none before 0."""
+        return cls(*divmod(nanoseconds(time_s), 1_000_000_000))
+
+
+class Duration(Struct):
+    """Seconds and nanoseconds."""
+
+    sec: int = 0
+    nsec: int = 0
+
+
+class Vector3(Struct):
+    """A vector, or a point."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+
+class Quaternion(Struct):
+    """A rotation."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+    @classmethod
+    def turned(cls, heading_rad: float) -> Quaternion:
+        """Return a rotation about the vertical."""
+        return cls(z=_seen(math.sin(heading_rad / 2.0)), w=_seen(math.cos(heading_rad / 2.0)))
+
+
+class Pose(Struct):
+    """Position and orientation."""
+
+    position: Vector3
+    orientation: Quaternion
+
+
+class Color(Struct):
+    """Parts of full brightness, and opacity, from 0 to 1."""
+
+    r: float
+    g: float
+    b: float
+    a: float
+
+
+class FrameTransform(Struct):
+    """Where one frame stands in another."""
+
+    timestamp: Time
+    parent_frame_id: str
+    child_frame_id: str
+    translation: Vector3
+    rotation: Quaternion
+
+
+class FrameTransforms(Struct):
+    """Where frames stand in others."""
+
+    transforms: list[FrameTransform]
+
+
+class PosesInFrame(Struct):
+    """Poses, here those that an AC means to pass."""
+
+    timestamp: Time
+    frame_id: str
+    poses: list[Pose]
+
+
+class CubePrimitive(Struct):
+    """A box in a scene."""
+
+    pose: Pose
+    size: Vector3
+    color: Color
+
+
+class CylinderPrimitive(Struct):
+    """A cylinder in a scene."""
+
+    pose: Pose
+    size: Vector3
+    bottom_scale: float
+    top_scale: float
+    color: Color
+
+
+class ArrowPrimitive(Struct):
+    """An arrow in a scene, along its x axis."""
+
+    pose: Pose
+    shaft_length: float
+    shaft_diameter: float
+    head_length: float
+    head_diameter: float
+    color: Color
+
+
+class LinePrimitive(Struct):
+    """A line in a scene."""
+
+    type: Annotated[int, Meta(description="0 is a line strip.")]
+    pose: Pose
+    thickness: float
+    scale_invariant: bool
+    points: list[Vector3]
+    color: Color
+
+
+class SceneEntity(Struct):
+    """Something in a scene; it takes the place of what had the same id on the same topic."""
+
+    timestamp: Time
+    frame_id: str
+    id: str
+    lifetime: Duration
+    frame_locked: bool
+    arrows: list[ArrowPrimitive]
+    cubes: list[CubePrimitive]
+    cylinders: list[CylinderPrimitive]
+    lines: list[LinePrimitive]
+
+
+class SceneUpdate(Struct):
+    """What is new in a scene."""
+
+    entities: list[SceneEntity]
+
+
+class Log(Struct):
+    """A line of a log."""
+
+    timestamp: Time
+    level: Annotated[int, Meta(description="1 debug, 2 info, 3 warning, 4 error, 5 fatal.")]
+    message: str
+    name: str
+
+
+INFO: Final = 2
+WARNING: Final = 3
+ERROR: Final = 4
+
+TOPICS: Final[dict[type[Struct], tuple[str, ...]]] = {
+    FrameTransforms: ("/tf",),
+    SceneUpdate: ("/scene", "/robots/{robot_id}/scene"),
+    PosesInFrame: ("/robots/{robot_id}/way",),
+    Log: ("/log",),
+}
+"""Where each of them is recorded."""
+
+
+def schema_name(message: type[Struct]) -> str:
+    """Return the name by which the app knows a schema."""
+    return f"foxglove.{message.__name__}"
+
+
+def nanoseconds(time_s: float) -> int:
+    """Return a fleet time in nanoseconds; there is none before 0."""
+    return max(0, round(time_s * 1e9))
+
+
+def robot_frame(robot_id: int) -> str:
+    """Return the name of a robot's own frame."""
+    return f"robot{robot_id}"
+
+
+def transform(time: Time, robot_id: int, x_m: float, y_m: float, z_m: float, heading_rad: float) -> FrameTransform:
+    """Return where a robot stands."""
+    return FrameTransform(
+        time, FRAME, robot_frame(robot_id), Vector3(_seen(x_m), _seen(y_m), _seen(z_m)), Quaternion.turned(heading_rad)
+    )
+
+
+def way(time: Time, places: Sequence[tuple[float, float]]) -> PosesInFrame:
+    """Return a way as poses, each looking at the next."""
+    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(places)] or [0.0]
+    headings.append(headings[-1])
+    return PosesInFrame(
+        time,
+        FRAME,
+        [
+            Pose(Vector3(x, y), Quaternion.turned(heading))
+            for (x, y), heading in zip(places, headings, strict=False)
+        ],
+    )  # fmt: skip
+
+
+def workspace_scene(workspace: Workspace) -> SceneUpdate:
+    """Return the fence, the boxes and the chargers."""
+    width, depth = workspace.width_m, workspace.depth_m
+    corners = [Vector3(0.0, 0.0), Vector3(width, 0.0), Vector3(width, depth), Vector3(0.0, depth), Vector3(0.0, 0.0)]
+    fence = LinePrimitive(_LINE_STRIP, _at(0.0, 0.0, 0.0), _LINE_M, False, corners, Color(*FENCE_COLOUR))
+    cubes = [_cube(box, box.height_m, BOX_COLOUR) for box in workspace.boxes]
+    cubes += [_cube(place.charger, _FLAT_M, CHARGER_COLOUR) for place in workspace.robots]
+    return SceneUpdate([_entity(Time(0, 0), FRAME, "workspace", cubes=cubes, lines=[fence])])
+
+
+def robot_scene(time: Time, robot_id: int, radius_m: float, by_ac: bool) -> SceneUpdate:
+    """Return a robot as a disc with an arrow, in the colour of who drives."""
+    colour = Color(*(AC_COLOUR if by_ac else SC_COLOUR))
+    size = Vector3(2.0 * radius_m, 2.0 * radius_m, ROBOT_HEIGHT_M)
+    body = CylinderPrimitive(_at(0.0, 0.0, ROBOT_HEIGHT_M / 2.0), size, 1.0, 1.0, colour)
+    arrow = ArrowPrimitive(
+        _at(0.0, 0.0, ROBOT_HEIGHT_M), radius_m, radius_m / 3.0, radius_m / 2.0, radius_m / 1.5, colour
+    )
+    name = robot_frame(robot_id)
+    return SceneUpdate([_entity(time, name, name, locked=True, cylinders=[body], arrows=[arrow])])
+
+
+def _seen(value: float) -> float:
+    """Return a value as exactly as an eye sees it: digits that nobody sees are most of what a file holds."""
+    return round(value, 5)
+
+
+def _at(x: float, y: float, z: float) -> Pose:
+    return Pose(Vector3(x, y, z), Quaternion())
+
+
+def _cube(box: Box, height_m: float, colour: tuple[float, float, float, float]) -> CubePrimitive:
+    x, y = box.centre
+    size = Vector3(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m, height_m)
+    return CubePrimitive(_at(x, y, height_m / 2.0), size, Color(*colour))
+
+
+def _entity(
+    time: Time,
+    frame: str,
+    name: str,
+    *,
+    locked: bool = False,
+    arrows: Sequence[ArrowPrimitive] = (),
+    cubes: Sequence[CubePrimitive] = (),
+    cylinders: Sequence[CylinderPrimitive] = (),
+    lines: Sequence[LinePrimitive] = (),
+) -> SceneEntity:
+    return SceneEntity(
+        time, frame, name, Duration(), locked, list(arrows), list(cubes), list(cylinders), list(lines)
+    )  # fmt: skip

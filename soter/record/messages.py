@@ -1,0 +1,282 @@
+"""What a recording holds: one class a schema, the schema's name, and what every field means.
+
+The JSON schemas inside of a recording, and the tables of its documentation, are made from these classes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final
+
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+VERSION: Final = 1
+"""Of the messages; a reader refuses recordings of a newer one."""
+
+AC: Final = "AC"
+SC: Final = "SC"
+
+FleetTime = Annotated[float, Meta(description="Fleet time in seconds, exact.")]
+RobotId = Annotated[int, Meta(description="Number of the robot.")]
+
+
+class Message(Struct, omit_defaults=True):
+    """What all of them share: a field that has its default is left out of the JSON."""
+
+
+class State(Message):
+    """The sample that a supervisor has of its robot: workspace frame, ENU, metres, radians."""
+
+    stamp_s: Annotated[float, Meta(description="Fleet time at which the vehicle was in this state.")]
+    x_m: Annotated[float, Meta(description="East.")]
+    y_m: Annotated[float, Meta(description="North.")]
+    z_m: Annotated[float, Meta(description="Up.")]
+    heading_rad: Annotated[float, Meta(description="Heading, counter-clockwise from east.")]
+    vx_m_s: Annotated[float, Meta(description="Velocity, east.")]
+    vy_m_s: Annotated[float, Meta(description="Velocity, north.")]
+    yaw_rate_rad_s: Annotated[float, Meta(description="Turn rate, counter-clockwise.")]
+    link: Annotated[str, Meta(description="UP, STALE or DOWN.")]
+    vehicle_stamp_s: Annotated[
+        float | UnsetType, Meta(description="The same moment on the vehicle's own clock; absent where it has none.")
+    ] = UNSET
+    battery: Annotated[float | UnsetType, Meta(description="Charge from 0 to 1; absent where unknown.")] = UNSET
+    controller: Annotated[str, Meta(description="AC or SC, as the robot reports it; absent where it does not.")] = ""
+    goal_id: Annotated[int | UnsetType, Meta(description="The goal that it works on; absent without one.")] = UNSET
+
+
+class ModuleTick(Message):
+    """One decision module after a tick. Margin and reach bound are those of its last look."""
+
+    name: Annotated[str, Meta(description="Name of the module.")]
+    mode: Annotated[str, Meta(description="AC or SC.")]
+    margin: Annotated[
+        float | UnsetType, Meta(description="Signed distance to the edge of phi_safe, in the module's unit; absent if "
+                                            "it is no finite number.")
+    ] = UNSET  # fmt: skip
+    reach: Annotated[
+        float | UnsetType, Meta(description="Reach bound that the margin was compared with; absent if not finite.")
+    ] = UNSET
+    margin_is: Annotated[str, Meta(description="inf, -inf or nan, where the margin is that.")] = ""
+    reach_is: Annotated[str, Meta(description="The same for the reach bound.")] = ""
+
+    @classmethod
+    def of(cls, name: str, mode: str, margin: float, reach: float) -> ModuleTick:
+        """Return it for any numbers: JSON has none that are not finite."""
+        if math.isfinite(margin) and math.isfinite(reach):
+            return cls(name, mode, margin, reach)
+        margin_set, margin_is = (margin, "") if math.isfinite(margin) else (UNSET, str(margin))
+        reach_set, reach_is = (reach, "") if math.isfinite(reach) else (UNSET, str(reach))
+        return cls(name, mode, margin_set, reach_set, margin_is, reach_is)
+
+    @property
+    def margin_value(self) -> float:
+        """The margin, whatever number it is."""
+        return float(self.margin_is) if self.margin is UNSET else self.margin
+
+    @property
+    def reach_value(self) -> float:
+        """The reach bound, whatever number it is."""
+        return float(self.reach_is) if self.reach is UNSET else self.reach
+
+
+class Refusal(Message):
+    """A call of a robot's interface that failed."""
+
+    call: Annotated[str, Meta(description="drive, hand_over, insist or renew.")]
+    failure: Annotated[str, Meta(description="The exception.")]
+
+
+class RobotTick(Message):
+    """All that a robot's decision modules knew and decided at one tick; a replay needs nothing else."""
+
+    tick: Annotated[int, Meta(description="Number of the tick, from 0.")]
+    time_s: FleetTime
+    robot_id: RobotId
+    mode: Annotated[str, Meta(description="Who has control: AC or SC.")]
+    driver: Annotated[str, Meta(description="Who drives: AC, or the module whose safe controller does.")]
+    state: State
+    modules: Annotated[tuple[ModuleTick, ...], Meta(description="The decision modules, in their order.")] = ()
+    no_state: Annotated[str, Meta(description="Why there was no sample; the one before was used then.")] = ""
+    refused: Annotated[tuple[Refusal, ...], Meta(description="Calls to the robot that failed at this tick.")] = ()
+    ac_drove: Annotated[bool, Meta(description="Whether the AC's port passed on a command at this tick.")] = False
+    ac_failure: Annotated[str, Meta(description="Why the AC will never get control again.")] = ""
+    check: Annotated[str, Meta(description="Check digits of this record, see soter.record.check.")] = ""
+
+
+class Goal(Message):
+    """A goal was sent to a robot, or ended. That one was superseded is not recorded: the next goal says it."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    goal_id: Annotated[int, Meta(description="Number of the goal, unique for its robot.")]
+    by: Annotated[str, Meta(description="AC or SC.")]
+    status: Annotated[str, Meta(description="active when it was sent, then how it ended.")]
+    x_m: Annotated[float, Meta(description="East.")]
+    y_m: Annotated[float, Meta(description="North.")]
+    z_m: Annotated[float, Meta(description="Up.")]
+    heading_rad: Annotated[float | UnsetType, Meta(description="Heading to arrive with; absent for any.")] = UNSET
+    speed_m_s: Annotated[float | UnsetType, Meta(description="Cap on the speed; absent for none.")] = UNSET
+    reason: Annotated[str, Meta(description="Why it ended so.")] = ""
+
+
+class Switch(Message):
+    """A robot changed hands, or the module that drives it changed."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    before: Annotated[str, Meta(description="Who drove: AC or a module.")]
+    after: Annotated[str, Meta(description="Who drives now: AC or a module.")]
+    module: Annotated[str, Meta(description="The module that caused it, or supervisor.")]
+    cause: Annotated[str, Meta(description="Why, in words; empty when control goes back to the AC.")]
+    joined: Annotated[tuple[str, ...], Meta(description="Further modules that fired at the same tick.")] = ()
+
+
+class Target(Message):
+    """A robot was given a target, or is done with it."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    target_id: Annotated[int, Meta(description="Number of the target.")]
+    x_m: Annotated[float | UnsetType, Meta(description="East; absent when it has ended.")] = UNSET
+    y_m: Annotated[float | UnsetType, Meta(description="North; absent when it has ended.")] = UNSET
+    outcome: Annotated[str, Meta(description="reached, unsafe, blocked or timed_out; absent when it begins.")] = ""
+
+
+class Transition(Message):
+    """A machine of the mission changed its state."""
+
+    time_s: FleetTime
+    machine: Annotated[str, Meta(description="Name of the machine.")]
+    machine_id: Annotated[int, Meta(description="Number of the machine in its runtime.")]
+    node: Annotated[str, Meta(description="Name of the runtime.")]
+    source: Annotated[str, Meta(description="State that was left; absent when it starts.")] = ""
+    target: Annotated[str, Meta(description="State that was entered; absent when it stops.")] = ""
+    event: Annotated[str, Meta(description="Class of the event that led to it; absent at the start.")] = ""
+    detail: Annotated[str, Meta(description="The event, cut after 200 characters.")] = ""
+
+
+class Fault(Message):
+    """An injected fault has spoilt something since the record before."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    kind: Annotated[str, Meta(description="Kind of the fault.")]
+    declared: Annotated[bool, Meta(description="Whether the robot's promises were widened by it.")]
+    affected: Annotated[
+        int, Meta(description="Commands and samples spoilt, or times the vehicle was impaired, so far.")
+    ]
+
+
+class Violation(Message):
+    """Ground truth saw a rule broken, or kept again. Looked at every second, and at the end."""
+
+    time_s: FleetTime
+    rule: Annotated[str, Meta(description="battery, geofence, collision, obstacle, or a module of the user's.")]
+    robots: Annotated[tuple[int, ...], Meta(description="The robot, or the pair.")]
+    start_s: Annotated[float, Meta(description="Fleet time at which it began.")]
+    end_s: Annotated[float | UnsetType, Meta(description="Fleet time at which it ended; absent while it goes on.")] = (
+        UNSET
+    )
+
+
+class Drop(Message):
+    """Ticks are missing: on a wall clock the run does not wait for its writer."""
+
+    time_s: FleetTime
+    first_tick: Annotated[int, Meta(description="The first that is missing.")]
+    ticks: Annotated[int, Meta(description="How many are missing.")]
+
+
+Event = Goal | Switch | Target | Transition | Fault | Violation | Drop
+
+EVENTS: Final[tuple[type[Event], ...]] = (Goal, Switch, Target, Transition, Fault, Violation, Drop)
+"""Everything but ticks; what crosses to the writer is numbered by it."""
+
+TOPICS: Final[dict[type[Message], str]] = {
+    RobotTick: "/robots/{robot_id}/tick",
+    Goal: "/robots/{robot_id}/goal",
+    Switch: "/switches",
+    Target: "/targets",
+    Transition: "/machines",
+    Fault: "/faults",
+    Violation: "/violations",
+    Drop: "/drops",
+}
+"""Where each of them is recorded."""
+
+
+def schema_name(message: type[Struct]) -> str:
+    """Return the name of a message's schema."""
+    return f"soter.{message.__name__}"
+
+
+class RobotAbout(Message):
+    """One robot of a run.
+
+    Attributes:
+        robot_id: its number.
+        capabilities: what it promised, by name.
+        initial: the sample before the first tick.
+        modules: its modules.
+    """
+
+    robot_id: int
+    capabilities: dict[str, float | bool | str]
+    initial: State
+    modules: tuple[ModuleAbout, ...]
+
+
+class ModuleAbout(Message):
+    """One module of one robot, as declared.
+
+    Attributes:
+        name: its name.
+        delta_s: its Delta.
+        dwell_s: how long phi_safer must hold before control goes back.
+        unit: of its margin; empty where the rule is given by predicates.
+        edge_margin: the margin at the edge of phi_safer; None where it has none.
+        horizon_reach: the most that the margin can fall within the horizon H; None where there is no model.
+    """
+
+    name: str
+    delta_s: float
+    dwell_s: float
+    unit: str = ""
+    edge_margin: float | None = None
+    horizon_reach: float | None = None
+
+
+class About(Message):
+    """What was run, where, with what. Kept in a recording as the attachment `about.json`.
+
+    Attributes:
+        version: of the messages.
+        mission: the effective mission, with what the command line changed, as TOML tables.
+        source: the mission file, empty if it was made in code.
+        backend: name of the backend.
+        seed: of the mission.
+        base_tick_s: period of the tick.
+        virtual_time: whether time stood still while nobody slept.
+        started_utc: when, in ISO 8601.
+        modules: names of the modules, in their order.
+        robots: all of them, in the order of the supervisor.
+        versions: of SOTER, Python, the platform and the libraries, by name.
+    """
+
+    version: int
+    mission: dict[str, object]
+    source: str
+    backend: str
+    seed: int
+    base_tick_s: float
+    virtual_time: bool
+    started_utc: str
+    modules: tuple[str, ...]
+    robots: tuple[RobotAbout, ...]
+    versions: dict[str, str]
+
+
+ABOUT_JSON: Final = "about.json"
+MISSION_TOML: Final = "mission.toml"
+WORKSPACE_XML: Final = "workspace.xml"
+RESULT_JSON: Final = "result.json"

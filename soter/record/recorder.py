@@ -1,0 +1,298 @@
+"""The run's side of a recording: one object that is told of everything and passes it on, a frame at every tick.
+
+It must not slow the decision path: at a tick it copies some numbers and writes them into a pipe. Everything else is
+the business of another process.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Any, Final, NamedTuple, Protocol
+
+import msgspec
+
+from soter.config import Mission
+from soter.machine import Transition
+from soter.record.about import describe, files
+from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target, Violation
+from soter.record.messages import Transition as TransitionMessage
+from soter.record.pipe import WriterPipe
+from soter.record.tap import GoalActuator, Tap
+from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Way, packed
+from soter.rta import Mode, RobotSupervisor, RTAModule, SwitchRecord, Timing
+from soter.sdk import Capabilities, RobotState, Truth
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+TRUTH_S: Final = 1.0
+"""Fleet time between two looks at ground truth and faults."""
+
+DETAIL_CHARACTERS: Final = 200
+_INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
+
+
+class FaultStatus(Protocol):
+    """What one injected fault has done so far."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def robot_id(self) -> int: ...
+    @property
+    def declared(self) -> bool: ...
+    @property
+    def affected(self) -> int: ...
+
+
+class TargetLog(Protocol):
+    """Somebody who is told what robots are after."""
+
+    def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
+        """A robot has been given a target."""
+
+    def on_ended(self, robot_id: int, target_id: int, outcome: Any) -> None:
+        """A target has ended."""
+
+
+class RecordingReport(NamedTuple):
+    """How a recording went.
+
+    Attributes:
+        path: the file.
+        failure: why it is not complete; empty if it is.
+        dropped_ticks: how many ticks are missing in it.
+        size_bytes: of the file.
+    """
+
+    path: Path
+    failure: str
+    dropped_ticks: int
+    size_bytes: int
+
+
+class Recorder:
+    """Records one run. A `Watch` of every supervisor; a context manager that closes the file.
+
+    Used from the supervisor's thread. Nothing that it does raises, once it is made: a run does not end because its
+    disk is full.
+
+    Args:
+        path: the file; what was in it is gone.
+        waits: whether the run waits when the writer does not follow, as it may in virtual time.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path, *, waits: bool) -> None:
+        self.path: Final = path
+        self._pipe: Final = WriterPipe(path, waits=waits)
+        self._taps: Final[dict[int, Tap]] = {}
+        self._robots: Sequence[tuple[RobotSupervisor, Tap]] = ()
+        self._events: list[PendingEvent] = []
+        self._now_s = 0.0
+        self._truth: Truth | None = None
+        self._faults: Callable[[], Sequence[FaultStatus]] = tuple
+        self._violations: dict[tuple[str, tuple[int, ...], float], bool] = {}
+        self._affected: dict[int, int] = {}
+        self._looked_s = 0.0
+        self._lost = (0, 0)
+        self._dropped = 0
+        self._said = False
+        self._last = b""
+        self._report: RecordingReport | None = None
+
+    @property
+    def writer_pid(self) -> int:
+        """Process id of the writer."""
+        return self._pipe.pid
+
+    # --- before the first tick -------------------------------------------------------------------------------
+
+    def tap(self, robot_id: int, actuator: GoalActuator) -> Tap:
+        """Return what a supervisor is to use in place of a robot's actuator."""
+        tap = self._taps[robot_id] = Tap(robot_id, actuator, self._note)
+        return tap
+
+    def beside(self, log: TargetLog) -> TargetLog:
+        """Return a log that passes everything on to `log` and into the recording."""
+        return _Beside(self, log)
+
+    def begin(
+        self,
+        mission: Mission,
+        workspace: Workspace,
+        robots: Sequence[RobotSupervisor],
+        modules: Mapping[int, Sequence[RTAModule]],
+        capabilities: Mapping[int, Capabilities],
+        timings: Mapping[int, Timing],
+        truth: Truth | None,
+        faults: Callable[[], Sequence[FaultStatus]] = tuple,
+    ) -> None:
+        """Say what is to be run; call it once, before the first tick.
+
+        Args:
+            mission: the effective one.
+            workspace: where.
+            robots: their supervisors, each with its tap.
+            modules: as declared, by robot id.
+            capabilities: what the robots promise, by id.
+            timings: what that adds to every horizon, by id.
+            truth: of a simulated world.
+            faults: returns what the injected faults did up to now, always in the same order.
+        """
+        self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
+        self._truth, self._faults = truth, faults
+        about = describe(mission, capabilities, timings, robots, modules)
+        frame = Begin(
+            msgspec.json.encode(about),
+            files(mission),
+            workspace,
+            {robot_id: each.body_radius_m for robot_id, each in capabilities.items()},
+            [robot.robot_id for robot in robots],
+            {robot.robot_id: [module.name for module in robot.modules] for robot in robots},
+        )
+        self._send(packed(frame))
+
+    # --- told by others --------------------------------------------------------------------------------------
+
+    def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
+        """Record a change of hands."""
+        self._note(Switch(
+            record.time_s, record.robot_id, record.before or AC, record.after or AC, record.module, record.cause,
+            record.joined,
+        ))  # fmt: skip
+
+    def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
+        """Record a robot's target."""
+        self._note(Target(self._now_s, robot_id, target_id, float(place[0]), float(place[1])))
+
+    def on_ended(self, robot_id: int, target_id: int, outcome: Enum) -> None:
+        """Record how a target ended."""
+        self._note(Target(self._now_s, robot_id, target_id, outcome=str(outcome.value)))
+
+    def on_transition(self, transition: Transition) -> None:
+        """Record a change of state of one of the mission's machines."""
+        event, machine = transition.event, transition.machine
+        self._note(TransitionMessage(
+            transition.time_s, machine.name, machine.id, machine.node, transition.source or "",
+            transition.target or "", "" if event is None else type(event).__name__,
+            "" if event is None else repr(event)[:DETAIL_CHARACTERS],
+        ))  # fmt: skip
+
+    def tick(self, now_s: float, tick: int) -> None:
+        """Record one tick; call it when everything that belongs to it has happened."""
+        self._now_s = now_s
+        if self._pipe.failure:
+            self._events.clear()
+            return
+        if now_s - self._looked_s >= TRUTH_S:
+            self._looked_s = now_s
+            self._look(now_s)
+        rows = [_row(robot, tap) for robot, tap in self._robots]
+        first, lost = self._lost
+        if lost:
+            self._note(Drop(now_s, first, lost))
+        frame = packed(Tick(tick, now_s, time.time_ns(), rows, self._events))  # type: ignore[arg-type]
+        self._events.clear()
+        if self._send(frame):
+            self._lost = (0, 0)
+        elif not self._pipe.failure:
+            self._lost = (first if lost else tick, lost + 1)
+            self._dropped += 1
+
+    def finish(self, result_json: bytes) -> None:
+        """Add the result of a run that has come to an end, by itself or not."""
+        self._look(self._now_s)
+        self._last = packed(Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
+        self._events.clear()
+
+    # --- the end ---------------------------------------------------------------------------------------------
+
+    def close(self) -> RecordingReport:
+        """Close the file; return how it went. Idempotent. On a wall clock, stop the robots first: it takes its time."""
+        if self._report is None:
+            outcome = self._pipe.close(self._last)
+            self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes)
+            self._say(outcome.failure)
+        return self._report
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- inside ----------------------------------------------------------------------------------------------
+
+    def _note(self, event: Event | Way) -> None:
+        self._events.append((WAY if isinstance(event, Way) else _INDEX[type(event)], event))
+
+    def _send(self, frame: bytes) -> bool:
+        if self._pipe.send(frame):
+            return True
+        if self._pipe.failure:
+            self._say(self._pipe.failure)
+        elif not self._dropped:
+            logger.warning("the recording's writer does not follow: ticks from %.2f s on are not recorded", self._now_s)
+        return False
+
+    def _say(self, failure: str) -> None:
+        if failure and not self._said:
+            self._said = True
+            logger.error("the recording %s ends at %.2f s: %s; the run goes on", self.path, self._now_s, failure)
+
+    def _look(self, now_s: float) -> None:
+        """Note what ground truth and the faults have to say that was not known before."""
+        if self._truth is not None:
+            for each in self._truth.report().violations:
+                key, ended = (each.rule, each.robots, each.start_s), each.end_s is not None
+                if self._violations.get(key) is not ended:
+                    self._violations[key] = ended
+                    end_s = msgspec.UNSET if each.end_s is None else each.end_s
+                    self._note(Violation(now_s, each.rule, each.robots, each.start_s, end_s))
+        for index, fault in enumerate(self._faults()):
+            if fault.affected != self._affected.get(index, 0):
+                self._affected[index] = fault.affected
+                self._note(Fault(now_s, fault.robot_id, fault.kind, fault.declared, fault.affected))
+
+
+class _Beside:
+    """A `TargetLog` for two."""
+
+    def __init__(self, recorder: Recorder, log: TargetLog) -> None:
+        self._recorder: Final = recorder
+        self._log: Final = log
+
+    def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
+        self._recorder.on_target(robot_id, target_id, place)
+        self._log.on_target(robot_id, target_id, place)
+
+    def on_ended(self, robot_id: int, target_id: int, outcome: Any) -> None:
+        self._recorder.on_ended(robot_id, target_id, outcome)
+        self._log.on_ended(robot_id, target_id, outcome)
+
+
+def _row(robot: RobotSupervisor, tap: Tap) -> Row:
+    sample, driver = robot.situation.own, robot.driver
+    assert isinstance(sample, RobotState)
+    in_sc, bit = 0, 1
+    numbers = []
+    for module in robot.modules:
+        numbers.append(module.margin)
+        numbers.append(module.reach)
+        if module.mode is Mode.SC:
+            in_sc |= bit
+        bit <<= 1
+    row = Row(sample, -1 if driver is None else driver.rank, robot.mode is Mode.SC, in_sc, numbers)
+    if tap.no_state or tap.refused or tap.ac_drove or robot.ac_failure:
+        row.no_state, row.refused = tap.no_state, tuple(tap.refused)
+        row.ac_drove, row.ac_failure = tap.ac_drove, robot.ac_failure
+        tap.no_state, tap.ac_drove = "", False
+        tap.refused.clear()
+    return row

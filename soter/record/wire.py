@@ -1,0 +1,144 @@
+"""What crosses from a run to the process that writes its recording: frames of MessagePack, each after its length.
+
+Arrays without names: a frame is made at every tick of a run, whose time it costs.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import Any, Final
+
+import msgspec
+from msgspec import Raw, Struct
+
+from soter.record.messages import Event
+from soter.sdk import RobotState
+from soter.workspace import Workspace
+
+_LENGTH: Final = struct.Struct("<I")
+
+
+class Row(Struct, array_like=True, gc=False):
+    """One robot at one tick.
+
+    Attributes:
+        state: its sample.
+        driver: index of the module that drives, or -1 for the AC.
+        in_sc: who has control: whether it is the SC.
+        modules_in_sc: bit i is set while module i is in SC.
+        numbers: margin and reach bound of every module, in their order.
+        no_state: why there was no sample; empty if there was.
+        refused: calls that failed, and the failures.
+        ac_drove: whether the AC's port passed on a command.
+        ac_failure: why the AC will never get control again.
+    """
+
+    state: RobotState
+    driver: int
+    in_sc: bool
+    modules_in_sc: int
+    numbers: list[float]
+    no_state: str = ""
+    refused: tuple[tuple[str, str], ...] = ()
+    ac_drove: bool = False
+    ac_failure: str = ""
+
+
+class Way(Struct, array_like=True, gc=False):
+    """What an AC means to drive, for the eye only."""
+
+    time_s: float
+    robot_id: int
+    places: list[tuple[float, float]]
+
+
+class Begin(Struct, array_like=True, tag=0):
+    """The first frame.
+
+    Attributes:
+        about: `About` as JSON.
+        files: attachments by name.
+        workspace: for the scene.
+        radii_m: bodies, by robot id.
+        robots: ids, in the order of the rows.
+        modules: names, by robot id.
+    """
+
+    about: bytes
+    files: dict[str, bytes]
+    workspace: Workspace
+    radii_m: dict[int, float]
+    robots: list[int]
+    modules: dict[int, list[str]]
+
+
+class Tick(Struct, array_like=True, tag=1, gc=False):
+    """One tick.
+
+    Attributes:
+        tick: its number.
+        time_s: fleet time.
+        host_ns: the host's time of day.
+        rows: the robots, in their order.
+        events: what happened since the frame before: index into `messages.EVENTS`, or `WAY`, and the message.
+    """
+
+    tick: int
+    time_s: float
+    host_ns: int
+    rows: list[Row]
+    events: list[tuple[int, Raw]]
+
+
+class Finish(Struct, array_like=True, tag=2):
+    """The last frame, of a run that came to an end.
+
+    Attributes:
+        time_s: fleet time.
+        result: the result as JSON.
+        events: as in `Tick`.
+    """
+
+    time_s: float
+    result: bytes
+    events: list[tuple[int, Raw]]
+
+
+Frame = Begin | Tick | Finish
+
+WAY: Final = -1
+"""Index of a `Way` among the events."""
+
+PendingEvent = tuple[int, Event | Way]
+"""An event that is not encoded yet; an encoded frame does not differ by that."""
+
+_encode: Final = msgspec.msgpack.Encoder().encode
+_decode: Final = msgspec.msgpack.Decoder(Frame).decode
+
+
+def packed(frame: Any) -> bytes:
+    """Return a frame as it is sent."""
+    data = _encode(frame)
+    return _LENGTH.pack(len(data)) + data
+
+
+class Intake:
+    """Puts together the frames that arrive in pieces."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def take(self, data: bytes) -> Iterator[Frame]:
+        """Add what has arrived; return every frame that is complete."""
+        buffer = self._buffer
+        buffer += data
+        at, end = 0, len(buffer)
+        while end - at >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(buffer, at)
+            if end - at - _LENGTH.size < length:
+                break
+            at += _LENGTH.size
+            yield _decode(memoryview(buffer)[at : at + length].tobytes())
+            at += length
+        del buffer[:at]

@@ -1,0 +1,259 @@
+"""The process that writes a recording: takes frames from a run and turns them into messages.
+
+It has a session of its own and leaves signals alone, so that it outlives the run by what is still to be written,
+however the run ends. It ends when the run's end of the pipe is closed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from typing import IO, Final
+
+import msgspec
+from msgspec import Raw
+
+from soter.record import foxglove, messages
+from soter.record.check import seal
+from soter.record.file import RecordingFile
+from soter.record.messages import (
+    AC,
+    EVENTS,
+    RESULT_JSON,
+    SC,
+    Fault,
+    Goal,
+    ModuleTick,
+    Refusal,
+    RobotTick,
+    Switch,
+    Target,
+    Violation,
+)
+from soter.record.samples import state_of
+from soter.record.wire import WAY, Begin, Finish, Frame, Intake, Row, Tick, Way
+
+CHUNK_S: Final = 0.5
+"""Host time after which a chunk is closed at the latest."""
+
+LOOK_S: Final = 0.02
+"""How often the pipe is emptied. It is not waited on: being woken up at every tick would cost the run a system call
+that takes long."""
+
+PICTURE_S: Final = 0.1
+"""Fleet time between two sets of frames for the eye."""
+
+NICENESS: Final = 5
+_READ_BYTES: Final = 1 << 20
+_MEDIA_TYPES: Final = {".json": "application/json", ".toml": "application/toml", ".xml": "application/xml"}
+
+
+class Outcome(msgspec.Struct):
+    """What the process says when it ends.
+
+    Attributes:
+        failure: why the recording is not complete; empty if it is.
+        size_bytes: of the file.
+    """
+
+    failure: str = ""
+    size_bytes: int = 0
+
+
+class Scribe:
+    """Turns frames into messages.
+
+    Args:
+        file: where they go.
+    """
+
+    def __init__(self, file: RecordingFile) -> None:
+        self._file: Final = file
+        self._begin: Begin | None = None
+        self._decoders: Final = [msgspec.msgpack.Decoder(kind) for kind in EVENTS]
+        self._ways: Final = msgspec.msgpack.Decoder(Way)
+        self._picture_s = 0.0
+        self._by_ac: dict[int, bool] = {}
+        self._host_ns = time.time_ns()
+
+    def take(self, frame: Frame) -> None:
+        """Write what a frame says."""
+        if isinstance(frame, Begin):
+            self._start(frame)
+            return
+        if isinstance(frame, Tick):
+            self._host_ns = frame.host_ns
+        for index, raw in frame.events:
+            self._event(index, raw)
+        if isinstance(frame, Tick):
+            self._tick(frame)
+        elif isinstance(frame, Finish):
+            self._file.attach(RESULT_JSON, frame.result, _MEDIA_TYPES[".json"])
+
+    def _start(self, begin: Begin) -> None:
+        self._begin = begin
+        about = msgspec.json.decode(begin.about, type=messages.About)
+        versions = {f"version of {name}": text for name, text in about.versions.items()}
+        self._file.describe("soter", {
+            "mission": about.source, "backend": about.backend, "seed": str(about.seed), "started": about.started_utc,
+            "robots": str(len(about.robots)), "modules": ", ".join(about.modules), **versions,
+        })  # fmt: skip
+        for name, data in {messages.ABOUT_JSON: begin.about, **begin.files}.items():
+            self._file.attach(name, data, _MEDIA_TYPES[name[name.rindex(".") :]])
+        scene, = foxglove.TOPICS[foxglove.SceneUpdate][:1]  # fmt: skip
+        self._file.write(scene, foxglove.workspace_scene(begin.workspace), 0, self._host_ns)
+        self._file.flush()
+
+    # --- ticks ---------------------------------------------------------------------------------------------
+
+    def _tick(self, frame: Tick) -> None:
+        begin = self._begin
+        if begin is None:
+            return
+        time_ns = foxglove.nanoseconds(frame.time_s)
+        topic = messages.TOPICS[RobotTick]
+        for robot_id, row in zip(begin.robots, frame.rows, strict=True):
+            record = _record(frame, robot_id, row, begin.modules[robot_id])
+            sealed = msgspec.structs.replace(record, check=seal(record))
+            self._file.write(topic.format(robot_id=robot_id), sealed, time_ns, frame.host_ns)
+        if frame.time_s >= self._picture_s:
+            self._picture_s = frame.time_s + PICTURE_S - 1e-9
+            self._picture(begin, frame, time_ns)
+
+    def _picture(self, begin: Begin, frame: Tick, time_ns: int) -> None:
+        now = foxglove.Time.of(frame.time_s)
+        transforms = [
+            foxglove.transform(now, robot_id, row.state.x_m, row.state.y_m, row.state.z_m, row.state.heading_rad)
+            for robot_id, row in zip(begin.robots, frame.rows, strict=True)
+        ]
+        self._file.write("/tf", foxglove.FrameTransforms(transforms), time_ns, frame.host_ns)
+        topic = foxglove.TOPICS[foxglove.SceneUpdate][1]
+        for robot_id, row in zip(begin.robots, frame.rows, strict=True):
+            if self._by_ac.get(robot_id) is row.in_sc or robot_id not in self._by_ac:
+                self._by_ac[robot_id] = not row.in_sc
+                scene = foxglove.robot_scene(now, robot_id, begin.radii_m[robot_id], not row.in_sc)
+                self._file.write(topic.format(robot_id=robot_id), scene, time_ns, frame.host_ns)
+
+    # --- events --------------------------------------------------------------------------------------------
+
+    def _event(self, index: int, raw: Raw) -> None:
+        if index == WAY:
+            way = self._ways.decode(raw)
+            topic = foxglove.TOPICS[foxglove.PosesInFrame][0].format(robot_id=way.robot_id)
+            message = foxglove.way(foxglove.Time.of(way.time_s), way.places)
+            self._file.write(topic, message, foxglove.nanoseconds(way.time_s), self._host_ns)
+            return
+        event = self._decoders[index].decode(raw)
+        topic = messages.TOPICS[type(event)]
+        if isinstance(event, Goal):
+            topic = topic.format(robot_id=event.robot_id)
+        time_ns = foxglove.nanoseconds(event.time_s)
+        self._file.write(topic, event, time_ns, self._host_ns)
+        line = _line(event)
+        if line is not None:
+            level, name, text = line
+            log = foxglove.Log(foxglove.Time.of(event.time_s), level, text, name)
+            self._file.write("/log", log, time_ns, self._host_ns)
+
+
+def _record(frame: Tick, robot_id: int, row: Row, names: Sequence[str]) -> RobotTick:
+    numbers, in_sc = row.numbers, row.modules_in_sc
+    modules = tuple(
+        ModuleTick.of(name, SC if in_sc >> index & 1 else AC, numbers[2 * index], numbers[2 * index + 1])
+        for index, name in enumerate(names)
+    )
+    return RobotTick(
+        frame.tick, frame.time_s, robot_id, SC if row.in_sc else AC, AC if row.driver < 0 else names[row.driver],
+        state_of(row.state), modules, row.no_state, tuple(Refusal(*each) for each in row.refused), row.ac_drove,
+        row.ac_failure,
+    )  # fmt: skip
+
+
+def _line(event: messages.Event) -> tuple[int, str, str] | None:
+    """Return what the log says of an event: level, who, text; None for what is too frequent for a log."""
+    if isinstance(event, Switch):
+        who = foxglove.robot_frame(event.robot_id)
+        if event.after == AC:
+            return foxglove.INFO, who, f"AC in control again, released by {event.module}"
+        text = f"{event.before} -> {event.after}: {event.module}: {event.cause}"
+        return foxglove.WARNING if event.before == AC else foxglove.INFO, who, text
+    if isinstance(event, Target):
+        text = f"target {event.target_id}: {event.outcome}" if event.outcome else f"target {event.target_id}"
+        return foxglove.INFO, foxglove.robot_frame(event.robot_id), text
+    if isinstance(event, Violation):
+        who = ", ".join(map(foxglove.robot_frame, event.robots))
+        return foxglove.ERROR, who, f"{event.rule} broken since {event.start_s:.2f} s"
+    if isinstance(event, Fault):
+        return foxglove.WARNING, foxglove.robot_frame(event.robot_id), f"fault {event.kind}: {event.affected} so far"
+    if isinstance(event, messages.Drop):
+        return foxglove.ERROR, "recording", f"{event.ticks} ticks from {event.first_tick} on were not recorded"
+    return None
+
+
+# --- the process -------------------------------------------------------------------------------------------
+
+
+def record(source_fd: int, stream: IO[bytes], capacity_bytes: int) -> None:
+    """Write everything that comes through a pipe, until its other end is closed.
+
+    Args:
+        source_fd: the pipe.
+        stream: the file.
+        capacity_bytes: what the pipe holds.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    file = RecordingFile(stream)
+    scribe, intake = Scribe(file), Intake()
+    os.set_blocking(source_fd, False)
+    flushed_s = time.monotonic()
+    while True:
+        try:
+            data = os.read(source_fd, _READ_BYTES)
+        except BlockingIOError:
+            data = None
+        if data is not None:
+            if not data:
+                break
+            for frame in intake.take(data):
+                scribe.take(frame)
+        if time.monotonic() - flushed_s >= CHUNK_S:
+            file.flush()
+            flushed_s = time.monotonic()
+        # A run that has filled much of the pipe in this time is about to wait for it.
+        if data is None or len(data) < capacity_bytes // 4:
+            time.sleep(LOOK_S)
+    file.finish()
+
+
+def main() -> None:
+    """Record; arguments: the file's descriptor, the pipe's capacity, and `nice` where the run must not be delayed."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    file_fd, capacity_bytes = int(sys.argv[1]), int(sys.argv[2])
+    if "nice" in sys.argv[3:]:
+        with contextlib.suppress(OSError):
+            os.nice(NICENESS)
+    outcome = Outcome()
+    stream = os.fdopen(file_fd, "wb")
+    try:
+        record(sys.stdin.fileno(), stream, capacity_bytes)
+    except OSError as failure:
+        outcome.failure = failure.strerror or str(failure)
+    except Exception as failure:  # noqa: BLE001 - whatever it is, the run is told before this process ends
+        outcome.failure = repr(failure)
+    with contextlib.suppress(OSError):
+        outcome.size_bytes = os.fstat(file_fd).st_size
+    # Said before the pipe is closed: a run that cannot send any more can then learn why at once.
+    os.write(sys.stdout.fileno(), msgspec.json.encode(outcome))
+    # What a full disk has left in the stream's buffer cannot be written at exit either.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
