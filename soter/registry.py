@@ -22,6 +22,7 @@ ENTRY_POINT_GROUP: Final = "soter.adapters"
 BUILT_IN: Final[Mapping[str, str]] = {
     "pybullet": "soter.adapters.pybullet:PyBulletBackend",
     "kinematic": "soter.adapters.pybullet:KinematicBackend",
+    "ros2": "soter.adapters.ros2.backend:Ros2Backend",
 }
 """The backends of this distribution. They are found without it being installed, and nobody can take their names."""
 
@@ -32,6 +33,13 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
     "ompl": "ompl",
     "matplotlib": "report",
+    "rclpy": "ros2",
+    "geometry_msgs": "ros2",
+    "nav_msgs": "ros2",
+    "sensor_msgs": "ros2",
+    "std_msgs": "ros2",
+    "rosgraph_msgs": "ros2",
+    "diagnostic_msgs": "ros2",
 }
 """Vendor libraries, and the extra of this distribution that brings each of them."""
 

@@ -38,6 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.adapters.pybullet": {"soter.sdk", "soter.drive", "soter.mux", "soter_sim"},
     "soter.adapters.mavlink": {"soter.sdk", "soter.drive", "soter.mux"},
     "soter.adapters.ros2": {"soter.sdk", "soter.drive", "soter.mux"},
+    "soter.adapters.ros2.harness": {"soter.adapters.ros2", "soter.sdk", "soter.conformance"},
     "soter.adapters.zenoh": {"soter.sdk", "soter.drive", "soter.mux"},
     "soter.stack": {"soter.child", "soter.machine", "soter.rta", "soter.sdk"},
     "soter.check": {"soter.machine", "soter.rta"},
@@ -48,6 +49,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.apps": {"soter.stack", "soter.rta", "soter.machine", "soter.sdk"},
     "soter.runner": {
         "soter.apps",
+        "soter.check",
         "soter.record",
         "soter.faults",
         "soter.registry",
@@ -76,6 +78,8 @@ BASE = {
 # These run where nothing is installed, or must stay easy to argue about; what they import must be so as well.
 STDLIB_ONLY = {"soter.clock", "soter.errors", "soter.drive", "soter.mux", "soter.child", "soter.machine"}
 
+ROS2 = {"soter.adapters.ros2", "soter_sim.ros2"}
+
 # Where a library may be imported that is not Python's own; `None` is anywhere but in STDLIB_ONLY.
 LIBRARIES: dict[str, set[str] | None] = {
     "numpy": None,
@@ -90,12 +94,19 @@ LIBRARIES: dict[str, set[str] | None] = {
     "rich": {"soter.cli"},
     "pybullet": {"soter.adapters.pybullet", "soter_sim"},
     "pymavlink": {"soter.adapters.mavlink", "soter_sim"},
+    "rclpy": ROS2,
+    "std_msgs": ROS2,
+    "geometry_msgs": ROS2,
+    "nav_msgs": ROS2,
+    "sensor_msgs": ROS2,
+    "rosgraph_msgs": ROS2,
+    "diagnostic_msgs": ROS2,
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.
-VENDORS = {"pybullet", "pymavlink", "ompl", "matplotlib"}
+VENDORS = {"pybullet", "pymavlink", "rclpy", "ompl", "matplotlib"}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 
 

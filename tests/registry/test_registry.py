@@ -103,9 +103,9 @@ def test_install_hint() -> None:
 
 def test_an_unknown_name_is_told_those_there_are(register: Callable[..., None]) -> None:
     register(zebra="zoo:Zebra")
-    assert backend_names() == ["pybullet", "kinematic", "zebra"]
+    assert backend_names() == [*BUILT_IN, "zebra"]
     assert failure(UnknownBackend, "pybulet") == (
-        "unknown backend 'pybulet', did you mean 'pybullet'?; known are pybullet, kinematic, zebra, or a class as "
+        f"unknown backend 'pybulet', did you mean 'pybullet'?; known are {', '.join(BUILT_IN)}, zebra, or a class as "
         "'module:Class'"
     )
     assert failure(UnknownBackend, "xyz").startswith("unknown backend 'xyz'; known are pybullet, ")
@@ -127,7 +127,7 @@ def test_an_entry_point_may_carry_extras(write: Write, register: Callable[..., N
 
 def test_the_names_of_the_built_in_ones_cannot_be_taken(register: Callable[..., None]) -> None:
     register(pybullet="zoo:Zebra")
-    assert backend_names() == ["pybullet", "kinematic"]
+    assert backend_names() == [*BUILT_IN]
 
 
 def test_one_name_registered_for_two_classes(register: Callable[..., None]) -> None:
@@ -268,7 +268,7 @@ def test_the_list_shows_who_is_available_and_why_not(write: Write, register: Cal
         broken=f"{write('1 / 0', 'divides')}:B",
     )
     rows = {row.name: row for row in list_backends()}
-    assert list(rows) == ["pybullet", "kinematic", "broken", "good", "missing"]
+    assert list(rows) == [*BUILT_IN, "broken", "good", "missing"]
     assert rows["pybullet"].origin == rows["kinematic"].origin == "built in"
     good = rows["good"]
     assert (good.origin, good.target, good.available, good.problem) == (

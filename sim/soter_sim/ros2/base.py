@@ -1,0 +1,75 @@
+"""The base of one simulated robot as a ROS node: odometry and battery out, velocity in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, isfinite, sin
+from typing import Any, Final
+
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import BatteryState
+
+from soter_sim.world import World
+
+COMMAND_S: Final = 0.2
+"""The motors stop so long after the last velocity, in the world's time."""
+
+
+class Base:
+    """One robot.
+
+    Args:
+        node: in the robot's namespace.
+        world: where it lives.
+        robot_id: its number.
+        stamp: the world's time as ROS has it.
+        stamped: whether velocities come as TwistStamped.
+    """
+
+    def __init__(self, node: Node, world: World, robot_id: int, stamp: Callable[[], Any], *, stamped: bool) -> None:
+        self.node: Final = node
+        self._world: Final = world
+        self._index: Final = world.index(robot_id)
+        self._stamp: Final = stamp
+        self._frame: Final = node.get_namespace().strip("/")
+        self._stamped: Final = stamped
+        self._odometry: Final = node.create_publisher(Odometry, "odom", 1)
+        self._battery: Final = node.create_publisher(BatteryState, "battery_state", 1)
+        node.create_subscription(TwistStamped if stamped else Twist, "cmd_vel", self._hear, 1)
+        self._velocity = (0.0, 0.0)
+        self._heard_s = -COMMAND_S
+        world.set_control(robot_id, self._control)
+
+    def tell_odometry(self) -> None:
+        """Publish where it is and how it moves."""
+        bodies, i = self._world.bodies, self._index
+        message = Odometry()
+        message.header.stamp = self._stamp()
+        message.header.frame_id = f"{self._frame}/odom"
+        message.child_frame_id = f"{self._frame}/base_link"
+        pose, twist = message.pose.pose, message.twist.twist
+        pose.position.x, pose.position.y = bodies.x[i], bodies.y[i]
+        half = 0.5 * bodies.heading[i]
+        pose.orientation.z, pose.orientation.w = sin(half), cos(half)
+        twist.linear.x, twist.angular.z = bodies.v[i], bodies.yaw_rate[i]
+        self._odometry.publish(message)
+
+    def tell_battery(self) -> None:
+        """Publish its charge."""
+        message = BatteryState()
+        message.header.stamp = self._stamp()
+        message.header.frame_id = f"{self._frame}/base_link"
+        message.percentage = self._world.bodies.charge[self._index]
+        message.present = True
+        self._battery.publish(message)
+
+    def _hear(self, message: Any) -> None:
+        twist = message.twist if self._stamped else message
+        velocity = (twist.linear.x, twist.angular.z)
+        self._velocity = velocity if isfinite(velocity[0] + velocity[1]) else (0.0, 0.0)
+        self._heard_s = self._world.now_s
+
+    def _control(self, now_s: float, *_state: float) -> tuple[float, float]:
+        return self._velocity if now_s - self._heard_s < COMMAND_S else (0.0, 0.0)

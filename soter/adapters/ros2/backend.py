@@ -1,0 +1,98 @@
+"""The backend `ros2`: robots of the ROS graph, those that are given or simulated ones that are started for the run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Final
+
+from soter.adapters.ros2.graph import Graph
+from soter.adapters.ros2.options import RobotOptions, Ros2Config
+from soter.adapters.ros2.robot import Ros2Robot
+from soter.adapters.ros2.simulator import Simulator
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
+from soter.sdk.truth import StreamedTruth
+
+
+class Ros2Fleet(Fleet):
+    """Robots, one thread that hears them, and the simulator if it was started for them.
+
+    Args:
+        config: where the robots are.
+        specs: the robots.
+        simulator: a simulator to end with the fleet, or None.
+
+    Attributes:
+        simulator: the same.
+    """
+
+    def __init__(self, config: Ros2Config, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
+        self.simulator: Final = simulator
+        clock = VehicleClock()
+        self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)
+        try:
+            self._graph: Final = Graph(config.domain_id, use_sim_time=config.use_sim_time, on_loopback=config.loopback)
+        except BaseException:
+            if self._truth is not None:
+                self._truth.close()
+            raise
+        try:
+            super().__init__(clock, [Ros2Robot(spec, clock, self._graph, config) for spec in specs], self._truth)
+        except BaseException:
+            self._close_shared()
+            raise
+
+    def _close(self) -> None:
+        self._close_shared()
+        if self.simulator is not None:
+            self.simulator.close()
+
+    def _close_shared(self) -> None:
+        self._graph.close()
+        if self._truth is not None:
+            self._truth.close()
+
+
+class Ros2Backend(Backend):
+    """Robots of the ROS graph: those that are given, or simulated ones that are started for the occasion."""
+
+    interface_version: ClassVar[int] = INTERFACE_VERSION
+    config_model: ClassVar[type[BackendConfig]] = Ros2Config
+    robot_class: ClassVar[type[Robot]] = Ros2Robot
+    harness: ClassVar[str] = "soter.adapters.ros2.harness:Ros2Harness"
+
+    def open(self, config: Ros2Config, robots: Sequence[RobotSpec]) -> Ros2Fleet:
+        """Open the robots; they are not ready before `init()`.
+
+        Raises:
+            RobotUnavailable: a robot is not given, or the simulated ones do not start.
+        """
+        if config.robots:
+            missing = [spec.id for spec in robots if spec.id not in config.robots]
+            if missing:
+                raise RobotUnavailable(
+                    f"no namespace is given for the robots {missing}; add them to [backends.ros2.robots], or take all "
+                    "out to have simulated ones"
+                )
+            return Ros2Fleet(config, robots, None)
+        simulator = Simulator(config.workspace, robots, stamped=config.stamped, domain_id=config.domain_id)
+        try:
+            return Ros2Fleet(simulated(config, simulator), robots, simulator)
+        except BaseException:
+            simulator.close()
+            raise
+
+
+def simulated(config: Ros2Config, simulator: Simulator) -> Ros2Config:
+    """Return a configuration with the robots of a simulator in it."""
+    robots = {robot_id: RobotOptions(namespace=name) for robot_id, name in simulator.namespaces.items()}
+    return config.model_copy(
+        update={
+            "robots": robots,
+            "domain_id": simulator.domain_id,
+            "truth": simulator.truth,
+            "use_sim_time": True,
+            "loopback": True,
+        }
+    )

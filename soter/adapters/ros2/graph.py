@@ -1,0 +1,140 @@
+"""SOTER's own corner of the ROS graph: a context, an executor in a thread, and what can be seen of the others."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from typing import Any, Final
+
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Infinite
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
+
+from soter.adapters.ros2.loopback import loopback
+
+logger = logging.getLogger(__name__)
+
+_PATIENT: Final[dict[str, Any]] = {"depth": 1, "deadline": Infinite, "liveliness_lease_duration": Infinite}
+
+SENSOR: Final = QoSProfile(**_PATIENT, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""For what is heard: matches publishers of every kind, and keeps the latest only."""
+
+COMMAND: Final = QoSProfile(**_PATIENT, reliability=ReliabilityPolicy.RELIABLE)
+"""For what is said: matches subscribers of every kind, and keeps the latest only."""
+
+LATCHED: Final = QoSProfile(
+    **_PATIENT, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""For what a subscriber that comes later must hear too."""
+
+NODE_NAME: Final = "soter"
+
+_LOOK_S: Final = 0.005
+_END_TIMEOUT_S: Final = 5.0
+
+
+class Graph:
+    """A context of its own, so that it gets along with code that has called `rclpy.init` already, or will.
+
+    Callbacks of its nodes run in one background thread, one after another. Nodes publish from any thread.
+
+    Args:
+        domain_id: of ROS; None for that of the environment.
+        use_sim_time: whether its nodes follow `/clock`.
+        on_loopback: whether DDS stays on this host.
+    """
+
+    def __init__(self, domain_id: int | None, *, use_sim_time: bool, on_loopback: bool) -> None:
+        self._use_sim_time: Final = use_sim_time
+        self._context: Final = Context()
+        self._nodes: Final[list[Node]] = []
+        self._on_loopback: Final = on_loopback
+        with self._bound():
+            rclpy.init(context=self._context, domain_id=domain_id)
+        self._executor: Final = SingleThreadedExecutor(context=self._context)
+        self._thread: Final = threading.Thread(target=self._run, name="ros2", daemon=True)
+        self._thread.start()
+
+    def node(self, namespace: str) -> Node:
+        """Make the node of one robot; its callbacks run from now on."""
+        with self._bound():
+            node = Node(
+                NODE_NAME, context=self._context, namespace=namespace, use_global_arguments=False,
+                enable_rosout=False, start_parameter_services=False,
+                parameter_overrides=[Parameter("use_sim_time", value=self._use_sim_time)],
+            )  # fmt: skip
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+    def wait_for(self, holds: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until something holds, which callbacks bring about; return whether it does in time."""
+        until_s = time.monotonic() + timeout_s
+        while not holds():
+            if time.monotonic() >= until_s:
+                return False
+            time.sleep(_LOOK_S)
+        return True
+
+    def close(self) -> None:
+        """End everything: the executor, its thread, the nodes, the context. Idempotent."""
+        self._executor.shutdown()
+        self._thread.join(_END_TIMEOUT_S)
+        while self._nodes:
+            self._nodes.pop().destroy_node()
+        self._context.try_shutdown()
+
+    def _bound(self) -> Any:
+        return loopback() if self._on_loopback else nullcontext()
+
+    def _run(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception:
+            # Nothing is heard from now on: samples grow old, and the robots stop.
+            logger.exception("the thread that hears ROS has ended")
+
+
+def heard_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:
+    """Return what is wrong with those who publish a topic that is heard here, one line each, by name."""
+    return _wrong(node.get_publishers_info_by_topic(topic), topic, type_name, "publishes", profile, hears=True)
+
+
+def said_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:
+    """Return what is wrong with those who hear a topic that is published here, one line each, by name."""
+    return _wrong(node.get_subscriptions_info_by_topic(topic), topic, type_name, "subscribes to", profile, hears=False)
+
+
+def publishers(node: Node, topic: str) -> list[str]:
+    """Return the names of all nodes that publish a topic."""
+    return sorted({_name(each) for each in node.get_publishers_info_by_topic(topic)})
+
+
+def _name(info: Any) -> str:
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _wrong(
+    found: Sequence[Any], topic: str, type_name: str, verb: str, profile: QoSProfile, *, hears: bool
+) -> list[str]:
+    if not found:
+        return [f"nobody {verb} {topic}"]
+    problems = []
+    for info in found:
+        theirs = info.qos_profile
+        if info.topic_type != type_name:
+            problems.append(f"{_name(info)} {verb} {topic} as {info.topic_type}, SOTER as {type_name}")
+            continue
+        fits, reason = qos_check_compatible(theirs, profile) if hears else qos_check_compatible(profile, theirs)
+        if fits == QoSCompatibility.ERROR:
+            problems.append(f"{_name(info)} {verb} {topic} with a quality of service that does not match: {reason}")
+    return problems

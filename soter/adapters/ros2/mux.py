@@ -1,0 +1,155 @@
+"""The mux: a node on the robot that lets one of two controllers drive it, and stops it when SOTER falls silent.
+
+`soter ros2-mux --robot NAME`, `soter-ros2-mux` in launch files, or `python -m soter.adapters.ros2.mux`. It needs
+rclpy, geometry_msgs, std_msgs and, of SOTER, modules of the standard library only: nothing else has to be on the robot.
+
+It passes `cmd_vel_ac` or `cmd_vel_sc` on to `cmd_vel`, as `soter/order` says, and tells on `soter/gate` what it does.
+While the lease is dead, or the controller in charge is silent, it publishes rest. Topics are relative to the robot's
+namespace and take ROS's own remappings; parameters are read once, at the start: `lease_s`, `command_s`, `v_max_m_s`,
+`yaw_rate_max_rad_s`, `stamped` (TwistStamped instead of Twist) and ROS's `use_sim_time`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any, Final
+
+import rclpy
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from soter.adapters.ros2.gate import REST, Gate, Velocity
+from soter.adapters.ros2.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC, Order
+
+LEASE_S: Final = 0.13
+COMMAND_S: Final = 0.25
+V_MAX_M_S: Final = 0.22
+YAW_RATE_MAX_RAD_S: Final = 2.84
+PERIOD_S: Final = 0.02
+"""How often it looks whether what it passes is still to be passed."""
+
+# What matches publishers of either kind: a controller that streams has sent something newer before a repeat arrives.
+_STREAM: Final = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LATCHED: Final = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+
+
+class MuxNode(Node):
+    """The gate of one robot as a ROS node. Used from one thread, its executor's.
+
+    Args:
+        namespace: the robot's; empty for what ROS's own arguments say.
+        options: for `rclpy.node.Node`.
+    """
+
+    def __init__(self, namespace: str = "", **options: Any) -> None:
+        super().__init__("soter_mux", namespace=namespace or None, start_parameter_services=False, **options)
+        number = self._number
+        self._gate: Final = Gate(
+            number("lease_s", LEASE_S), number("command_s", COMMAND_S), number("v_max_m_s", V_MAX_M_S),
+            number("yaw_rate_max_rad_s", YAW_RATE_MAX_RAD_S),
+        )  # fmt: skip
+        self._stamped: Final = bool(self.declare_parameter("stamped", False).value)
+        kind = TwistStamped if self._stamped else Twist
+        self._passed = False
+        self._velocities: Final = self.create_publisher(kind, CMD_VEL, 1)
+        self._reports: Final = self.create_publisher(String, GATE, _LATCHED)
+        self.create_subscription(String, ORDER, self._hear_order, _LATCHED)
+        self.create_subscription(kind, CMD_VEL_AC, lambda message: self._hear(AC, message), _STREAM)
+        self.create_subscription(kind, CMD_VEL_SC, lambda message: self._hear(SC, message), _STREAM)
+        # Not ROS time: where that stands still, the robot must stop all the same.
+        self.create_timer(PERIOD_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._report()
+
+    def stop(self) -> None:
+        """Publish rest."""
+        self._publish(REST)
+
+    def _number(self, name: str, default: float) -> float:
+        value = self.declare_parameter(name, default).value
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
+            raise ValueError(f"parameter {name} is {value!r}, allowed: above 0")
+        return float(value)
+
+    def _hear_order(self, message: String) -> None:
+        now_s = time.monotonic()
+        try:
+            order = Order.decode(message.data)
+        except ValueError as failure:
+            self.get_logger().warning(f"dropped an order that makes no sense: {failure}")
+            return
+        clock_s = self.get_clock().now().nanoseconds * 1e-9
+        # With simulated time the clock shows 0 until /clock is heard.
+        age_s = None if clock_s <= 0.0 or order.renewed_s is None else clock_s - order.renewed_s
+        if self._gate.take(order, age_s, now_s):
+            self._report()
+            self._look()
+
+    def _hear(self, by: str, message: Any) -> None:
+        twist = message.twist if self._stamped else message
+        if self._gate.give(by, Velocity(twist.linear.x, twist.angular.z), time.monotonic()):
+            self._look()
+
+    def _look(self) -> None:
+        velocity = self._gate.passing(time.monotonic())
+        if (velocity is not None) != self._passed:
+            self._passed = velocity is not None
+            self._report()
+        self._publish(velocity or REST)
+
+    def _publish(self, velocity: Velocity) -> None:
+        message: Any = TwistStamped() if self._stamped else Twist()
+        twist = message.twist if self._stamped else message
+        twist.linear.x, twist.angular.z = velocity
+        if self._stamped:
+            message.header.stamp = self.get_clock().now().to_msg()
+        self._velocities.publish(message)
+
+    def _report(self) -> None:
+        self._reports.publish(String(data=self._gate.report(time.monotonic()).encode()))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the mux until it is interrupted or, with `--parent PID`, until that process is gone."""
+    parser = argparse.ArgumentParser(
+        prog="soter-ros2-mux", description="Lets SOTER's AC or SC drive a robot, and stops it when SOTER is silent.",
+        epilog="Everything after --ros-args is ROS's own: remappings, parameters, log levels.",
+    )  # fmt: skip
+    parser.add_argument("--robot", default="", metavar="NAME", help="the robot's namespace, such as robot1")
+    parser.add_argument("--parent", type=int, metavar="PID", help="end when this process is no longer the parent")
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    cut = given.index("--ros-args") if "--ros-args" in given else len(given)
+    known = parser.parse_args(given[:cut])
+    # Its own handlers: by the time that rclpy's have run, nothing can be published any more.
+    rclpy.init(args=given[cut:], signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: sys.exit(0))
+    node = MuxNode(known.robot)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while known.parent is None or os.getppid() == known.parent:
+            executor.spin_once(timeout_sec=0.5)
+    except ExternalShutdownException:
+        return
+    finally:
+        if rclpy.ok():
+            node.stop()
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""Starts simulated robots: a world and, for each robot, the mux, in processes of their own; and ends them."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from pydantic import TypeAdapter
+
+from soter.adapters.ros2.loopback import environment
+from soter.errors import RobotUnavailable
+from soter.sdk import RobotSpec
+from soter.workspace import Workspace
+
+START_TIMEOUT_S: Final = 30.0
+_END_TIMEOUT_S: Final = 3.0
+
+# Ports of DDS are 7400 + 250 * domain and up; beyond this domain they meet those that Linux hands out.
+_DOMAINS: Final = range(1, 101)
+_PORT: Final = 7410
+_PORTS_PER_DOMAIN: Final = 250
+
+
+class Simulator:
+    """A world in real time and its robots' muxes, which end with this process, however it ends. On this host only.
+
+    Args:
+        workspace: fence, boxes, chargers.
+        robots: its robots.
+        stamped: whether velocities are TwistStamped.
+        domain_id: of ROS; None for one that nobody uses here.
+        truth_port: where the world tells the truth; 0 for any port that is free.
+
+    Attributes:
+        domain_id: of ROS.
+        namespaces: by robot, where its topics are.
+        truth: where the world tells what really happens, as `host:port`.
+        world: the process of the world.
+        muxes: by robot, the process of its mux.
+
+    Raises:
+        RobotUnavailable: it does not start.
+    """
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        robots: Sequence[RobotSpec],
+        *,
+        stamped: bool = False,
+        domain_id: int | None = None,
+        truth_port: int = 0,
+    ) -> None:
+        self.domain_id: Final = free_domain() if domain_id is None else domain_id
+        self.namespaces: Final = {spec.id: f"/{spec.name or f'robot{spec.id}'}" for spec in robots}
+        self.muxes: Final[dict[int, subprocess.Popen[bytes]]] = {}
+        self._stamped: Final = stamped
+        named = ",".join(f"{robot_id}={name}" for robot_id, name in self.namespaces.items())
+        flags = ["--stamped"] if stamped else []
+        self.world: Final = self._start(
+            "soter_sim.ros2", "--namespaces", named, "--truth-port", str(truth_port), *flags, pipes=True
+        )
+        try:
+            for robot_id in self.namespaces:
+                self.start_mux(robot_id)
+            described = TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).dump_json((workspace, tuple(robots)))
+            self.truth: Final[str] = json.loads(self._first_line(described))["truth"]
+        except (ValueError, OSError) as failure:
+            self.close()
+            raise RobotUnavailable(
+                f"the simulated robots do not start: {failure}; what they say is on standard error, and "
+                f"`{sys.executable} -m soter_sim.ros2 --help` must work"
+            ) from failure
+
+    def start_mux(self, robot_id: int) -> None:
+        """Start the mux of a robot, in place of the one that it had."""
+        stamped = "true" if self._stamped else "false"
+        self.muxes[robot_id] = self._start(
+            "soter.adapters.ros2.mux", "--robot", self.namespaces[robot_id], "--ros-args",
+            "-p", "use_sim_time:=true", "-p", f"stamped:={stamped}", pipes=False,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """End the processes and wait until they are gone. Idempotent."""
+        processes = [self.world, *self.muxes.values()]
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            try:
+                process.wait(_END_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None and not pipe.closed:
+                    pipe.close()
+
+    def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
+        kind = subprocess.PIPE if pipes else subprocess.DEVNULL
+        paths = os.pathsep.join(filter(None, sys.path))
+        cut = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
+        # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *arguments[:cut], "--parent", str(os.getpid()), *arguments[cut:]],
+            stdin=kind, stdout=kind, start_new_session=True,
+            env={**environment(), "ROS_DOMAIN_ID": str(self.domain_id), "PYTHONPATH": paths},
+        )  # fmt: skip
+
+    def _first_line(self, described: bytes) -> bytes:
+        """Hand over the world and return the first line that its process prints."""
+        into, out = self.world.stdin, self.world.stdout
+        assert into is not None
+        assert out is not None
+        into.write(described)
+        into.close()
+        until_s = time.monotonic() + START_TIMEOUT_S
+        line = b""
+        while not line.endswith(b"\n"):
+            left_s = until_s - time.monotonic()
+            if left_s <= 0.0 or not select.select([out], [], [], left_s)[0]:
+                raise OSError(f"nothing was heard of them within {START_TIMEOUT_S:g} s")
+            part = os.read(out.fileno(), 65536)
+            if not part:
+                raise OSError(f"their process ended with code {self.world.wait()}")
+            line += part
+        return line
+
+
+def free_domain() -> int:
+    """Return a ROS domain in which nobody is on this host, drawn at random.
+
+    Raises:
+        RobotUnavailable: there is somebody in every one.
+    """
+    for domain_id in random.sample(_DOMAINS, len(_DOMAINS)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                # Where the first participant of a domain listens.
+                probe.bind(("127.0.0.1", _PORT + _PORTS_PER_DOMAIN * domain_id))
+            except OSError:
+                continue
+            return domain_id
+    raise RobotUnavailable(f"every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this host")
