@@ -3,7 +3,19 @@
 from soter.rta.assumptions import Assumption, AssumptionLog, Breach
 from soter.rta.decision import DecisionModule, Permission
 from soter.rta.fleet import Supervisor
-from soter.rta.models import DischargeBound, PairBound, ReachModel, SpeedBound
+from soter.rta.models import (
+    Directed,
+    DirectedReach,
+    DischargeBound,
+    Motion,
+    PairBound,
+    PointMassBound,
+    ReachModel,
+    SpeedAccelerationBound,
+    SpeedBound,
+    Threat,
+    UnicycleBound,
+)
 from soter.rta.module import Region, RTAModule, Timing
 from soter.rta.monitors import ModuleMonitor, PeerMonitor
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
@@ -19,14 +31,18 @@ __all__ = [
     "Breach",
     "ControlReport",
     "DecisionModule",
+    "Directed",
+    "DirectedReach",
     "DischargeBound",
     "GoalReport",
     "Mode",
     "ModuleMonitor",
+    "Motion",
     "Node",
     "PairBound",
     "PeerMonitor",
     "Permission",
+    "PointMassBound",
     "Port",
     "RTAModule",
     "ReachModel",
@@ -36,10 +52,13 @@ __all__ = [
     "RobotSupervisor",
     "Sample",
     "Situation",
+    "SpeedAccelerationBound",
     "SpeedBound",
     "Supervisor",
     "SwitchRecord",
+    "Threat",
     "Timing",
     "Topic",
+    "UnicycleBound",
     "Watch",
 ]

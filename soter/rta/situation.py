@@ -18,7 +18,10 @@ class Mode(Enum):
 
 
 class Sample(Protocol):
-    """A robot's latest state. Workspace frame, ENU, metres, radians; the battery from 0 to 1."""
+    """A robot's latest state. Workspace frame, ENU, metres, radians; the battery from 0 to 1.
+
+    What is None is not known: the charge, and the vertical speed of a robot that does not report it.
+    """
 
     @property
     def robot_id(self) -> int: ...
@@ -29,11 +32,15 @@ class Sample(Protocol):
     @property
     def y_m(self) -> float: ...
     @property
+    def z_m(self) -> float: ...
+    @property
     def heading_rad(self) -> float: ...
     @property
     def vx_m_s(self) -> float: ...
     @property
     def vy_m_s(self) -> float: ...
+    @property
+    def vz_m_s(self) -> float | None: ...
     @property
     def battery(self) -> float | None: ...
 

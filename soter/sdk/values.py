@@ -110,6 +110,7 @@ class RobotState(NamedTuple):
         controller: who is in charge, as the robot itself reports it; None where it does not.
         goal_id: the goal that the robot is working on, or None.
         link: how alive the link is.
+        vz_m_s: velocity, up; None where the robot does not report it.
     """
 
     robot_id: int
@@ -126,6 +127,7 @@ class RobotState(NamedTuple):
     controller: Controller | None
     goal_id: int | None
     link: Link
+    vz_m_s: float | None = None
 
     def age_s(self, now_s: float) -> float:
         """Return how old the sample is at fleet time `now_s`, in seconds."""
@@ -155,6 +157,9 @@ class Capabilities:
         overshoot_m: how far it runs beyond a target, at most.
         position_noise_m: error of a reported position, at most.
         pivots_first: it turns in place before it drives.
+        accel_m_s2: how fast its speed along the heading grows, at most; None where it does not promise that.
+        speed_noise_m_s: error of a reported velocity, at most, or None, likewise.
+        heading_noise_rad: error of a reported heading, at most, or None, likewise.
     """
 
     in_process: bool
@@ -175,12 +180,16 @@ class Capabilities:
     overshoot_m: float
     position_noise_m: float
     pivots_first: bool
+    accel_m_s2: float | None = None
+    speed_noise_m_s: float | None = None
+    heading_noise_rad: float | None = None
 
     def widened_beyond(self, declared: Capabilities) -> str | None:
         """Return the name of a promise that is larger than `declared` allows, or None."""
         for name in self.__slots__:
-            # Written so that NaN counts as larger.
-            if not getattr(self, name) <= getattr(declared, name):
+            mine, theirs = getattr(self, name), getattr(declared, name)
+            # What is not promised may be anything. Written so that NaN counts as larger.
+            if not (math.inf if mine is None else mine) <= (math.inf if theirs is None else theirs):
                 return name
         return None
 

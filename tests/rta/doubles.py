@@ -39,6 +39,8 @@ class At(NamedTuple):
     vx_m_s: float = 0.0
     vy_m_s: float = 0.0
     battery: float | None = 1.0
+    z_m: float = 0.0
+    vz_m_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,53 +1,18 @@
-"""Reach models: the most that a margin can fall within a time, under any controller."""
+"""Bounds that look at no state: the most that anybody can do who keeps to the declared limits."""
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
 from typing import ClassVar, Final
 
 from soter.rta.assumptions import Assumption
-from soter.rta.situation import Sample, Situation
+from soter.rta.models.base import ROUNDING_M, Motion, ReachModel
+from soter.rta.models.motion import positive
+from soter.rta.situation import Sample
 
-_ROUNDING_M: Final = 1e-9
 _ROUNDING_CHARGE: Final = 1e-6
 
 
-class ReachModel(ABC):
-    """R(T), and whether a new sample is one that the model allows.
-
-    A model whose bound depends on the state overrides `reach`; `bound` must then be its maximum over all states.
-    """
-
-    assumption: ClassVar[Assumption] = Assumption.MOTION
-    """What does not hold where a sample is not admitted."""
-
-    of_pairs: ClassVar[bool] = False
-    """Whether the margin is one between this robot and others, so that the others' motion counts as well."""
-
-    @abstractmethod
-    def bound(self, time_s: float) -> float:
-        """Return R(T) for the worst state, in the unit of the margin; it includes stopping afterwards."""
-
-    def reach(self, situation: Situation, time_s: float) -> float:
-        """Return R(T) from this very state, never more than `bound(time_s)`."""
-        return self.bound(time_s)
-
-    @property
-    def depends_on_state(self) -> bool:
-        """Whether `reach` may be less than `bound`."""
-        return type(self).reach is not ReachModel.reach
-
-    def of_own(self) -> ReachModel:
-        """Return the part of the model that is about this robot alone, against which its samples are tested."""
-        return self
-
-    @abstractmethod
-    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
-        """Return whether `after` lies in the reach set of `before`; if not, the model is wrong about this robot."""
-
-
-class SpeedBound(ReachModel):
+class SpeedBound(Motion):
     """No more than v_max, and a brake of at least brake_m_s2: R(T) = v_max T + v_max^2 / (2 brake).
 
     Args:
@@ -57,19 +22,15 @@ class SpeedBound(ReachModel):
     """
 
     def __init__(self, v_max_m_s: float, brake_m_s2: float) -> None:
-        if not 0.0 < v_max_m_s < math.inf:
-            raise ValueError(f"v_max_m_s is {v_max_m_s}, allowed: above 0")
-        if not 0.0 < brake_m_s2 < math.inf:
-            raise ValueError(f"brake_m_s2 is {brake_m_s2}, allowed: above 0")
-        self.v_max_m_s = v_max_m_s
-        self.brake_m_s2 = brake_m_s2
+        self.v_max_m_s = positive("v_max_m_s", v_max_m_s)
+        self.brake_m_s2 = positive("brake_m_s2", brake_m_s2)
         self.stop_m = v_max_m_s * v_max_m_s / (2.0 * brake_m_s2)
 
     def bound(self, time_s: float) -> float:
         return self.v_max_m_s * time_s + self.stop_m
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
-        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + _ROUNDING_M
+        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M
         dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
         return allowed_m >= 0.0 and dx * dx + dy * dy <= allowed_m * allowed_m
 
@@ -82,7 +43,9 @@ class PairBound(ReachModel):
         other: the bound that every peer is assumed to respect.
     """
 
-    of_pairs: ClassVar[bool] = True
+    @property
+    def of_pairs(self) -> bool:
+        return True
 
     def __init__(self, own: SpeedBound, other: SpeedBound) -> None:
         self.own = own
