@@ -22,7 +22,7 @@ def sane(bench: Bench) -> None:
     bench.require(isinstance(declared, Capabilities), f"declared is a {type(declared).__name__}, not Capabilities")
     assert isinstance(declared, Capabilities)
     for name, value in asdict(declared).items():
-        if isinstance(value, bool):
+        if value is None or isinstance(value, bool):
             continue
         bench.require(math.isfinite(value), f"declared.{name} is {value}: a promise must be a finite number")
         bench.require(value >= 0.0, f"declared.{name} is {value}: it is negative")
