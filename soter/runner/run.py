@@ -6,16 +6,18 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 from soter.config import Mission, validate_options
-from soter.errors import IllFormedModule, RunFailed
+from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
+from soter.record.recorder import Recorder, RecordingReport
 from soter.record.tracks import RunTracks
 from soter.registry import load_backend, missing_library
 from soter.rta import Watch
-from soter.runner.ac_side import AcSide, Scene
+from soter.runner.ac_side import AcSide, Scene, TargetLog
 from soter.runner.aside import Aside
 from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
 from soter.runner.needless import NeedlessJudge
@@ -28,7 +30,7 @@ from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
 from soter.stack.assembly import SafetySide, assemble
-from soter.stack.declaration import enabled
+from soter.stack.declaration import enabled, timing_of
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -62,10 +64,12 @@ class Run:
     Attributes:
         result: the figures.
         tracks: where the robots were, and who was in control.
+        recording: how its recording went; None if there is none.
     """
 
     result: RunResult
     tracks: RunTracks
+    recording: RecordingReport | None = None
 
 
 def run_mission(
@@ -75,6 +79,7 @@ def run_mission(
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
     study: Study | None = None,
+    record: Path | None = None,
 ) -> Run:
     """Run a mission to its end. Call it from the main thread: only there can a blocked handler be interrupted.
 
@@ -84,6 +89,7 @@ def run_mission(
         progress_every_s: see there.
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
         study: what is changed of the modules that no mission may change; on simulated robots only.
+        record: where to record it, or None. What cannot be recorded is said in what is returned.
 
     Returns:
         What happened. Whatever ends the run, its robots are stopped by then.
@@ -114,6 +120,8 @@ def run_mission(
         declared = backend_class.robot_class.declared
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
+        # Closed after everything else: it takes its time, in which no robot may move.
+        recorder = None if record is None else stack.enter_context(_recorder(record, waits=declared.in_process))
         side: AcSide
         if declared.in_process:
             side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
@@ -130,25 +138,45 @@ def run_mission(
         side.ready()
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
-        loop = _Loop(mission, workspace, fleet, side, study or Study())
+        loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder)
         status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
-        return Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
+        run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
+        if recorder is not None:
+            recorder.finish(run.result.model_dump_json(indent=2).encode())
+    return run if recorder is None else replace(run, recording=recorder.close())
+
+
+def _recorder(path: Path, *, waits: bool) -> Recorder:
+    try:
+        return Recorder(path, waits=waits)
+    except OSError as failure:
+        raise ConfigError(f"'{path}' cannot be recorded to: {failure.strerror or failure}", key="record") from failure
 
 
 class _Loop:
     """One run, from the first tick to the last."""
 
-    def __init__(self, mission: Mission, workspace: Workspace, fleet: Fleet, side: AcSide, study: Study) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        workspace: Workspace,
+        fleet: Fleet,
+        side: AcSide,
+        study: Study,
+        recorder: Recorder | None,
+    ) -> None:
         self.mission: Final = mission
         self.fleet: Final = fleet
         self.side: Final = side
+        self.recorder: Final = recorder
         self.modules: Final = enabled(mission)
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
         robot_ids = [robot.id for robot in fleet.robots]
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
+        watches: list[Watch] = [self.metrics] if recorder is None else [self.metrics, recorder]
         self.safety: Final[SafetySide] = assemble(
-            mission, workspace, fleet.robots, side.hear, [self.metrics],
+            mission, workspace, fleet.robots, side.hear, watches, tap=None if recorder is None else recorder.tap,
             on_ill_formed=study.on_ill_formed, deltas=study.deltas, safer_alone=study.safer_alone,
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
@@ -164,7 +192,22 @@ class _Loop:
         truth = fleet.truth
         self.user_rules: Final = None if truth is None else UserRules(truth, self.safety.own)
         disc_m = self.safety.trigger_m + DISC_SLACK_M
-        side.start(Scene(fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, self.metrics))
+        log: TargetLog = self.metrics
+        if recorder is not None:
+            self._begin_recording(recorder, workspace)
+            log = recorder.beside(log)
+        side.start(Scene(
+            fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, log,
+            None if recorder is None else recorder.on_transition,
+        ))  # fmt: skip
+
+    def _begin_recording(self, recorder: Recorder, workspace: Workspace) -> None:
+        promises = {robot.id: robot.capabilities for robot in self.fleet.robots}
+        timings = {robot_id: timing_of(each, self.mission.base_tick_s) for robot_id, each in promises.items()}
+        faults = self.fleet.report if isinstance(self.fleet, FaultyFleet) else tuple
+        recorder.begin(
+            self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults
+        )
 
     def run(
         self,
@@ -204,7 +247,7 @@ class _Loop:
         receive = side.receive if isinstance(side, RemoteSide) else None
         began_s = clock.now()
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
-        charging = self.safety.charging
+        charging, recorder = self.safety.charging, self.recorder
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = start_s
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
@@ -221,6 +264,8 @@ class _Loop:
                 self._fail_acs()
             trace.add(now_s, robots)
             metrics.tick(now_s, tick, late_s, robots, charging)
+            if recorder is not None:
+                recorder.tick(now_s, tick)
             if on_progress is not None and tick % look_ticks == 0:
                 # Now there is time until the next tick.
                 wall_s = time.perf_counter()
