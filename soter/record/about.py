@@ -100,7 +100,7 @@ def _robot(
     sample = supervisor.situation.own
     if not isinstance(sample, RobotState):
         raise TypeError(f"robot {supervisor.robot_id}: a sample is a RobotState, not a {type(sample).__name__}")
-    promises = {name: _plain(value) for name, value in dataclasses.asdict(capabilities).items()}
+    promises = {name: _plain(value) for name, value in dataclasses.asdict(capabilities).items() if value is not None}
     return RobotAbout(
         supervisor.robot_id, promises, state_of(sample), tuple(_module(module, timing) for module in modules)
     )

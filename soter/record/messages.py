@@ -215,7 +215,7 @@ class RobotAbout(Message):
 
     Attributes:
         robot_id: its number.
-        capabilities: what it promised, by name.
+        capabilities: what it promised, by name; what it left open is left out.
         initial: the sample before the first tick.
         modules: its modules.
     """
