@@ -25,6 +25,7 @@ class UserRules:
     Attributes:
         names: those that are judged.
         min_margin: the least margin so far, by name.
+        margin: the margin at the last look, by robot id and name.
     """
 
     def __init__(self, truth: Truth, modules: Mapping[int, Sequence[RTAModule]]) -> None:
@@ -37,6 +38,7 @@ class UserRules:
         ]
         self.names: Final = tuple(dict.fromkeys(name for _, name, _ in self._rules))
         self.min_margin: dict[str, float] = {}
+        self.margin: dict[tuple[int, str], float] = {}
         self._robots: Final = tuple(modules)
         self._before: dict[int, tuple[float, float, float]] = {}
         self._open: dict[tuple[str, int], float] = {}
@@ -79,6 +81,7 @@ class UserRules:
         return {name: sum(each.rule == name for each in found) for name in self.names}
 
     def _judge(self, robot_id: int, name: str, margin: float, now_s: float) -> None:
+        self.margin[robot_id, name] = margin
         self.min_margin[name] = min(self.min_margin.get(name, math.inf), margin)
         # Written so that a margin that is not a number counts as broken.
         if not margin >= 0.0:

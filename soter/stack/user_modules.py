@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import inspect
 import typing
@@ -161,6 +162,8 @@ def declare_from(
 ) -> RTAModule:
     """Call a declaring function, `declare(kit)` or `declare(kit, options)`, and check what it returns.
 
+    A declaration that was made beforehand will do too; it is copied for every robot.
+
     Args:
         function: what `target` names.
         target: for messages.
@@ -175,6 +178,8 @@ def declare_from(
         ConfigError: see `declare_own`.
         IllFormedModule: the function itself refuses to declare one.
     """
+    if isinstance(function, RTAModule):
+        return _bound(function, target, kit, waypoint, refused)
     if not callable(function):
         raise refused(f"'{target}' is a {type(function).__name__}, allowed: a function that takes a ModuleKit")
     arguments: list[Any] = [kit]
@@ -194,6 +199,20 @@ def declare_from(
     # The user's safe controller publishes where it wants to go; what the robot gets is certified.
     sc = CertifiedController(made.sc, kit.waypoint, waypoint, kit.recovery)
     return replace(made, name=kit.name, sc=sc)
+
+
+def _bound(
+    declared: RTAModule, target: str, kit: ModuleKit, waypoint: Topic[Any], refused: Callable[[str], ConfigError]
+) -> RTAModule:
+    """Return a declaration that was made beforehand, bound to one robot: a copy, since its controller has a state."""
+    copied = copy.deepcopy(declared)
+    topics = [value for value in vars(copied.sc).values() if isinstance(value, Topic)]
+    if len(topics) != 1:
+        raise refused(
+            f"'{target}' is a declaration whose safe controller has {len(topics)} topics among its attributes, "
+            "allowed: one, which it publishes on; or name a function that takes a ModuleKit"
+        )
+    return replace(copied, name=kit.name, sc=CertifiedController(copied.sc, topics[0], waypoint, kit.recovery))
 
 
 def _options_model(

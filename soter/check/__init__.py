@@ -1,0 +1,30 @@
+"""Systematic checks of safety modules: conditions, proofs over covers, falsification. What to test is handed in."""
+
+from soter.check.conditions import conditions
+from soter.check.counterexample import Counterexample, read_counterexample
+from soter.check.cover import Cell, Cover, Judged, cover
+from soter.check.falsify import Falsified, falsify
+from soter.check.search import Found, search
+from soter.check.trial import Breach, Obligation, Row, Subject, Trial
+from soter.check.verdict import Finding, Verdict
+
+__all__ = [
+    "Breach",
+    "Cell",
+    "Counterexample",
+    "Cover",
+    "Falsified",
+    "Finding",
+    "Found",
+    "Judged",
+    "Obligation",
+    "Row",
+    "Subject",
+    "Trial",
+    "Verdict",
+    "conditions",
+    "cover",
+    "falsify",
+    "read_counterexample",
+    "search",
+]

@@ -1,0 +1,54 @@
+"""P1 and P3, which a declaration and a robot's promises settle by themselves."""
+
+from __future__ import annotations
+
+import math
+
+from soter.check.verdict import Finding, Verdict
+from soter.errors import IllFormedModule
+from soter.rta import Region, RTAModule, Timing
+
+ORDER = ("P1a", "P1b", "P3")
+"""The order in which a module is checked: what comes after a condition that fails is not known."""
+
+
+def conditions(module: RTAModule, timing: Timing, base_tick_s: float) -> list[Finding]:
+    """Return what is known about P1a, P1b and P3.
+
+    A module that fails one of them is judged no further than that, since the others build on it.
+
+    Args:
+        module: the declaration.
+        timing: what the robot adds to every horizon.
+        base_tick_s: period of the supervisor.
+    """
+    try:
+        module.check(timing, base_tick_s)
+    except IllFormedModule as failure:
+        failed = ORDER.index(failure.condition) if failure.condition in ORDER else 0
+        before = [_holds(module, condition, timing, base_tick_s) for condition in ORDER[:failed]]
+        text = str(failure).partition(": ")[2]
+        return [*before, Finding(module.name, failure.condition, Verdict.REJECTED, text)]
+    return [_holds(module, condition, timing, base_tick_s) for condition in ORDER]
+
+
+def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float) -> Finding:
+    if condition == "P1a":
+        ticks = round(module.delta_s / base_tick_s)
+        text = f"Delta = {module.delta_s:g} s is {ticks} base ticks; AC and SC are no slower"
+        return Finding(module.name, condition, Verdict.PROVED, text, {"delta_s": module.delta_s})
+    if condition == "P1b":
+        text = f"AC and SC publish {', '.join(sorted(module.ac.publishes))}"
+        return Finding(module.name, condition, Verdict.PROVED, text)
+    edge, horizon_s = module.edge_margin(), module.horizon_s(timing)
+    if module.model is None:
+        text = "by predicates: that they look two Delta ahead is the author's word"
+        return Finding(module.name, condition, Verdict.ASSUMED, text, {"horizon_s": horizon_s})
+    reach = module.model.bound(horizon_s)
+    figures = {"horizon_s": horizon_s, "reach": reach, "edge_margin": None if math.isnan(edge) else edge}
+    unit = "" if module.phi_safe is None else f" {module.phi_safe.unit}"
+    if not isinstance(module.phi_safer, Region):
+        text = f"phi_safer is a predicate; the AC gets control only where the margin is at least R = {reach:.3f}{unit}"
+        return Finding(module.name, condition, Verdict.PROVED, text, figures)
+    text = f"R({horizon_s:.3f} s) = {reach:.3f}{unit}, at most the margin at the edge of phi_safer, {edge:.3f}{unit}"
+    return Finding(module.name, condition, Verdict.PROVED, text, figures)
