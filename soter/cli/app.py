@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from soter.cli.ablate import EXAMPLES as ABLATE_EXAMPLES
+from soter.cli.ablate import ablate
 from soter.cli.backends import backends
 from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
 from soter.cli.conform import conform
@@ -26,6 +28,7 @@ app = typer.Typer(
 app.command(epilog=EXAMPLES)(run)
 app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
+app.command(epilog=ABLATE_EXAMPLES)(ablate)
 
 
 def _show_version(wanted: bool) -> None:
