@@ -12,19 +12,17 @@ moves in the same way, bit for bit, whoever else is far away.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, inf, pi, sin
+from math import cos, pi, sin
 from typing import Final
 
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
-from soter_sim.bodies import BODY_RADIUS_M, LIMITS, Bodies
-from soter_sim.judge import Judge, Stops
-from soter_sim.sweep import enter_disc, meet_box
+from soter_sim.bodies import LIMITS, Bodies
+from soter_sim.contacts import Contacts
+from soter_sim.judge import Judge
 
 STEP_S: Final = 0.05
 """Control period and integration step, unless another is asked for; 1/STEP_S is 20 Hz."""
-
-_CONTACT_M: Final = 2.0 * BODY_RADIUS_M
 
 
 class KinematicEngine:
@@ -44,9 +42,10 @@ class KinematicEngine:
         self._done = 0
         self._to_x = [*self.bodies.x]
         self._to_y = [*self.bodies.y]
+        self._contacts = Contacts(self._judge, self.bodies, self._to_x, self._to_y, self.period_s)
 
     def run(self, until_period: int) -> None:
-        judge, bodies = self._judge, self.bodies
+        judge, bodies, contacts = self._judge, self.bodies, self._contacts
         x, y, heading, v, yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.v, bodies.yaw_rate
         charge, control, on_charger = bodies.charge, bodies.control, judge.on_charger
         to_x, to_y = self._to_x, self._to_y
@@ -150,7 +149,7 @@ class KinematicEngine:
                     judge.flat(i, now_s)
 
             if step >= judge.due:
-                judge.look(step, to_x, to_y, self._stop_at_contacts(step))
+                judge.look(step, to_x, to_y, contacts.stop(step))
             x[:] = to_x
             y[:] = to_y
             self._done = step + 1
@@ -162,85 +161,3 @@ class KinematicEngine:
 
     def close(self) -> None:
         """Nothing is held."""
-
-    def _stop_at_contacts(self, step: int) -> Stops | None:
-        """Stop every body that runs into something in this step, in the order in which it happens.
-
-        Between two such events all bodies move along straight lines at constant speed, so that each time of impact
-        is exact. Of two robots that meet, those that move towards the other stop.
-        """
-        judge = self._judge
-        x, y, to_x, to_y = self.bodies.x, self.bodies.y, self._to_x, self._to_y
-        box_times: dict[int, float] = {}
-        for i, due in enumerate(judge.box_due):
-            if due <= step:
-                dx, dy = to_x[i] - x[i], to_y[i] - y[i]
-                if dx != 0.0 or dy != 0.0:
-                    at = min(
-                        (meet_box(x[i], y[i], dx, dy, box, BODY_RADIUS_M) for box in judge.boxes.near(x[i], y[i])),
-                        default=inf,
-                    )
-                    if at <= 1.0:
-                        box_times[i] = at
-        stops: Stops = {}
-        meetings: dict[tuple[int, int], float] = {}
-        for pair in judge.pairs:
-            if pair.due <= step:
-                at = self._meet(pair.i, pair.j, 0.0, stops)
-                if at <= 1.0:
-                    meetings[pair.i, pair.j] = at
-        while box_times or meetings:
-            box_hit = min(box_times, key=box_times.__getitem__, default=-1)
-            pair_hit = min(meetings, key=meetings.__getitem__, default=(-1, -1))
-            stopped: tuple[int, ...]
-            box_at, pair_at = box_times.get(box_hit, inf), meetings.get(pair_hit, inf)
-            if box_at <= pair_at:
-                now, stopped = box_at, (box_hit,)
-                self._judge.hit_box(box_hit, (step + now) * self.period_s)
-            else:
-                now, stopped = pair_at, self._who_stops(*pair_hit, pair_at, stops)
-                self._judge.hit_robot(*pair_hit)
-            for i in stopped:
-                stops[i] = now
-                self.bodies.v[i] = 0.0
-                box_times.pop(i, None)
-            # Only what was stopped now meets others later or not at all.
-            for pair in judge.pairs:
-                if pair.due <= step and (pair.i in stopped or pair.j in stopped):
-                    at = self._meet(pair.i, pair.j, now, stops)
-                    if at <= 1.0:
-                        meetings[pair.i, pair.j] = at
-                    else:
-                        meetings.pop((pair.i, pair.j), None)
-        for i, at in stops.items():
-            to_x[i] = x[i] + (to_x[i] - x[i]) * at
-            to_y[i] = y[i] + (to_y[i] - y[i]) * at
-        return stops or None
-
-    def _apart(self, i: int, j: int, now: float, stops: Stops) -> tuple[float, float, float, float, float, float]:
-        """Return where j is from i at a part of the step, and how far i and j would move in a whole step."""
-        x, y, to_x, to_y = self.bodies.x, self.bodies.y, self._to_x, self._to_y
-        at_i, at_j = stops.get(i, now), stops.get(j, now)
-        ix, iy = to_x[i] - x[i], to_y[i] - y[i]
-        jx, jy = to_x[j] - x[j], to_y[j] - y[j]
-        rx = x[j] + jx * at_j - x[i] - ix * at_i
-        ry = y[j] + jy * at_j - y[i] - iy * at_i
-        if i in stops:
-            ix = iy = 0.0
-        if j in stops:
-            jx = jy = 0.0
-        return rx, ry, ix, iy, jx, jy
-
-    def _meet(self, i: int, j: int, now: float, stops: Stops) -> float:
-        """Return at which part of the step, from `now` on, two robots meet; infinite if they do not."""
-        rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
-        return now + enter_disc(rx, ry, jx - ix, jy - iy, _CONTACT_M)
-
-    def _who_stops(self, i: int, j: int, now: float, stops: Stops) -> tuple[int, ...]:
-        """Return those of two robots that meet which move towards the other."""
-        rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
-        towards_j, towards_i = ix * rx + iy * ry, -(jx * rx + jy * ry)
-        if towards_i > 0.0 and towards_j > 0.0:
-            return i, j
-        # At least one does; were rounding to hide it, the one that comes nearer to doing so.
-        return (i,) if towards_j >= towards_i else (j,)

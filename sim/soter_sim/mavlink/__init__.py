@@ -4,7 +4,7 @@ This is the contract with whoever talks to them. It imports nothing: the vehicle
 
 ```
 python -m soter_sim.mavlink WORLD.json|- [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
-    [--engine kinematic|pybullet] [--speedup N] [--boot SECONDS] [--sign FILE] [--parent PID]
+    [--engine kinematic|pybullet] [--rate HZ] [--speedup N] [--boot SECONDS] [--sign FILE] [--parent PID]
 ```
 
 `WORLD.json`, or standard input, describes the world: see `soter_sim.mavlink.described`. Once all sockets are open, one
@@ -23,11 +23,11 @@ system's is answered with silence. The target component is not looked at. Acknow
 link.
 
 **Time.** `time_boot_ms` and all other times are the vehicle's: 0 at boot, `--speedup` seconds by second at most. The
-vehicles live in control periods of 0.05 s: states are those at the end of a period, with its stamp, sent at once; what
-is received acts from the next period on. A host that lags slows the vehicles down. So nothing is sent more than 20
-times a second: asking for more is DENIED. TIMESYNC is answered with the clock between two periods. A reboot
-(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only) starts the clock anew and forgets message intervals, keeper and home;
-parameters and mission stay.
+vehicles live in control periods of 1/40 s (`--rate`; PyBullet has 1/20 s): states are those at the end of a period,
+with its stamp, sent at once; what is received acts from the next period on. A host that lags slows the vehicles down.
+No message is sent more than once a period: SET_MESSAGE_INTERVAL is DENIED where it asks for more. TIMESYNC is answered
+with the clock between two periods. A reboot (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only) starts the clock anew
+and forgets message intervals, keeper and home; parameters and mission stay.
 
 **Boot.** `--boot S`: HEARTBEAT from S/21, a position (whose height is 584 m off) from S/4, EKF_STATUS_REPORT 831
 instead of 167 and correct positions from S on. Arming and modes that need a position are refused until then.

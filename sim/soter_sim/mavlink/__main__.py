@@ -34,6 +34,7 @@ def main() -> int:
             udp=tuple(arguments.udp),
             tcp=tuple(arguments.tcp),
             truth=arguments.truth,
+            rate_hz=arguments.rate,
             speedup=arguments.speedup,
             boot_s=arguments.boot,
             key=None if arguments.sign is None else read_key(arguments.sign),
@@ -64,6 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--truth", type=int, default=0, help="tell the truth on this port; 0 for any free one")
     parser.add_argument("--vehicle", default="rover", help="rover or copter")
     parser.add_argument("--engine", default="kinematic", help="kinematic or pybullet")
+    parser.add_argument("--rate", type=float, help="control periods, and messages of a kind, in a second at most")
     parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
     parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
     parser.add_argument("--sign", type=Path, help="a file with a passphrase: sign, and take what is signed only")

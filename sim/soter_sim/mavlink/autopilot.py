@@ -28,6 +28,7 @@ _NEEDS_POSITION: Final = frozenset({Mode.GUIDED, Mode.AUTO, Mode.RTL, Mode.LOITE
 _ON_GROUND_M: Final = 0.02
 _LAND_M_S: Final = 0.05
 _TEXT: Final = 50
+_SAY_AGAIN_S: Final = 1.0
 
 
 class Autopilot:
@@ -72,6 +73,7 @@ class Autopilot:
         self._transmit: Final = transmit
         self._world_s = 0.0
         self._texts = 0
+        self._said, self._said_s = "", 0.0
         self._boot()
         vehicle.steer(self._setpoint)
 
@@ -129,7 +131,10 @@ class Autopilot:
     # --- what it is told ------------------------------------------------------------------------------------
 
     def say(self, severity: int, text: str) -> None:
-        """Say something to everybody."""
+        """Say something to everybody; not again at once what was said last."""
+        if self._said == text and 0.0 <= self.now_s - self._said_s < _SAY_AGAIN_S:
+            return
+        self._said, self._said_s = text, self.now_s
         parts = [text[begin : begin + _TEXT] for begin in range(0, len(text), _TEXT)]
         if len(parts) > 1:
             self._texts = self._texts % 0xFFFF + 1
@@ -167,9 +172,12 @@ class Autopilot:
         if mode is Mode.LAND:
             return Landing(self.manners())
         home = self.home or (0.0, 0.0, 0.0)
+        if mode is Mode.RTL and self.kind.flies and self.landed:
+            return Landing(self.manners())
         if mode is Mode.RTL:
             return Homing(self.kind, home, self.sample(), self.manners())
         if mode is Mode.AUTO:
+            self.mission.begin()
             return Touring(self.kind, self.mission, self.origin, home, self.manners, self._reached, self.set_speed)
         return None
 

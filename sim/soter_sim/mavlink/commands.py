@@ -12,6 +12,7 @@ from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.frames import turned_rad
 from soter_sim.mavlink.kinds import Mode
+from soter_sim.mavlink.mission import MOST_ITEMS
 from soter_sim.mavlink.setpoint import Place
 from soter_sim.mavlink.targets import NotATarget, global_place
 from soter_sim.mavlink.telemetry import BUILDERS
@@ -195,6 +196,14 @@ def _change_speed(autopilot: Autopilot, command: Command, _most_hz: float) -> in
     return ACCEPTED
 
 
+def _set_mission_current(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
+    seq = command.params[0]
+    # Written so that NaN fails too.
+    if not 0.0 <= seq <= MOST_ITEMS or not autopilot.mission.go_to(int(seq)):
+        return FAILED
+    return ACCEPTED
+
+
 # --- messages ----------------------------------------------------------------------------------------------
 
 
@@ -280,5 +289,6 @@ _HANDLERS: Final[Mapping[int, Handler]] = {
     mav.MAV_CMD_NAV_TAKEOFF: _take_off,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
     mav.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    mav.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_current,
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
 }

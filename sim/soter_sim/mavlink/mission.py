@@ -97,3 +97,15 @@ class Mission:
     def item(self, seq: int) -> Item | None:
         """Return the item of that number, or None."""
         return self.items[seq - 1] if 1 <= seq <= len(self.items) else None
+
+    def go_to(self, seq: int) -> bool:
+        """Go on with another item; return False, and change nothing, if there is none of that number."""
+        if seq != 0 and self.item(seq) is None:
+            return False
+        self.current = seq
+        return True
+
+    def begin(self) -> None:
+        """Begin anew if all is done, else go on where it was left."""
+        if self.current > len(self.items):
+            self.current = 0

@@ -58,8 +58,6 @@ _ROVER: Final = {
 _COPTER: Final = {
     "WPNAV_SPEED": Parameter(22.0, 2.0, 50.0),
     "WPNAV_RADIUS": Parameter(10.0, 2.0, 1_000.0),
-    "WPNAV_SPEED_UP": Parameter(50.0, 5.0, 50.0),
-    "WPNAV_SPEED_DN": Parameter(30.0, 5.0, 50.0),
     "LAND_SPEED": Parameter(20.0, 5.0, 50.0),
     "RTL_ALT": Parameter(100.0, 20.0, 10_000.0),
     "DISARM_DELAY": _whole(10, 0, 127),

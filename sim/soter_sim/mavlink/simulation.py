@@ -14,12 +14,17 @@ from typing import Final, Literal, Self
 
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
+from soter_sim.copter import CopterEngine
+from soter_sim.engine import EngineFactory
+from soter_sim.kinematic import KinematicEngine
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source
+from soter_sim.mavlink.copter import Copter
 from soter_sim.mavlink.frames import Origin
-from soter_sim.mavlink.kinds import KINDS
+from soter_sim.mavlink.kinds import KINDS, Kind
 from soter_sim.mavlink.links import Link, TcpLink, UdpLink
 from soter_sim.mavlink.rover import Rover
+from soter_sim.mavlink.setpoint import Vehicle
 from soter_sim.mavlink.station import Station
 from soter_sim.mavlink.telemetry import Message
 from soter_sim.mavlink.truth import TruthServer
@@ -29,6 +34,7 @@ logger = logging.getLogger(__name__)
 
 _SYSTEM_MOST: Final = 254
 _BEHIND_PERIODS: Final = 1.0
+_RATE_HZ: Final = 40.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +47,8 @@ class Settings:
         udp: ports of this host on which ground stations listen.
         tcp: ports to listen on; 0 for any that is free.
         truth: the port of the truth; 0 for any that is free.
+        rate_hz: control periods in a second, and so how often a message may be sent; None: 40, and 20 with PyBullet,
+            which has no other.
         speedup: simulated seconds by second, at most.
         boot_s: simulated time from power-on until an autopilot is ready.
         key: for signing, of 32 bytes, or None.
@@ -55,6 +63,7 @@ class Settings:
     udp: tuple[int, ...] = ()
     tcp: tuple[int, ...] = ()
     truth: int = 0
+    rate_hz: float | None = None
     speedup: float = 1.0
     boot_s: float = 2.0
     key: bytes | None = None
@@ -74,6 +83,11 @@ class Settings:
                     raise ValueError(f"{name} is {port}, allowed: a port from {least} to 65535")
         if not self.udp and not self.tcp:
             raise ValueError("udp and tcp are empty, allowed: at least one port, or nobody could reach the vehicles")
+        if self.rate_hz is not None:
+            if self.engine != "kinematic":
+                raise ValueError(f"rate_hz is {self.rate_hz}, allowed with the engine '{self.engine}': its own only")
+            if not 10.0 <= self.rate_hz <= 200.0:
+                raise ValueError(f"rate_hz is {self.rate_hz}, allowed: 10 to 200")
         if not 0.0 < self.speedup < inf:
             raise ValueError(f"speedup is {self.speedup}, allowed: above 0")
         if not 0.0 <= self.boot_s < inf:
@@ -115,18 +129,9 @@ class Simulation:
         self.links: Final[list[Link]] = []
         with ExitStack() as stack:
             selector = self._selector = stack.enter_context(selectors.DefaultSelector())
-            self.world: Final = stack.enter_context(World(workspace, robots, settings.engine))
-            self.autopilots: Final = [
-                Autopilot(
-                    spec.id, kind, Rover(self.world, spec.id), settings.origin, settings.boot_s,
-                    partial(self._transmit, spec.id),
-                )
-                for spec in robots
-            ]  # fmt: skip
-            most_hz = 1.0 / self.world.period_s
-            self._stations: Final = [
-                Station(autopilot, self._channels, most_hz, self.clock_s) for autopilot in self.autopilots
-            ]
+            self.world: Final = stack.enter_context(World(workspace, robots, _engine(settings)))
+            self._stations: Final = [self._man(spec.id, kind) for spec in robots]
+            self.autopilots: Final = [station.autopilot for station in self._stations]
             for port in settings.udp:
                 self._add(stack, UdpLink(selector, self._hear, port, settings.key))
             for port in settings.tcp:
@@ -165,8 +170,7 @@ class Simulation:
         world.advance(world.now_s + world.period_s)
         self._stepped_at_s = time.perf_counter()
         for station in self._stations:
-            station.autopilot.tick(world.now_s)
-            station.send_due()
+            station.tick(world.now_s)
         self.truth.tell()
 
     def stop(self) -> None:
@@ -176,6 +180,18 @@ class Simulation:
     def close(self) -> None:
         """Close every socket, and free what the world holds."""
         self._stack.close()
+
+    def _man(self, robot_id: int, kind: Kind) -> Station:
+        """Put an autopilot on a robot."""
+        settings, transmit = self._settings, partial(self._transmit, robot_id)
+        world = self.world
+        vehicle: Vehicle
+        if isinstance(world.engine, CopterEngine):
+            vehicle = Copter(world.engine, world.index(robot_id))
+        else:
+            vehicle = Rover(world, robot_id)
+        autopilot = Autopilot(robot_id, kind, vehicle, settings.origin, settings.boot_s, transmit)
+        return Station(autopilot, self._channels, transmit, 1.0 / world.period_s, self.clock_s)
 
     def _add(self, stack: ExitStack, link: Link) -> None:
         self.links.append(link)
@@ -200,3 +216,11 @@ class Simulation:
     def _transmit(self, robot_id: int, message: Message) -> None:
         for channel in self._channels():
             channel.send(robot_id, message)
+
+
+def _engine(settings: Settings) -> str | EngineFactory:
+    if settings.engine != "kinematic":
+        return settings.engine
+    step_s = 1.0 / (settings.rate_hz or _RATE_HZ)
+    flies = KINDS[settings.vehicle].flies
+    return partial(CopterEngine, step_s=step_s) if flies else partial(KinematicEngine, step_s=step_s)

@@ -10,10 +10,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source, Streams
 from soter_sim.mavlink.commands import DENIED, Command, carry_out, may_command, set_mode
+from soter_sim.mavlink.failsafe import Failsafe
 from soter_sim.mavlink.kinds import Mode
+from soter_sim.mavlink.mission_protocol import MissionProtocol
+from soter_sim.mavlink.parameter_protocol import ParameterProtocol
 from soter_sim.mavlink.setpoint import Place, Velocity
 from soter_sim.mavlink.targets import NotATarget, global_target, local_target
-from soter_sim.mavlink.telemetry import BUILDERS, Message
+from soter_sim.mavlink.telemetry import BUILDERS, GROUPS, Message
 
 _EVERYBODY: Final = 0
 
@@ -27,6 +30,7 @@ class Station:
     Args:
         autopilot: whose messages these are.
         channels: lists all channels there are.
+        transmit: sends a message to all of them.
         most_hz: how often a second a message may be sent at most.
         clock_s: the world's time, between control periods too.
     """
@@ -35,20 +39,39 @@ class Station:
         self,
         autopilot: Autopilot,
         channels: Callable[[], Iterable[Channel]],
+        transmit: Callable[[Message], None],
         most_hz: float,
         clock_s: Callable[[], float],
     ) -> None:
         self.autopilot: Final = autopilot
         self._channels = channels
+        self._transmit = transmit
         self._most_hz = most_hz
         self._clock_s = clock_s
         self._booted_s = autopilot.booted_s
+        self._parameters = ParameterProtocol(autopilot, transmit)
+        self._mission = MissionProtocol(autopilot, transmit)
+        self._failsafe = Failsafe(autopilot)
+        self._announced: dict[int, tuple[int, ...]] = {}
         self._handlers: Final[dict[str, Callable[[Channel, Source, Message], None]]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
             "SET_MODE": self._set_mode,
             "SET_POSITION_TARGET_LOCAL_NED": self._local_target,
             "SET_POSITION_TARGET_GLOBAL_INT": self._global_target,
+            "HEARTBEAT": self._heartbeat,
+            "REQUEST_DATA_STREAM": self._request_data_stream,
+            "PARAM_REQUEST_LIST": self._parameters.request_list,
+            "PARAM_REQUEST_READ": self._parameters.request_read,
+            "PARAM_SET": self._parameters.set,
+            "MISSION_COUNT": self._mission.count,
+            "MISSION_ITEM_INT": self._mission.item_int,
+            "MISSION_ITEM": self._mission.item_float,
+            "MISSION_REQUEST_LIST": self._mission.request_list,
+            "MISSION_REQUEST_INT": self._mission.request_int,
+            "MISSION_REQUEST": self._mission.request_float,
+            "MISSION_CLEAR_ALL": self._mission.clear,
+            "MISSION_SET_CURRENT": self._mission.set_current,
             "TIMESYNC": self._timesync,
             "PING": self._ping,
         }
@@ -62,21 +85,43 @@ class Station:
             self._open(channel)
             handler(channel, by, message)
 
-    def send_due(self) -> None:
-        """Send what is due, to whom it is due."""
+    def tick(self, world_s: float) -> None:
+        """Look at how things are, and send what is due, to whom it is due; called after each control period."""
         autopilot = self.autopilot
+        autopilot.tick(world_s)
         if autopilot.booted_s != self._booted_s:
             # What was asked for before a reboot is forgotten.
             self._booted_s = autopilot.booted_s
+            self._announced.clear()
             for channel in self._channels():
                 channel.streams.pop(autopilot.id, None)
         if not autopilot.heard:
             return
+        self._failsafe.look()
+        self._mission.look_after()
+        self._announce()
         for channel in self._channels():
             for message_id in self._open(channel).due(autopilot.now_s):
                 message = BUILDERS[message_id](autopilot)
                 if message is not None:
                     channel.send(autopilot.id, message)
+        self._parameters.send_due()
+
+    def _announce(self) -> None:
+        """Tell everybody what has changed of what they must not be late to know."""
+        autopilot = self.autopilot
+        guided = autopilot.guided
+        for message_id, value in (
+            (mav.MAVLINK_MSG_ID_HEARTBEAT, (autopilot.kind.numbers[autopilot.mode], int(autopilot.armed))),
+            (mav.MAVLINK_MSG_ID_NAMED_VALUE_INT, (*guided.master, int(guided.alive(autopilot.now_s)))),
+            (mav.MAVLINK_MSG_ID_MISSION_CURRENT, (autopilot.mission.current, len(autopilot.mission.items))),
+        ):
+            known = self._announced.get(message_id, value)
+            self._announced[message_id] = value
+            if value != known:
+                message = BUILDERS[message_id](autopilot)
+                assert message is not None
+                self._transmit(message)
 
     def _open(self, channel: Channel) -> Streams:
         streams = channel.streams.get(self.autopilot.id)
@@ -99,6 +144,8 @@ class Station:
     def _carry_out(self, command: Command) -> None:
         result = carry_out(self.autopilot, command, self._most_hz)
         self._acknowledge(command.channel, command.by, command.number, result)
+        # After the acknowledgement, as autopilots do it.
+        self._announce()
 
     def _acknowledge(self, channel: Channel, to: Source, number: int, result: int) -> None:
         channel.send(self.autopilot.id, mav.MAVLink_command_ack_message(number, result, 0, 0, *to))
@@ -110,6 +157,7 @@ class Station:
         if message.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and may_command(autopilot, by, stops=stops):
             result = set_mode(autopilot, message.custom_mode, f"asked for by {by}")
         self._acknowledge(channel, by, mav.MAVLINK_MSG_ID_SET_MODE, result)
+        self._announce()
 
     # --- targets --------------------------------------------------------------------------------------------
 
@@ -132,6 +180,17 @@ class Station:
             autopilot.say(mav.MAV_SEVERITY_WARNING, f"Ignored a target: {failure}")
             return
         autopilot.guided.give(by, target, autopilot.now_s)
+
+    # --- links ----------------------------------------------------------------------------------------------
+
+    def _heartbeat(self, _channel: Channel, by: Source, _message: Message) -> None:
+        self._failsafe.heard(by)
+
+    def _request_data_stream(self, channel: Channel, _by: Source, message: Message) -> None:
+        hz = min(float(message.req_message_rate), self._most_hz) if message.start_stop else 0.0
+        streams = self._open(channel)
+        for message_id in GROUPS.get(message.req_stream_id, ()):
+            streams.set(message_id, 1.0 / hz if hz > 0.0 else None)
 
     # --- time -----------------------------------------------------------------------------------------------
 

@@ -279,6 +279,31 @@ BUILDERS: Final[Mapping[int, Build]] = {
 """What can be asked for."""
 
 
+_POSITION_GROUP: Final = (mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
+_STATUS_GROUP: Final = (
+    mav.MAVLINK_MSG_ID_SYS_STATUS,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT,
+    mav.MAVLINK_MSG_ID_MISSION_CURRENT,
+)
+_ATTITUDE_GROUP: Final = (mav.MAVLINK_MSG_ID_ATTITUDE,)
+_HUD_GROUP: Final = (mav.MAVLINK_MSG_ID_VFR_HUD,)
+_OTHERS_GROUP: Final = (
+    mav.MAVLINK_MSG_ID_SYSTEM_TIME,
+    mav.MAVLINK_MSG_ID_BATTERY_STATUS,
+    mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+)
+GROUPS: Final[Mapping[int, tuple[int, ...]]] = {
+    mav.MAV_DATA_STREAM_ALL: (*_POSITION_GROUP, *_STATUS_GROUP, *_ATTITUDE_GROUP, *_HUD_GROUP, *_OTHERS_GROUP),
+    mav.MAV_DATA_STREAM_POSITION: _POSITION_GROUP,
+    mav.MAV_DATA_STREAM_EXTENDED_STATUS: _STATUS_GROUP,
+    mav.MAV_DATA_STREAM_EXTRA1: _ATTITUDE_GROUP,
+    mav.MAV_DATA_STREAM_EXTRA2: _HUD_GROUP,
+    mav.MAV_DATA_STREAM_EXTRA3: _OTHERS_GROUP,
+}
+"""What the groups of REQUEST_DATA_STREAM stand for, which older ground stations use."""
+
+
 def _height_m(autopilot: Autopilot) -> float:
     """Return how far down it believes to be from the origin."""
     return -autopilot.sample().z_m - (0.0 if autopilot.ready else _UNSETTLED_M)

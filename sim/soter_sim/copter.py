@@ -1,0 +1,194 @@
+"""Multicopters without physics: point masses with limited acceleration, in the same world and under the same rules.
+
+Velocity changes towards what the pilot wants, along a straight line and at no more than a constant rate: east and north
+together, up by itself. In between it is taken as linear, so that positions are exact. The rules are those of the ground
+robots, seen from above: a copter is a disc at any height, and boxes have no top, so that no way leads over them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import hypot, isfinite, pi
+from typing import Final, NamedTuple
+
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+from soter_sim.bodies import Bodies
+from soter_sim.contacts import Contacts
+from soter_sim.judge import Judge
+
+STEP_S: Final = 0.05
+"""Control period and integration step, unless another is asked for."""
+
+V_MAX_M_S: Final = 0.5
+"""No copter is faster over the ground."""
+
+ACCEL_M_S2: Final = 2.0
+"""Speed changes at this rate at most, over the ground and up; brakes never fall short of it."""
+
+CLIMB_MAX_M_S: Final = 0.5
+"""No copter goes up or down faster."""
+
+YAW_RATE_MAX_RAD_S: Final = 1.5
+"""No copter turns faster."""
+
+SINK_M_S: Final = 0.3
+"""A copter whose battery is empty comes down at this rate, and goes nowhere else."""
+
+
+class Flight(NamedTuple):
+    """How a copter flies.
+
+    Attributes:
+        x_m: east.
+        y_m: north.
+        z_m: up from the ground.
+        heading_rad: in (-pi, pi].
+        east_m_s: velocity.
+        north_m_s: velocity.
+        up_m_s: velocity.
+        yaw_rate_rad_s: counter-clockwise.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    east_m_s: float
+    north_m_s: float
+    up_m_s: float
+    yaw_rate_rad_s: float
+
+
+Wanted = tuple[float, float, float, float]
+"""What a pilot steers for: velocity east, north and up in m/s, and the turn rate in rad/s."""
+
+Pilot = Callable[[float, Flight], Wanted]
+"""A copter's side of the world, called once in each control period with the time in seconds."""
+
+_HOVER: Final[Wanted] = (0.0, 0.0, 0.0, 0.0)
+
+
+def hover(_now_s: float, _flight: Flight) -> Wanted:
+    """Steer for rest: what a copter does that nobody pilots; on the ground it stays there."""
+    return _HOVER
+
+
+class CopterEngine:
+    """Moves copters; implements `soter_sim.engine.Engine`.
+
+    `bodies.control` is not asked: a command for the ground has too few parts. Pilots are.
+
+    Args:
+        workspace: fence, boxes and chargers.
+        specs: the copters; they start on the ground.
+        step_s: control period and integration step.
+
+    Attributes:
+        z: metres above the ground, by robot.
+        pilots: what steers each copter.
+    """
+
+    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec], step_s: float = STEP_S) -> None:
+        self.bodies = Bodies(specs)
+        self.period_s = step_s
+        self._judge = Judge(workspace, self.bodies, step_s, V_MAX_M_S)
+        self.record = self._judge.record
+        count = len(specs)
+        self.z = [0.0] * count
+        self.pilots: list[Pilot] = [hover] * count
+        self._east, self._north, self._up = [0.0] * count, [0.0] * count, [0.0] * count
+        self._to_x, self._to_y = [*self.bodies.x], [*self.bodies.y]
+        self._contacts = Contacts(self._judge, self.bodies, self._to_x, self._to_y, step_s)
+        self._done = 0
+
+    def run(self, until_period: int) -> None:
+        bodies, judge = self.bodies, self._judge
+        for step in range(self._done, until_period):
+            for i in range(len(self.z)):
+                self._fly(i, step * self.period_s)
+            if step >= judge.due:
+                stops = self._contacts.stop(step)
+                for i in stops or ():
+                    self._east[i] = self._north[i] = 0.0
+                judge.look(step, self._to_x, self._to_y, stops)
+            bodies.x[:] = self._to_x
+            bodies.y[:] = self._to_y
+            self._done = step + 1
+
+    def velocity(self, index: int) -> tuple[float, float]:
+        return self._east[index], self._north[index]
+
+    def flight(self, index: int) -> Flight:
+        """Return how a copter flies."""
+        bodies = self.bodies
+        return Flight(
+            bodies.x[index], bodies.y[index], self.z[index], bodies.heading[index],
+            self._east[index], self._north[index], self._up[index], bodies.yaw_rate[index],
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _fly(self, i: int, now_s: float) -> None:
+        """Ask the pilot, and work out where one step takes the copter."""
+        bodies, step_s = self.bodies, self.period_s
+        east, north, up, turn = _clamped(self.pilots[i](now_s, self.flight(i)))
+        if bodies.charge[i] <= 0.0:
+            east, north, up, turn = 0.0, 0.0, -SINK_M_S, 0.0
+        z_m = self.z[i]
+        if z_m <= 0.0 and up <= 0.0:
+            # Legs on the ground: it neither slides nor turns.
+            east = north = up = turn = 0.0
+        most_m_s = ACCEL_M_S2 * step_s
+        was_east, was_north, was_up = self._east[i], self._north[i], self._up[i]
+        change_m_s = hypot(east - was_east, north - was_north)
+        part = min(1.0, most_m_s / change_m_s) if change_m_s > 0.0 else 1.0
+        east, north = was_east + part * (east - was_east), was_north + part * (north - was_north)
+        up = was_up + min(max(up - was_up, -most_m_s), most_m_s)
+        self._to_x[i] = bodies.x[i] + 0.5 * (was_east + east) * step_s
+        self._to_y[i] = bodies.y[i] + 0.5 * (was_north + north) * step_s
+        z_m += 0.5 * (was_up + up) * step_s
+        if z_m <= 0.0:
+            z_m, up = 0.0, max(up, 0.0)
+        self._use_charge(i, now_s, flies=z_m > 0.0)
+        self._east[i], self._north[i], self._up[i], self.z[i] = east, north, up, z_m
+        bodies.v[i] = hypot(east, north)
+        bodies.yaw_rate[i] = turn
+        bodies.heading[i] = pi - (pi - bodies.heading[i] - turn * step_s) % (2.0 * pi)
+
+    def _use_charge(self, i: int, now_s: float, *, flies: bool) -> None:
+        """Charge, or use charge, for one step: what flies uses as much as the fastest robot on the ground."""
+        bodies, judge = self.bodies, self._judge
+        left, on_charger = bodies.charge[i], judge.on_charger[i]
+        if on_charger and not flies and bodies.v[i] == 0.0:
+            if left <= 0.0:
+                judge.charged(i, now_s)
+            bodies.charge[i] = min(left + bodies.charge_per_s[i] * self.period_s, 1.0)
+        elif left > 0.0:
+            use = (bodies.drive_per_s[i] if flies else bodies.idle_per_s[i]) * self.period_s
+            if left <= use:
+                if not on_charger:
+                    judge.flat(i, now_s + left / use * self.period_s)
+                left = use
+            bodies.charge[i] = left - use
+        elif not on_charger:
+            judge.flat(i, now_s)
+        least = self.record.min_margin
+        least["battery"] = min(least["battery"], bodies.charge[i])
+
+
+def _clamped(wanted: Wanted) -> Wanted:
+    """Return what a copter can do of what is wanted; rest, for what is no number."""
+    if not all(map(isfinite, wanted)):
+        return _HOVER
+    east, north, up, turn = wanted
+    speed_m_s = hypot(east, north)
+    if speed_m_s > V_MAX_M_S:
+        east, north = east * V_MAX_M_S / speed_m_s, north * V_MAX_M_S / speed_m_s
+    return (
+        east,
+        north,
+        min(max(up, -CLIMB_MAX_M_S), CLIMB_MAX_M_S),
+        min(max(turn, -YAW_RATE_MAX_RAD_S), YAW_RATE_MAX_RAD_S),
+    )

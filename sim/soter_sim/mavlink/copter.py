@@ -1,0 +1,73 @@
+"""A copter of a world, steered by its autopilot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import copysign, hypot, sqrt
+from typing import Final
+
+from soter_sim.copter import ACCEL_M_S2, CLIMB_MAX_M_S, V_MAX_M_S, CopterEngine, Flight, Wanted
+from soter_sim.mavlink.frames import wrapped_rad
+from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
+
+TUBE_M: Final = 0.02
+"""A copter stays this near to the straight segment from where it began the leg to its target."""
+
+_TURN_PER_S: Final = 2.0
+# Going this much sideways, it brakes before it goes on.
+_SIDEWAYS_M_S: Final = 0.05
+
+
+class Copter:
+    """Implements `soter_sim.mavlink.setpoint.Vehicle`.
+
+    It flies to places in straight lines over the ground: what it did before is braked first, unless that was nearly in
+    the same direction. Up and down it goes at the same time, by itself.
+
+    Args:
+        engine: which moves it.
+        index: its place in the engine's lists.
+    """
+
+    def __init__(self, engine: CopterEngine, index: int) -> None:
+        self._engine = engine
+        self._index = index
+
+    def sample(self) -> Sample:
+        return Sample(*self._engine.flight(self._index), self._engine.bodies.charge[self._index])
+
+    def steer(self, setpoint: Callable[[float], Setpoint]) -> None:
+        step_m_s = ACCEL_M_S2 * self._engine.period_s
+
+        def pilot(now_s: float, flight: Flight) -> Wanted:
+            wanted = setpoint(now_s)
+            if isinstance(wanted, Place):
+                return _fly_to(wanted, flight, step_m_s)
+            if isinstance(wanted, Velocity):
+                return wanted.east_m_s, wanted.north_m_s, wanted.up_m_s, wanted.yaw_rate_rad_s or 0.0
+            return 0.0, 0.0, 0.0, 0.0
+
+        self._engine.pilots[self._index] = pilot
+
+
+def _fly_to(place: Place, flight: Flight, step_m_s: float) -> Wanted:
+    """Return what to steer for on the way to a place; the speed can change by `step_m_s` in one step."""
+    dx_m, dy_m, dz_m = place.x_m - flight.x_m, place.y_m - flight.y_m, place.z_m - flight.z_m
+    distance_m = hypot(dx_m, dy_m)
+    east_m_s = north_m_s = turn_rad_s = 0.0
+    if distance_m > 0.0:
+        east, north = dx_m / distance_m, dy_m / distance_m
+        along_m_s = flight.east_m_s * east + flight.north_m_s * north
+        sideways_m_s = flight.north_m_s * east - flight.east_m_s * north
+        if abs(sideways_m_s) <= _SIDEWAYS_M_S and along_m_s >= -_SIDEWAYS_M_S:
+            speed_m_s = _approach_m_s(distance_m, place.speed_m_s or V_MAX_M_S, step_m_s)
+            east_m_s, north_m_s = speed_m_s * east, speed_m_s * north
+    up_m_s = copysign(_approach_m_s(abs(dz_m), CLIMB_MAX_M_S, step_m_s), dz_m)
+    if place.heading_rad is not None:
+        turn_rad_s = _TURN_PER_S * wrapped_rad(place.heading_rad - flight.heading_rad)
+    return east_m_s, north_m_s, up_m_s, turn_rad_s
+
+
+def _approach_m_s(distance_m: float, most_m_s: float, step_m_s: float) -> float:
+    """Return the speed from which one more step and then braking ends at the place, and no more than that."""
+    return min(sqrt(step_m_s * step_m_s + 2.0 * ACCEL_M_S2 * distance_m) - step_m_s, most_m_s)

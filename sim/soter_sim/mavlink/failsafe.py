@@ -1,0 +1,86 @@
+"""Fail-safes of the vehicle itself: no ground station, an empty battery. Off unless they are set, as on ArduPilot."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter_sim.mavlink.autopilot import Autopilot
+from soter_sim.mavlink.channel import Source
+from soter_sim.mavlink.kinds import Mode
+
+_NONE, _FIRST, _SECOND = 0, 1, 2
+
+
+class Failsafe:
+    """Takes a vehicle over when nobody looks after it, or its battery gets low. It never gives it back: others do.
+
+    Args:
+        autopilot: whose.
+    """
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+        self._booted_s = autopilot.booted_s
+        self._heard_s: float | None = None
+        self._battery_level = 0
+
+    def heard(self, by: Source) -> None:
+        """A heartbeat has come."""
+        if by.system == self._autopilot.parameters["SYSID_MYGCS"]:
+            self._heard_s = self._autopilot.now_s
+
+    def look(self) -> None:
+        """Look at how things are; called once in each period."""
+        autopilot = self._autopilot
+        if autopilot.booted_s != self._booted_s:
+            self._booted_s, self._heard_s, self._battery_level = autopilot.booted_s, None, 0
+        if not autopilot.armed:
+            # The next flight begins with a clean slate.
+            autopilot.failed, self._battery_level = None, 0
+            return
+        self._look_at_station()
+        self._look_at_battery()
+
+    def _look_at_station(self) -> None:
+        autopilot, parameters = self._autopilot, self._autopilot.parameters
+        # Who was never heard is not missed.
+        if not parameters["FS_GCS_ENABLE"] or self._heard_s is None:
+            return
+        gone = autopilot.now_s - self._heard_s > parameters["FS_GCS_TIMEOUT"]
+        if gone and autopilot.failed != _STATION:
+            flies = autopilot.kind.flies
+            self._take_over(_STATION, [Mode.RTL, Mode.LAND] if flies else [Mode.HOLD])
+        elif not gone and autopilot.failed == _STATION:
+            autopilot.failed = None
+            autopilot.say(mav.MAV_SEVERITY_INFO, "GCS Failsafe Cleared")
+
+    def _look_at_battery(self) -> None:
+        autopilot, parameters = self._autopilot, self._autopilot.parameters
+        left_mah = autopilot.sample().charge * parameters["BATT_CAPACITY"]
+        for level, (limit, action) in enumerate(_BATTERY, 1):
+            if self._battery_level < level and parameters[limit] > 0.0 and left_mah <= parameters[limit]:
+                self._battery_level = level
+                chosen = int(parameters[action])
+                autopilot.say(mav.MAV_SEVERITY_WARNING, f"Battery 1 is {'critical' if level > 1 else 'low'}")
+                if chosen != _NONE:
+                    self._take_over("Battery", _BATTERY_MODES[autopilot.kind.flies][chosen])
+
+    def _take_over(self, name: str, modes: list[Mode]) -> None:
+        autopilot = self._autopilot
+        autopilot.failed = name
+        autopilot.say(mav.MAV_SEVERITY_WARNING, f"{name} Failsafe")
+        # A mode that cannot be is followed by the next one.
+        for mode in modes:
+            if autopilot.set_mode(mode, f"{name} fail-safe") is None:
+                return
+
+
+_STATION: Final = "GCS"
+_BATTERY: Final = (("BATT_LOW_MAH", "BATT_FS_LOW_ACT"), ("BATT_CRT_MAH", "BATT_FS_CRT_ACT"))
+# The numbers are ArduPilot's, which differ by vehicle.
+_BATTERY_MODES: Final = {
+    False: {_FIRST: [Mode.RTL, Mode.HOLD], _SECOND: [Mode.HOLD]},
+    True: {_FIRST: [Mode.LAND], _SECOND: [Mode.RTL, Mode.LAND]},
+}
