@@ -148,6 +148,8 @@ class SupervisorEnd:
             self.fail(f"it sent garbage: {garbage}")
         if self._sent > self._answered and self._steady() - self._heard_steady_s > self._silent_s:
             where = f"; it is in handler {self._handler}" if self._handler else ""
+            # A process that it has left behind may hold the link open.
+            self._closed()
             self.fail(f"it has been silent for {self._silent_s:g} s of host time{where}")
         return turns
 

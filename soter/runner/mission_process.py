@@ -29,7 +29,7 @@ from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 
-_LOOK_S: Final = 0.25
+_LOOK_S: Final = 0.1
 _BUSY_LOOKS: Final = 2
 """A handler that has been found running so often in a row, with nothing done in between, is named."""
 

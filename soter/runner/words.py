@@ -11,7 +11,8 @@ from typing import Final
 logger = logging.getLogger(__name__)
 
 _READ_BYTES: Final = 1 << 16
-_PASSED_BYTES: Final = 2000
+_PASSED_LINES: Final = 20
+_PASSED_CHARACTERS: Final = 300
 _PAUSE_S: Final = 0.1
 _JOIN_S: Final = 0.5
 
@@ -44,10 +45,12 @@ class Words:
 
     def _pass_on(self) -> None:
         while data := os.read(self._read_fd, _READ_BYTES):
-            for line in data[:_PASSED_BYTES].decode("utf-8", "replace").splitlines():
+            lines = data.decode("utf-8", "replace").splitlines()
+            for line in lines[:_PASSED_LINES]:
                 if line.strip():
-                    logger.warning("%s: %s", self._name, "".join(c if c.isprintable() else " " for c in line))
-            if len(data) > _PASSED_BYTES:
-                logger.warning("%s: ... and %d bytes more", self._name, len(data) - _PASSED_BYTES)
+                    text = "".join(c if c.isprintable() else " " for c in line[:_PASSED_CHARACTERS])
+                    logger.warning("%s: %s", self._name, text)
+            if len(lines) > _PASSED_LINES:
+                logger.warning("%s: ... and %d lines more", self._name, len(lines) - _PASSED_LINES)
             time.sleep(_PAUSE_S)
         os.close(self._read_fd)

@@ -1,0 +1,137 @@
+"""ACs that turn on whoever runs them. Each drives for a while and then does what its name says, for ever."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import socket
+import sys
+import time
+from typing import Any, NoReturn
+
+from soter.link import Turn
+from soter.link.messages import encode
+from soter.sdk import Waypoint
+from soter.stack.adversaries.base import Adversary, AdversaryOptions
+
+FROM_TICK = 30
+
+
+class Hostile(Adversary[AdversaryOptions]):
+    """Behaves up to `FROM_TICK`."""
+
+    def act(self, now_s: float, tick: int) -> None:
+        if tick >= FROM_TICK:
+            self.strike()
+        for port in self.arena.ports.values():
+            if port.engaged:
+                port.goto(Waypoint(2.5, 4.5))
+
+    def strike(self) -> None:
+        """Do the deed; may return and be called again at the next tick."""
+
+
+class Hangs(Hostile):
+    def strike(self) -> None:
+        time.sleep(600.0)
+
+
+class Spins(Hostile):
+    def strike(self) -> None:
+        while True:
+            pass
+
+
+class SpinsInC(Hostile):
+    """Never lets another thread of its interpreter run."""
+
+    def strike(self) -> None:
+        sum(range(10**12))
+
+
+class Exits(Hostile):
+    def strike(self) -> None:
+        os._exit(7)
+
+
+class Crashes(Hostile):
+    def strike(self) -> None:
+        ctypes.string_at(0)
+
+
+class EatsMemory(Hostile):
+    def strike(self) -> None:
+        eaten = []
+        while True:
+            eaten.append(bytearray(1 << 24))
+
+
+class Raises(Hostile):
+    def strike(self) -> None:
+        raise ZeroDivisionError("no way")
+
+
+class Chatters(Hostile):
+    """Fills its standard output."""
+
+    def strike(self) -> None:
+        while True:
+            print("\x1b[2J" + "a" * 1000)
+
+
+def link() -> socket.socket:
+    """The socket to the supervisor, which an AC has no business with."""
+    return socket.socket(fileno=os.dup(int(sys.argv[1])))
+
+
+class FloodsWithTurns(Hostile):
+    def strike(self) -> None:
+        supervisor, data = link(), encode(Turn(FROM_TICK))
+        while True:
+            supervisor.send(data)
+
+
+class FloodsWithGarbage(Hostile):
+    def strike(self) -> None:
+        supervisor = link()
+        while True:
+            supervisor.send(os.urandom(50_000))
+
+
+class SendsTooMuch(Hostile):
+    def strike(self) -> None:
+        link().send(bytes(150_000))
+        time.sleep(600.0)
+
+
+class NeverReads(Hostile):
+    """Answers ticks that it has not seen."""
+
+    def strike(self) -> None:
+        supervisor = link()
+        for tick in range(FROM_TICK, 10**9):
+            with contextlib.suppress(BlockingIOError):
+                supervisor.send(encode(Turn(tick)), socket.MSG_DONTWAIT)
+            time.sleep(0.002)
+
+
+class Closes(Hostile):
+    def strike(self) -> None:
+        os.close(int(sys.argv[1]))
+        time.sleep(600.0)
+
+
+class Detaches(Hostile):
+    """Leaves a process behind that holds on to its output."""
+
+    def strike(self) -> None:
+        if os.fork() == 0:
+            os.setsid()
+            time.sleep(5.0)
+        os._exit(0)
+
+
+def ends(*_: Any, **__: Any) -> NoReturn:
+    """A factory that takes its process with it."""
+    os._exit(3)

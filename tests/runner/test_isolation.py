@@ -1,0 +1,210 @@
+"""A mission in a process of its own: whatever it does, the ticks go on and the robots end with their SCs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+
+from soter.cli.run import _exit_code
+from soter.config import Mission, load_mission
+from soter.errors import ConfigError, RunFailed
+from soter.runner import Run, run_mission
+from soter.runner.remote_side import RemoteSide
+from soter.sdk import RobotSpec
+from soter_zmq.simulator import Simulator, describe
+
+SURVEILLANCE = Path(__file__).parents[2] / "examples" / "surveillance.toml"
+ZMQ = "soter_zmq.adapter:ZmqBackend"
+SILENT_S = 0.5
+LATEST_MS = 1e3 * SILENT_S / 2.0
+"""A tick that waits for a mission that hangs would be later."""
+
+QUICK = {"backend": ZMQ, "planner": "straight-line", "duration_s": 3.0, "isolation.silent_s": SILENT_S}
+
+
+def mission(ac: str = "mission", **overrides: Any) -> Mission:
+    """A short mission on a wall clock; double underscores in names stand for dots."""
+    name = ac if ac == "mission" or ":" in ac else f"tests.runner.hostile:{ac}"
+    given = {key.replace("__", "."): value for key, value in overrides.items()}
+    return load_mission(SURVEILLANCE, {**QUICK, "ac": name, **given})
+
+
+@pytest.fixture
+def sides(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[RemoteSide]]:
+    """The sides that a test makes; none of their processes is left when it ends."""
+    made: list[RemoteSide] = []
+
+    class Noted(RemoteSide):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            made.append(self)
+
+    monkeypatch.setattr("soter.runner.run.RemoteSide", Noted)
+    yield made
+    assert all(is_gone(side.pid) for side in made)
+
+
+def is_gone(pid: int) -> bool:
+    """Whether a process has ended, waited for or not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def wait_until(condition: Callable[[], bool], limit_s: float = 10.0) -> None:
+    end = time.perf_counter() + limit_s
+    while not condition():
+        assert time.perf_counter() < end
+        time.sleep(0.01)
+
+
+def in_ac(run: Run, since_s: float, until_s: float) -> bool:
+    """Whether any robot was with its AC at any time between."""
+    return any(
+        driver == 0
+        for track in run.tracks.tracks.values()
+        for time_s, driver in zip(track.time_s, track.driver, strict=True)
+        if since_s <= time_s - track.time_s[0] <= until_s
+    )
+
+
+@pytest.mark.parametrize(
+    ("ac", "words"),
+    [
+        ("Hangs", "silent for 0.5 s of host time; it is in handler Hangs.act"),
+        ("Spins", "silent for 0.5 s of host time; it is in handler Spins.act"),
+        ("SpinsInC", "silent for 0.5 s of host time"),
+        ("Exits", "its process has ended with exit code 7"),
+        ("Crashes", "its process has ended with signal SIGSEGV"),
+        ("EatsMemory", "MemoryError"),
+        ("Raises", "no way"),
+        ("Chatters", "silent for 0.5 s of host time; it is in handler Chatters.act"),
+        ("FloodsWithTurns", "garbage: an answer to tick"),
+        ("FloodsWithGarbage", "garbage: "),
+        ("SendsTooMuch", "garbage: a message of more than 65536 bytes"),
+        ("NeverReads", "garbage: an answer to tick"),
+        ("Closes", "its process has closed the link"),
+        ("Detaches", "its process has ended with exit code 0"),
+    ],
+)
+def test_a_hostile_mission_costs_its_robots_the_ac_and_no_tick(ac: str, words: str, sides: list[RemoteSide]) -> None:
+    run = run_mission(mission(ac, isolation__memory_mib=256))
+    result = run.result
+    assert result.status == "failed"
+    assert _exit_code(result, None) == 3
+    assert words in result.failure
+    assert set(result.failed_robots) == {1, 2}
+    assert all(words in cause for cause in result.failed_robots.values())
+    assert in_ac(run, 1.0, 1.5), "the robots were with their AC before it turned"
+    assert not in_ac(run, 2.5, 3.0)
+    assert result.duration_s == 3.0, "the SCs had the robots to the end"
+    assert not result.violated
+    assert result.tick_late_ms is not None
+    assert result.tick_late_ms.max < LATEST_MS
+    assert not result.deterministic
+    assert len(sides) == 1
+
+
+def test_a_mission_drives_through_two_processes_as_through_one(sides: list[RemoteSide]) -> None:
+    run = run_mission(mission(duration_s=12.0, targets="uniform", planner="ompl-bitstar"))
+    result = run.result
+    assert result.status == "completed"
+    assert not result.failed_robots
+    assert not result.violated
+    assert result.ac_share > 0.5
+    assert all(len(set(track.x_m)) > 5 for track in run.tracks.tracks.values()), "both robots drove"
+
+
+def test_bad_options_of_the_mission_are_refused_before_anything_moves(sides: list[RemoteSide]) -> None:
+    with pytest.raises(ConfigError, match=r"planners.straight-line.speed") as refused:
+        run_mission(mission(planners={"straight-line": {"speed": 3}}))
+    assert refused.value.key is not None
+
+
+def test_a_mission_that_cannot_be_made_is_refused() -> None:
+    asked = mission()
+    workspace = asked.read_workspace()
+    for factory, words in (
+        ("os:getcwd", "could not be made: TypeError"),
+        ("tests.runner.hostile:ends", r"could not be started \("),
+    ):
+        side = RemoteSide(asked, workspace, 0.1, factory)
+        try:
+            with pytest.raises(RunFailed, match=words):
+                side.ready()
+        finally:
+            side.close()
+        assert is_gone(side.pid)
+
+
+class Truth:
+    """Hears how fast the robots really are, whoever commands them."""
+
+    def __init__(self, address: str) -> None:
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.SUB)
+        self._socket.setsockopt(zmq.CONFLATE, 1)
+        self._socket.setsockopt(zmq.SUBSCRIBE, b"")
+        self._socket.connect(address)
+
+    def speed_m_s(self) -> float:
+        """The fastest robot's speed."""
+        assert self._socket.poll(5000), "the simulator is silent"
+        speeds: dict[str, tuple[float, float]] = json.loads(self._socket.recv())["speeds"]
+        return max(abs(speed) for speed, _ in speeds.values())
+
+    def close(self) -> None:
+        self._context.destroy(0)
+
+
+def children(pid: int) -> list[int]:
+    """All that a process has started, and what that has started."""
+    found = []
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in map(int, path.read_text().split()):
+            found += [child, *children(child)]
+    return found
+
+
+@pytest.mark.ompl
+def test_a_killed_supervisor_leaves_robots_at_rest_and_no_process() -> None:
+    workspace = mission().read_workspace()
+    specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in workspace.robots]
+    simulator = Simulator(describe(workspace, specs))
+    try:
+        settings = [f"backends.zmq.truth={simulator.truth}"]
+        for robot_id, addresses in simulator.endpoints.items():
+            settings += [f"backends.zmq.robots.{robot_id}.{name}={at}" for name, at in addresses.items()]
+        command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--backend", "zmq", "--quiet"]
+        command += [part for setting in settings for part in ("--set", setting)]
+        truth = Truth(simulator.truth)
+        supervisor = subprocess.Popen(command)
+        try:
+            wait_until(lambda: truth.speed_m_s() > 0.1, 30.0)
+            started = children(supervisor.pid)
+            programs = " ".join(Path(f"/proc/{pid}/cmdline").read_text() for pid in started)
+            assert "soter.runner.mission_process" in programs
+            assert "soter.stack.planners.worker" in programs
+            os.kill(supervisor.pid, signal.SIGKILL)
+            killed_s = time.perf_counter()
+            wait_until(lambda: truth.speed_m_s() == 0.0)
+            # The lease, the latency, and braking from top speed; the rest is for hearing of it.
+            assert time.perf_counter() - killed_s < 0.2 + 0.04 + 0.22 + 0.5
+            wait_until(lambda: all(map(is_gone, started)), 2.0)
+        finally:
+            supervisor.kill()
+            supervisor.wait()
+            truth.close()
+    finally:
+        simulator.close()
