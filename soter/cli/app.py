@@ -14,6 +14,7 @@ from soter.cli.backends import backends
 from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
 from soter.cli.conform import conform
 from soter.cli.run import EXAMPLES, run
+from soter.cli.sim import sim
 
 app = typer.Typer(
     name="soter",
@@ -28,6 +29,7 @@ app = typer.Typer(
 app.command(epilog=EXAMPLES)(run)
 app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
+app.add_typer(sim)
 app.command(epilog=ABLATE_EXAMPLES)(ablate)
 
 

@@ -114,7 +114,12 @@ class Server:
         self._opened = opened
         self._gone = gone
         self._connections: list[Connection] = []
-        self._socket = socket.create_server((HOST, port))
+        try:
+            self._socket = socket.create_server((HOST, port))
+        except OSError as failure:
+            raise OSError(
+                f"port {port} of {HOST} cannot be listened on: {failure.strerror}; choose another"
+            ) from failure
         self._socket.setblocking(False)
         self.port: Final[int] = self._socket.getsockname()[1]
         selector.register(self._socket, selectors.EVENT_READ, self._accept)

@@ -1,0 +1,157 @@
+"""`soter sim`: simulated robots on a wire, in a process of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from soter.cli.exits import StopSignals, guard
+
+if TYPE_CHECKING:
+    from soter_sim.mavlink.simulation import Settings, Simulation
+
+MAVLINK_EXAMPLES = """Examples:
+
+  soter sim mavlink examples/surveillance.xml
+
+  soter sim mavlink examples/surveillance.xml --tcp --speedup 4 --robots 1
+
+  soter sim mavlink examples/surveillance.xml --vehicle copter --boot 42
+
+Exit codes:
+
+  0  ended by Ctrl-C or a request to terminate
+
+  2  bad input, or a port that is taken
+"""
+
+_UDP_PORT = 14550
+_TCP_PORT = 5760
+
+sim = typer.Typer(
+    name="sim",
+    help="Simulate robots on a wire, for SOTER or for anything else that speaks to such robots.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@sim.callback()
+def _group() -> None:
+    """Keep the commands by name, also while there is only one."""
+
+
+@sim.command(epilog=MAVLINK_EXAMPLES)
+def mavlink(
+    workspace: Annotated[
+        Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
+    ],
+    port: Annotated[
+        int | None,
+        typer.Option(
+            metavar="P",
+            help=f"The port on which a ground station listens, {_UDP_PORT} if not given; with --tcp the port on which "
+            f"the vehicles listen, {_TCP_PORT} if not given, 0 for any that is free.",
+            show_default=False,
+        ),
+    ] = None,
+    tcp: Annotated[bool, typer.Option("--tcp", help="TCP, with the vehicles as the server; else UDP.")] = False,
+    vehicle: Annotated[Literal["rover", "copter"], typer.Option(help="What the robots are.")] = "rover",
+    engine: Annotated[
+        Literal["kinematic", "pybullet"], typer.Option(help="What moves them; copters have the kinematic one only.")
+    ] = "kinematic",
+    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Control periods in a second, and messages of one kind at most.", min=10.0),
+    ] = None,
+    speedup: Annotated[float, typer.Option(metavar="N", help="Simulated seconds by second, at most.")] = 1.0,
+    boot: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Simulated time until the autopilots are ready.")
+    ] = 2.0,
+    sign: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PASSPHRASE-FILE", help="Sign packets with the passphrase in this file, and drop all others."
+        ),
+    ] = None,
+    truth: Annotated[
+        int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
+    ] = 0,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
+    ] = None,
+) -> None:
+    """Simulate vehicles that speak MAVLink, until Ctrl-C. Nothing outside this host can reach them."""
+    with guard(), StopSignals() as stop:
+        from soter.config import draw_charge
+        from soter.errors import BackendUnavailable, ConfigError
+        from soter.sdk.hints import install_command
+        from soter.sdk.values import RobotSpec
+        from soter.workspace_xml import read_workspace
+
+        try:
+            from soter_sim.mavlink.signing import read_key
+            from soter_sim.mavlink.simulation import Settings, Simulation
+        except ImportError as missing:
+            raise BackendUnavailable(f"this needs pymavlink: {missing}; run: {install_command('mavlink')}") from missing
+
+        room = read_workspace(workspace)
+        if robots is not None:
+            room = room.with_robots(robots)
+        specs = [
+            RobotSpec(
+                place.id, place.x_m, place.y_m, place.heading_rad,
+                None if seed is None else draw_charge(seed, place.id),
+            )
+            for place in room.robots
+        ]  # fmt: skip
+        try:
+            settings = Settings(
+                vehicle=vehicle,
+                engine=engine,
+                udp=() if tcp else (_UDP_PORT if port is None else port,),
+                tcp=(_TCP_PORT if port is None else port,) if tcp else (),
+                truth=truth,
+                rate_hz=rate,
+                speedup=speedup,
+                boot_s=boot,
+                key=None if sign is None else read_key(sign),
+            )
+            simulation = Simulation(room, specs, settings)
+        except ImportError as missing:
+            raise BackendUnavailable(
+                f"the engine '{engine}' needs PyBullet: {missing}; run: {install_command('pybullet')}; the engine "
+                "'kinematic' needs nothing"
+            ) from missing
+        except (ValueError, OSError) as failure:
+            raise ConfigError(str(failure), source="command line") from failure
+        with simulation:
+            _say_how_to_connect(simulation, settings)
+            simulation.run(lambda: not stop())
+
+
+def _say_how_to_connect(simulation: Simulation, settings: Settings) -> None:
+    """Print what to start, or to enter where, to talk to the vehicles."""
+    (link,) = simulation.links
+    kind, host, port = link.address.split(":")
+    names = ", ".join(str(autopilot.id) for autopilot in simulation.autopilots)
+    many = len(simulation.autopilots) > 1
+    print(f"{settings.vehicle}{'s' if many else ''} with system id{'s' if many else ''} {names}, until Ctrl-C")
+    print()
+    print(f"SOTER           {link.address}")
+    print(f"MAVProxy        mavproxy.py --master={link.address}")
+    if kind == "tcp":
+        print(f"QGroundControl  Application Settings, Comm Links, Add: TCP, {host}, {port}")
+        print(f'MAVSDK          add_any_connection("tcpout://{host}:{port}")')
+    else:
+        listens = "by itself" if int(port) == _UDP_PORT else f"Application Settings, Comm Links, Add: UDP, {port}"
+        print(f"QGroundControl  {listens}")
+        print(f'MAVSDK          add_any_connection("udpin://{host}:{port}")')
+    print(f"truth           tcp://{simulation.truth.address}, JSON lines")
+    if settings.key is not None:
+        print("signed          with the passphrase; what is not signed with it is dropped")
+    print(flush=True)
