@@ -28,6 +28,8 @@ EXAMPLES = """Examples:
 
   soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
 
+  soter run examples/surveillance.toml --record run.mcap
+
 Exit codes:
 
   0  all went well
@@ -69,6 +71,11 @@ def run(
         Path | None, typer.Option("--json", metavar="FILE", help="Write the result; - is standard output.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw the run.")] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mcap", help="Record the run there instead of into a new file in runs/."),
+    ] = None,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Do not record the run.")] = False,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
@@ -82,6 +89,7 @@ def run(
     with guard():
         from soter.cli.outputs import json_output, picture_output
         from soter.cli.overrides import load_with_engine, merge, module_list
+        from soter.cli.recordings import recording_path, unless_recorded
         from soter.errors import ConfigError
 
         if no_rta and modules is not None:
@@ -100,15 +108,21 @@ def run(
         loaded = load_with_engine(mission, merge(options, settings or []), engine)
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
-        done, stopped_by = _run(loaded, quiet=quiet, to_stderr=str(json) == "-")
+        recording = recording_path(record, no_record, loaded)
+        with unless_recorded(recording):
+            done, stopped_by = _run(loaded, recording, quiet=quiet, to_stderr=str(json) == "-")
         written = _write(done, loaded, result_file, picture_file)
+        if record is not None and done.recording is not None and done.recording.failure:
+            complain(f"the recording is not complete: {done.recording.failure}")
+            written = False
         raise typer.Exit(_exit_code(done.result, stopped_by) if written else ExitCode.RUN_FAILED)
 
 
-def _run(mission: Mission, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | None]:
+def _run(mission: Mission, recording: Path | None, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | None]:
     """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
     from soter.cli.console import make_console
     from soter.cli.progress import make_display
+    from soter.cli.recordings import show_recording
     from soter.cli.summary import print_summary
     from soter.runner import run_mission
 
@@ -116,9 +130,11 @@ def _run(mission: Mission, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | 
     with ExitStack() as stack:
         stop = stack.enter_context(StopSignals())
         display = None if quiet else stack.enter_context(make_display(console, mission.source or ""))
-        done = run_mission(mission, on_progress=display.update if display else None, stop=stop)
+        done = run_mission(mission, on_progress=display.update if display else None, stop=stop, record=recording)
     if not quiet:
         print_summary(console, done.result)
+        if done.recording is not None:
+            show_recording(console, done.recording)
     return done, stop.received
 
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import msgspec
 
-from soter.record.writer import Outcome
+from soter.record.outcome import Outcome
 
 CAPACITY_BYTES: Final = 1 << 20
 """What is asked for: more than a minute of two robots at 20 ticks a second. The system may give less."""

@@ -20,6 +20,7 @@ from soter.machine import Transition
 from soter.record.about import describe, files
 from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target, Violation
 from soter.record.messages import Transition as TransitionMessage
+from soter.record.outcome import Outcome
 from soter.record.pipe import WriterPipe
 from soter.record.tap import GoalActuator, Tap
 from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Way, packed
@@ -78,20 +79,18 @@ class RecordingReport(NamedTuple):
 class Recorder:
     """Records one run. A `Watch` of every supervisor; a context manager that closes the file.
 
-    Used from the supervisor's thread. Nothing that it does raises, once it is made: a run does not end because its
+    Used from the supervisor's thread. Nothing that it does raises once it has begun: a run does not end because its
     disk is full.
 
     Args:
-        path: the file; what was in it is gone.
+        path: the file; what was in it is gone when the recording begins.
         waits: whether the run waits when the writer does not follow, as it may in virtual time.
-
-    Raises:
-        OSError: the file cannot be written.
     """
 
     def __init__(self, path: Path, *, waits: bool) -> None:
         self.path: Final = path
-        self._pipe: Final = WriterPipe(path, waits=waits)
+        self._waits: Final = waits
+        self._pipe: WriterPipe | None = None
         self._taps: Final[dict[int, Tap]] = {}
         self._robots: Sequence[tuple[RobotSupervisor, Tap]] = ()
         self._events: list[PendingEvent] = []
@@ -108,9 +107,9 @@ class Recorder:
         self._report: RecordingReport | None = None
 
     @property
-    def writer_pid(self) -> int:
-        """Process id of the writer."""
-        return self._pipe.pid
+    def writer_pid(self) -> int | None:
+        """Process id of the writer; None before it is started."""
+        return None if self._pipe is None else self._pipe.pid
 
     # --- before the first tick -------------------------------------------------------------------------------
 
@@ -134,7 +133,7 @@ class Recorder:
         truth: Truth | None,
         faults: Callable[[], Sequence[FaultStatus]] = tuple,
     ) -> None:
-        """Say what is to be run; call it once, before the first tick.
+        """Start the writer and say what is to be run; call it once, before the first tick.
 
         Args:
             mission: the effective one.
@@ -145,6 +144,9 @@ class Recorder:
             timings: what that adds to every horizon, by id.
             truth: of a simulated world.
             faults: returns what the injected faults did up to now, always in the same order.
+
+        Raises:
+            OSError: the file cannot be written.
         """
         self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
         self._truth, self._faults = truth, faults
@@ -157,7 +159,8 @@ class Recorder:
             [robot.robot_id for robot in robots],
             {robot.robot_id: [module.name for module in robot.modules] for robot in robots},
         )
-        self._send(packed(frame))
+        self._pipe = WriterPipe(self.path, waits=self._waits)
+        self._send(self._pipe, packed(frame))
 
     # --- told by others --------------------------------------------------------------------------------------
 
@@ -188,7 +191,8 @@ class Recorder:
     def tick(self, now_s: float, tick: int) -> None:
         """Record one tick; call it when everything that belongs to it has happened."""
         self._now_s = now_s
-        if self._pipe.failure:
+        pipe = self._pipe
+        if pipe is None or pipe.failure:
             self._events.clear()
             return
         if now_s - self._looked_s >= TRUTH_S:
@@ -200,9 +204,9 @@ class Recorder:
             self._note(Drop(now_s, first, lost))
         frame = packed(Tick(tick, now_s, time.time_ns(), rows, self._events))  # type: ignore[arg-type]
         self._events.clear()
-        if self._send(frame):
+        if self._send(pipe, frame):
             self._lost = (0, 0)
-        elif not self._pipe.failure:
+        elif not pipe.failure:
             self._lost = (first if lost else tick, lost + 1)
             self._dropped += 1
 
@@ -217,7 +221,7 @@ class Recorder:
     def close(self) -> RecordingReport:
         """Close the file; return how it went. Idempotent. On a wall clock, stop the robots first: it takes its time."""
         if self._report is None:
-            outcome = self._pipe.close(self._last)
+            outcome = Outcome() if self._pipe is None else self._pipe.close(self._last)
             self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes)
             self._say(outcome.failure)
         return self._report
@@ -233,11 +237,11 @@ class Recorder:
     def _note(self, event: Event | Way) -> None:
         self._events.append((WAY if isinstance(event, Way) else _INDEX[type(event)], event))
 
-    def _send(self, frame: bytes) -> bool:
-        if self._pipe.send(frame):
+    def _send(self, pipe: WriterPipe, frame: bytes) -> bool:
+        if pipe.send(frame):
             return True
-        if self._pipe.failure:
-            self._say(self._pipe.failure)
+        if pipe.failure:
+            self._say(pipe.failure)
         elif not self._dropped:
             logger.warning("the recording's writer does not follow: ticks from %.2f s on are not recorded", self._now_s)
         return False

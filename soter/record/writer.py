@@ -34,6 +34,7 @@ from soter.record.messages import (
     Target,
     Violation,
 )
+from soter.record.outcome import Outcome
 from soter.record.samples import state_of
 from soter.record.wire import WAY, Begin, Finish, Frame, Intake, Row, Tick, Way
 
@@ -50,18 +51,6 @@ PICTURE_S: Final = 0.1
 NICENESS: Final = 5
 _READ_BYTES: Final = 1 << 20
 _MEDIA_TYPES: Final = {".json": "application/json", ".toml": "application/toml", ".xml": "application/xml"}
-
-
-class Outcome(msgspec.Struct):
-    """What the process says when it ends.
-
-    Attributes:
-        failure: why the recording is not complete; empty if it is.
-        size_bytes: of the file.
-    """
-
-    failure: str = ""
-    size_bytes: int = 0
 
 
 class Scribe:

@@ -121,7 +121,7 @@ def run_mission(
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
         # Closed after everything else: it takes its time, in which no robot may move.
-        recorder = None if record is None else stack.enter_context(_recorder(record, waits=declared.in_process))
+        recorder = None if record is None else stack.enter_context(Recorder(record, waits=declared.in_process))
         side: AcSide
         if declared.in_process:
             side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
@@ -145,13 +145,6 @@ def run_mission(
         if recorder is not None:
             recorder.finish(run.result.model_dump_json(indent=2).encode())
     return run if recorder is None else replace(run, recording=recorder.close())
-
-
-def _recorder(path: Path, *, waits: bool) -> Recorder:
-    try:
-        return Recorder(path, waits=waits)
-    except OSError as failure:
-        raise ConfigError(f"'{path}' cannot be recorded to: {failure.strerror or failure}", key="record") from failure
 
 
 class _Loop:
@@ -205,9 +198,13 @@ class _Loop:
         promises = {robot.id: robot.capabilities for robot in self.fleet.robots}
         timings = {robot_id: timing_of(each, self.mission.base_tick_s) for robot_id, each in promises.items()}
         faults = self.fleet.report if isinstance(self.fleet, FaultyFleet) else tuple
-        recorder.begin(
-            self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults
-        )
+        try:
+            recorder.begin(
+                self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults
+            )
+        except OSError as failure:
+            why = failure.strerror or failure
+            raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
 
     def run(
         self,

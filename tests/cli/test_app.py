@@ -34,7 +34,7 @@ def test_help_of_run_names_every_option_the_examples_and_the_exit_codes() -> Non
     assert code == 0
     options = (
         "--backend --engine --duration --seed --targets --robots --planner --no-rta --modules --json --picture --set "
-        "--quiet"
+        "--record --no-record --quiet"
     )
     for expected in (*options.split(), "MISSION", "grid|uniform|hostile", "Exit codes:", "130  interrupted"):
         assert expected in text

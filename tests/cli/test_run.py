@@ -24,8 +24,9 @@ QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "
 
 
 def ran(*arguments: str | Path) -> Result:
-    """`soter run` on the surveillance mission in this process."""
-    return CliRunner().invoke(app, ["run", str(MISSION), *map(str, arguments)], env={"COLUMNS": "100"})
+    """`soter run` on the surveillance mission in this process, without a recording."""
+    options = [str(MISSION), "--no-record", *map(str, arguments)]
+    return CliRunner().invoke(app, ["run", *options], env={"COLUMNS": "100"})
 
 
 # --- exit codes --------------------------------------------------------------------------------------------
@@ -222,7 +223,7 @@ def test_a_picture_is_drawn(tmp_path: Path) -> None:
 @contextmanager
 def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """`soter run` as a process, in the moment in which it begins to run."""
-    command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), *map(str, arguments)]
+    command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), "--no-record", *map(str, arguments)]
     with subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as process:

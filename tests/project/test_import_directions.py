@@ -37,6 +37,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.adapters": set(),
     "soter.adapters.pybullet": {"soter.sdk", "soter.drive", "soter.mux", "soter_sim"},
     "soter.adapters.mavlink": {"soter.sdk", "soter.drive", "soter.mux"},
+    "soter.adapters.mavlink.harness": {"soter.adapters.mavlink", "soter.sdk", "soter.conformance"},
     "soter.adapters.ros2": {"soter.sdk", "soter.drive", "soter.mux"},
     "soter.adapters.ros2.harness": {"soter.adapters.ros2", "soter.sdk", "soter.conformance"},
     "soter.adapters.zenoh": {"soter.sdk", "soter.drive", "soter.mux"},
@@ -90,10 +91,12 @@ LIBRARIES: dict[str, set[str] | None] = {
     "defusedxml": {"soter.workspace_xml"},
     "msgspec": {"soter.link", "soter.record"},
     "mcap": {"soter.record"},
+    "zstandard": {"soter.record"},  # what mcap compresses with, for its errors
     "typer": {"soter.cli"},
     "rich": {"soter.cli"},
     "pybullet": {"soter.adapters.pybullet", "soter_sim"},
     "pymavlink": {"soter.adapters.mavlink", "soter_sim"},
+    "mavsdk": {"soter.adapters.mavlink"},
     "rclpy": ROS2,
     "std_msgs": ROS2,
     "geometry_msgs": ROS2,
@@ -106,7 +109,7 @@ LIBRARIES: dict[str, set[str] | None] = {
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.
-VENDORS = {"pybullet", "pymavlink", "rclpy", "ompl", "matplotlib"}
+VENDORS = {"pybullet", "pymavlink", "mavsdk", "rclpy", "ompl", "matplotlib"}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 
 

@@ -1,0 +1,383 @@
+"""Reads recordings: as a stream, whole or cut off, and as arrays for those who draw."""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeVar
+
+import msgspec
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Header, Message, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader
+from msgspec import Struct
+from zstandard import ZstdError
+
+from soter.errors import SoterError
+from soter.record import messages
+from soter.record.file import PROFILE
+from soter.record.messages import (
+    ABOUT_JSON,
+    AC,
+    EVENTS,
+    MISSION_TOML,
+    RESULT_JSON,
+    WORKSPACE_XML,
+    About,
+    Drop,
+    Event,
+    Fault,
+    Goal,
+    RobotTick,
+    Switch,
+    Target,
+    Transition,
+    Violation,
+)
+from soter.record.tracks import RunTracks, Track
+from soter.rta import SwitchRecord
+from soter.workspace import Workspace
+from soter.workspace_xml import parse_workspace
+
+MAX_RECORD_BYTES: Final = 1 << 28
+_TICK: Final = messages.schema_name(RobotTick)
+_EVENTS: Final = {messages.schema_name(kind): msgspec.json.Decoder(kind) for kind in EVENTS}
+
+M = TypeVar("M", bound=Struct)
+
+
+class BadRecording(SoterError):
+    """A file that is no recording, or a damaged one. One that was merely cut off is read as far as it goes."""
+
+
+class Tick(NamedTuple):
+    """All robots at one tick, and what was said since the tick before.
+
+    Attributes:
+        tick: its number, from 0.
+        time_s: fleet time.
+        host_ns: the host's time of day, in nanoseconds since 1970.
+        robots: by id.
+        events: in the order in which they happened.
+    """
+
+    tick: int
+    time_s: float
+    host_ns: int
+    robots: Mapping[int, RobotTick]
+    events: tuple[Event, ...]
+
+
+@dataclass(slots=True)
+class Series:
+    """One robot over time. All arrays are equally long.
+
+    Attributes:
+        time_s: fleet time.
+        x_m: east.
+        y_m: north.
+        heading_rad: counter-clockwise from east.
+        battery: charge from 0 to 1; NaN where unknown.
+        driver: index into `Content.drivers`: 0 is the AC.
+        margins: by module, in its unit; it may be infinite, or NaN.
+        reaches: reach bounds, likewise.
+    """
+
+    time_s: array[float] = field(default_factory=lambda: array("d"))
+    x_m: array[float] = field(default_factory=lambda: array("d"))
+    y_m: array[float] = field(default_factory=lambda: array("d"))
+    heading_rad: array[float] = field(default_factory=lambda: array("d"))
+    battery: array[float] = field(default_factory=lambda: array("d"))
+    driver: array[int] = field(default_factory=lambda: array("h"))
+    margins: dict[str, array[float]] = field(default_factory=dict)
+    reaches: dict[str, array[float]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Content:
+    """A recording as a whole.
+
+    Attributes:
+        drivers: "AC" and the names of the modules; what `Series.driver` counts.
+        series: by robot id, in the order of the robots.
+        ticks: how many were recorded.
+        first_s: fleet time of the first tick.
+        last_s: fleet time of the last tick.
+        switches: every change of hands, in order.
+        targets: begun and ended.
+        goals: sent and ended.
+        transitions: of the mission's machines.
+        faults: injected, as they grew.
+        violations: as ground truth saw them, the newest word on each; an interval that goes on has no end.
+        drops: gaps.
+    """
+
+    drivers: tuple[str, ...]
+    series: dict[int, Series]
+    ticks: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+    switches: list[Switch] = field(default_factory=list)
+    targets: list[Target] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
+    transitions: list[Transition] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+    violations: list[Violation] = field(default_factory=list)
+    drops: list[Drop] = field(default_factory=list)
+
+    @property
+    def disengagements(self) -> list[Switch]:
+        """The switches in which an AC lost control."""
+        return [switch for switch in self.switches if switch.before == AC and switch.after != AC]
+
+    @property
+    def dropped_ticks(self) -> int:
+        """How many ticks are missing within."""
+        return sum(drop.ticks for drop in self.drops)
+
+
+class Recording:
+    """A recording in a file. What it was a recording of is read at once; the rest is streamed, any number of times.
+
+    Args:
+        path: the file.
+
+    Attributes:
+        about: the run, its robots and their modules.
+        attachments: the mission file, the workspace file and others, by name, as far as they stand at the beginning.
+
+    Raises:
+        BadRecording: it is none, or it was cut off before anything was said.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path: Final = path
+        self.attachments: Final[dict[str, bytes]] = {}
+        self._truncated: bool | None = None
+        for record in self._records(head_only=True):
+            if isinstance(record, Attachment):
+                self.attachments[record.name] = record.data
+        about = self.attachments.get(ABOUT_JSON)
+        if about is None:
+            raise BadRecording(f"{path}: it does not say what was run; it was cut off, or SOTER did not record it")
+        self.about: Final = self._decoded(about, About, ABOUT_JSON)
+        if self.about.version > messages.VERSION:
+            raise BadRecording(
+                f"{path}: its messages are of version {self.about.version}, known is {messages.VERSION}; "
+                "a newer version of SOTER can read it"
+            )
+
+    # --- as a stream ---------------------------------------------------------------------------------------
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the file was not closed: its run was killed, or the disk was full. Reads the file to find out."""
+        if self._truncated is None:
+            for _ in self._records():
+                pass
+        return bool(self._truncated)
+
+    def messages(self) -> Iterator[tuple[int, RobotTick | Event]]:
+        """Yield every message of SOTER's own, in order, each with the host's time of day in nanoseconds.
+
+        Raises:
+            BadRecording: something in it is damaged, or is not what it ought to be.
+        """
+        names: dict[int, str] = {}
+        kinds: dict[int, msgspec.json.Decoder[Any]] = {}
+        ticks = msgspec.json.Decoder(RobotTick)
+        for record in self._records():
+            if isinstance(record, Message):
+                decoder = kinds.get(record.channel_id)
+                if decoder is not None:
+                    yield record.publish_time, self._decode(decoder, record)
+            elif isinstance(record, Schema):
+                names[record.id] = record.name
+            elif isinstance(record, Channel):
+                name = names.get(record.schema_id, "")
+                known = ticks if name == _TICK else _EVENTS.get(name)
+                if known is not None:
+                    kinds[record.id] = known
+            elif isinstance(record, Attachment):
+                self.attachments[record.name] = record.data
+
+    def ticks(self) -> Iterator[Tick]:
+        """Yield every tick of which all robots are there; the last of a file that was cut off may not be.
+
+        What was said after the last tick comes with a tick without robots.
+
+        Raises:
+            BadRecording: see `messages`.
+        """
+        count = len(self.about.robots)
+        events: list[Event] = []
+        robots: dict[int, RobotTick] = {}
+        last: Tick | None = None
+        for host_ns, message in self.messages():
+            if not isinstance(message, RobotTick):
+                events.append(message)
+                continue
+            if robots and next(iter(robots.values())).tick != message.tick:
+                raise BadRecording(f"{self.path}: the tick before {message.time_s:.3f} s lacks a robot")
+            robots[message.robot_id] = message
+            if len(robots) == count:
+                last = Tick(message.tick, message.time_s, host_ns, robots, tuple(events))
+                yield last
+                robots, events = {}, []
+        if events and last is not None:
+            yield Tick(last.tick, last.time_s, last.host_ns, {}, tuple(events))
+
+    # --- as a whole ----------------------------------------------------------------------------------------
+
+    @property
+    def result(self) -> dict[str, Any] | None:
+        """The result of the run, as `soter run --json` writes it; None if the run did not come to an end."""
+        if RESULT_JSON not in self.attachments and self._truncated is None:
+            for record in self._records():
+                if isinstance(record, Attachment):
+                    self.attachments[record.name] = record.data
+        data = self.attachments.get(RESULT_JSON)
+        return None if data is None else self._decoded(data, dict[str, Any], RESULT_JSON)
+
+    def workspace(self) -> Workspace:
+        """Return the workspace of the run, with the robots that took part.
+
+        Raises:
+            BadRecording: it is not in the recording.
+            ConfigError: it is there, but not allowed.
+        """
+        data = self.attachments.get(WORKSPACE_XML)
+        if data is None:
+            raise BadRecording(f"{self.path}: it lacks the workspace file")
+        # What was allowed then is not judged again: the mission may have had other distances.
+        workspace = parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
+        return workspace.with_robots(len(self.about.robots))
+
+    @property
+    def mission_file(self) -> bytes | None:
+        """The mission file as it was then; None if the mission was made in code."""
+        return self.attachments.get(MISSION_TOML)
+
+    def content(self, every_ticks: int = 1) -> Content:
+        """Return everything; of the ticks only every so many, but all events.
+
+        Raises:
+            BadRecording: see `messages`.
+        """
+        drivers = (AC, *self.about.modules)
+        numbers = {name: index for index, name in enumerate(drivers)}
+        content = Content(drivers, {robot.robot_id: Series() for robot in self.about.robots})
+        violations: dict[tuple[str, tuple[int, ...], float], Violation] = {}
+        for tick in self.ticks():
+            for event in tick.events:
+                if isinstance(event, Violation):
+                    violations[event.rule, event.robots, event.start_s] = event
+                else:
+                    _sort_in(content, event)
+            if not tick.robots:
+                continue
+            content.first_s = tick.time_s if content.ticks == 0 else content.first_s
+            content.last_s = tick.time_s
+            content.ticks += 1
+            if tick.tick % every_ticks == 0:
+                for robot_id, record in tick.robots.items():
+                    _append(content.series[robot_id], record, numbers)
+        content.violations = list(violations.values())
+        return content
+
+    def tracks(self, every_ticks: int = 5) -> RunTracks:
+        """Return what a picture of the run is drawn from."""
+        content = self.content(every_ticks)
+        workspace = self.workspace()
+        tracks = {
+            robot_id: Track(robot_id, series.time_s, series.x_m, series.y_m, series.battery, array("b", series.driver))
+            for robot_id, series in content.series.items()
+        }
+        switches = [
+            SwitchRecord(
+                each.time_s, each.robot_id, None if each.before == AC else each.before,
+                None if each.after == AC else each.after, each.module, each.cause, each.joined,
+            )
+            for each in content.switches
+        ]  # fmt: skip
+        return RunTracks(workspace, content.drivers, tracks, switches, self._safer_inset_m())
+
+    def _safer_inset_m(self) -> float | None:
+        fence = (module for robot in self.about.robots for module in robot.modules if module.name == "geofence")
+        return next((module.edge_margin for module in fence), None)
+
+    # --- the file ------------------------------------------------------------------------------------------
+
+    def _records(self, *, head_only: bool = False) -> Iterator[Any]:
+        """Yield the records of the file as far as it goes; with `head_only` up to the first chunk."""
+        try:
+            with self.path.open("rb") as stream:
+                reader = StreamReader(
+                    stream, validate_crcs=not head_only, record_size_limit=MAX_RECORD_BYTES, emit_chunks=head_only
+                )
+                yield from self._checked(reader, head_only=head_only)
+        except OSError as failure:
+            raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
+
+    def _checked(self, reader: StreamReader, *, head_only: bool) -> Iterator[Any]:
+        records = iter(reader.records)
+        while True:
+            try:
+                record = next(records)
+            except StopIteration:
+                self._truncated = False
+                return
+            except EndOfFile:
+                self._truncated = True
+                return
+            except CRCValidationError as failure:
+                raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
+            except (McapError, ZstdError, struct.error, UnicodeDecodeError, ValueError) as failure:
+                raise BadRecording(f"{self.path}: it is no MCAP file, or a damaged one: {failure}") from failure
+            if isinstance(record, Header) and record.profile != PROFILE:
+                raise BadRecording(f"{self.path}: SOTER did not record it; its profile is '{record.profile}'")
+            if head_only and type(record).__name__ == "Chunk":
+                return
+            yield record
+
+    def _decode(self, decoder: msgspec.json.Decoder[Any], record: Message) -> Any:
+        try:
+            return decoder.decode(record.data)
+        except msgspec.DecodeError as failure:
+            raise BadRecording(
+                f"{self.path}: a message at {record.log_time / 1e9:.3f} s is not what it ought to be: {failure}"
+            ) from failure
+
+    def _decoded(self, data: bytes, kind: type[M] | Any, name: str) -> Any:
+        try:
+            return msgspec.json.decode(data, type=kind)
+        except msgspec.DecodeError as failure:
+            raise BadRecording(f"{self.path}: its {name} is not what it ought to be: {failure}") from failure
+
+
+def _append(series: Series, record: RobotTick, drivers: Mapping[str, int]) -> None:
+    state = record.state
+    series.time_s.append(record.time_s)
+    series.x_m.append(state.x_m)
+    series.y_m.append(state.y_m)
+    series.heading_rad.append(state.heading_rad)
+    series.battery.append(float("nan") if state.battery is msgspec.UNSET else state.battery)
+    series.driver.append(drivers[record.driver])
+    for module in record.modules:
+        series.margins.setdefault(module.name, array("d")).append(module.margin_value)
+        series.reaches.setdefault(module.name, array("d")).append(module.reach_value)
+
+
+def _sort_in(content: Content, event: Event) -> None:
+    lists: dict[type[Event], list[Any]] = {
+        Switch: content.switches,
+        Target: content.targets,
+        Goal: content.goals,
+        Transition: content.transitions,
+        Fault: content.faults,
+        Drop: content.drops,
+    }
+    lists[type(event)].append(event)
