@@ -187,7 +187,7 @@ def test_a_killed_supervisor_leaves_robots_at_rest_and_no_process() -> None:
         for robot_id, addresses in simulator.endpoints.items():
             settings += [f"backends.zmq.robots.{robot_id}.{name}={at}" for name, at in addresses.items()]
         command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--backend", "zmq", "--quiet"]
-        command += [part for setting in settings for part in ("--set", setting)]
+        command += ["--no-record", *(part for setting in settings for part in ("--set", setting))]
         truth = Truth(simulator.truth)
         supervisor = subprocess.Popen(command)
         try:
