@@ -1,5 +1,7 @@
 """The long figures of docs/evaluation.md: runs what is missing, judges all of it, writes the tables. `make accept`.
 
+With `--suite adversaries` those of docs/adversaries.md.
+
 Finished runs are kept below out/accept, so the evaluation can be stopped with Ctrl-C and carried on at any time. A
 change of the code, the examples or a library begins it anew, because what was measured then is something else.
 """
@@ -9,7 +11,8 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -19,18 +22,44 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.table import Table
 
 from tools.acceptance import page
+from tools.acceptance.adversaries import adversary_cases, adversary_criteria
+from tools.acceptance.adversary_page import adversary_section
 from tools.acceptance.cases import Case, all_cases
 from tools.acceptance.judge import Criterion, Outcome, Verdict, criteria
 from tools.acceptance.running import Session
 from tools.acceptance.store import FOLDER, ROOT, Store, source_hash
 
 PAGE = ROOT / "docs" / "evaluation.md"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """One evaluation.
+
+    Attributes:
+        page: where its tables go.
+        cases: its runs.
+        criteria: judges them.
+        section: writes the tables.
+    """
+
+    page: Path
+    cases: Callable[[], list[Case]]
+    criteria: Callable[[Sequence[Outcome]], list[Criterion]]
+    section: Callable[[Sequence[Outcome], Sequence[Criterion], str, float], str]
+
+
+SUITES = {
+    "missions": Suite(PAGE, all_cases, criteria, page.section),
+    "adversaries": Suite(ROOT / "docs" / "adversaries.md", adversary_cases, adversary_criteria, adversary_section),
+}
 STYLES = {Verdict.REACHED: "green", Verdict.NOT_REACHED: "bold red", Verdict.INCOMPLETE: "yellow"}
 
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the command line's arguments."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--suite", choices=SUITES, default="missions", help="which evaluation (default: missions)")
     parser.add_argument("--only", metavar="PATTERN", action="append", help="runs whose name matches, such as '*grid*'")
     parser.add_argument("--jobs", metavar="N", type=int, default=2, help="runs at a time (default: 2)")
     parser.add_argument("--list", action="store_true", help="name the runs and their commands, and run nothing")
@@ -93,7 +122,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run, judge, write; return the exit code: 0 if nothing failed, 1 if something did, 130 after Ctrl-C."""
     given = parse(argv)
     console = Console(highlight=False)
-    everything = all_cases()
+    suite = SUITES[given.suite]
+    everything = suite.cases()
     cases = chosen(everything, given.only)
     if not cases:
         console.print("no run has such a name; --list names them all", style="red")
@@ -110,15 +140,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
     outcomes = [Outcome(case, store.load(case)) for case in everything]
-    judged = criteria(outcomes)
+    judged = suite.criteria(outcomes)
     show(judged, console)
     for name, failure in failures.items():
         console.print(f"{name}: {failure}", style="red", soft_wrap=True, markup=False)
     missing = sum(outcome.result is None for outcome in outcomes)
-    target = PAGE if given.scale == 1.0 and not missing else given.folder / "evaluation.md"
-    page.write(target, page.section(outcomes, judged, store.source, given.scale))
+    target = suite.page if given.scale == 1.0 and not missing else given.folder / suite.page.name
+    page.write(target, suite.section(outcomes, judged, store.source, given.scale))
     if missing:
-        console.print(f"{missing} of {len(outcomes)} runs are still missing; docs/evaluation.md is left as it was")
+        console.print(f"{missing} of {len(outcomes)} runs are still missing; docs/{suite.page.name} is left as it was")
     console.print(f"written: {target}", soft_wrap=True)
     refused = {Verdict.NOT_REACHED} if given.only else {Verdict.NOT_REACHED, Verdict.INCOMPLETE}
     return 1 if failures or any(each.verdict in refused for each in judged) else 0

@@ -22,7 +22,7 @@ PLANNERS: Final = {
 
 SURVEILLANCE: Final = "examples/surveillance.toml"
 # The example begins with an almost empty battery, so that a short run shows it charge. Here the seed draws all charges.
-_CHARGE_FROM_SEED: Final = ("--set", "battery.initial={}")
+CHARGE_FROM_SEED: Final = ("--set", "battery.initial={}")
 WAREHOUSE: Final = "examples/warehouse.toml"
 
 
@@ -32,12 +32,12 @@ class Case:
 
     Attributes:
         name: names it in files and for `--only`.
-        group: `protected`, `unprotected`, `without`, `repeated` or `planner`.
+        group: `protected`, `unprotected`, `without`, `repeated` or `planner`; or one of `tools.acceptance.adversaries`.
         mission: the mission file.
         options: what the command line says besides.
         duration_s: simulated time.
         engine: `kinematic` or `pybullet`.
-        subject: what the group varies: the set of targets, the module left out, the planner.
+        subject: what the group varies: the set of targets, the module left out, the planner, the adversary.
         loaded: the machine is kept busy while it runs.
         repeats: name of the case whose run this one must repeat bit for bit.
     """
@@ -68,7 +68,7 @@ def _case(
     duration_s: float = TWO_HOURS_S, loaded: bool = False, repeats: str = "",
 ) -> Case:  # fmt: skip
     name = f"{group}-{subject}-{engine}-{seed}".replace("_", "-").lower()
-    charge = _CHARGE_FROM_SEED if mission == SURVEILLANCE else ()
+    charge = CHARGE_FROM_SEED if mission == SURVEILLANCE else ()
     return Case(
         name, group, mission, ("--backend", engine, *more, *charge), duration_s, engine, subject, seed, loaded, repeats
     )

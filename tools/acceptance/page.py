@@ -42,7 +42,7 @@ _BOUND: Final = (
 )
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], texts: int = 1) -> list[str]:
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], texts: int = 1) -> list[str]:
     """Return a table whose first `texts` columns are texts and whose others are numbers."""
     rules = ["---" if column < texts else "--:" for column in range(len(head))]
     lines = [head, rules, *rows]
@@ -53,7 +53,8 @@ def _done(outcomes: Iterable[Outcome], group: str) -> list[tuple[Case, RunResult
     return [(o.case, o.result) for o in outcomes if o.case.group == group and o.result is not None]
 
 
-def _kinds(result: RunResult) -> str:
+def kinds(result: RunResult) -> str:
+    """Return the violations of every rule."""
     found = result.violations
     return "unknown" if found is None else " / ".join(str(found[rule]) for rule in RULES)
 
@@ -62,23 +63,28 @@ def _margins(result: RunResult) -> list[str]:
     return ["-" if (margin := (result.min_margin or {}).get(rule)) is None else f"{margin:.3f}" for rule in RULES]
 
 
-def section(outcomes: Sequence[Outcome], judged: Sequence[Criterion], source: str, scale: float) -> str:
-    """Return the generated part of the page."""
+def head(judged: Sequence[Criterion], source: str, scale: float) -> list[str]:
+    """Return what every evaluation begins with: the state of the sources, and the criteria."""
     lines = []
     if scale != 1.0:
         lines += [f"**This is no evaluation: durations are multiplied by {scale:g}.**", ""]
     lines += [f"State of the sources: `{source}`.", "", "## Criteria", ""]
-    lines += _table(
+    return lines + table(
         ["criterion", "found", "verdict"],
         ([each.text, each.found, f"**{each.verdict.value}**"] for each in judged), texts=3,
     )  # fmt: skip
+
+
+def section(outcomes: Sequence[Outcome], judged: Sequence[Criterion], source: str, scale: float) -> str:
+    """Return the generated part of the page."""
+    lines = head(judged, source, scale)
     protected = _done(outcomes, "protected")
     if protected:
-        lines += _protected(protected) + _exposure(protected)
+        lines += _protected(protected) + exposure(protected)
     lines += _ablations(outcomes)
     lines += _repeats(outcomes)
     lines += _planners(outcomes)
-    lines += _commands(outcomes, scale)
+    lines += commands(outcomes, scale)
     return "\n".join(lines)
 
 
@@ -87,11 +93,11 @@ def _protected(runs: Sequence[tuple[Case, RunResult]]) -> list[str]:
         "## With all modules", "",
         _PROTECTED, "",
     ]  # fmt: skip
-    lines += _table(
+    lines += table(
         ["targets", "engine", "seed", "robots", "violations", "AC share", "without charging", "reached",
          "other targets", "stall, s", "no progress, s", "x real time"],
         (
-            [case.subject, case.engine, str(case.seed), str(r.robots), _kinds(r), f"{r.ac_share:.1%}",
+            [case.subject, case.engine, str(case.seed), str(r.robots), kinds(r), f"{r.ac_share:.1%}",
              f"{r.ac_share_without_charging:.1%}", str(r.targets_reached),
              f"{r.targets.unsafe} unsafe, {r.targets.blocked} blocked, {r.targets.timed_out} timed out",
              f"{r.longest_stall_s:.1f}", f"{r.no_progress_s:.1f}", f"{r.real_time_factor:.0f}"]
@@ -102,13 +108,13 @@ def _protected(runs: Sequence[tuple[Case, RunResult]]) -> list[str]:
     lines += [
         _DISENGAGEMENTS, "",
     ]  # fmt: skip
-    lines += _table(
+    lines += table(
         ["targets", "engine", "seed", *MODULES, "other", "total", "per robot-hour", "needless: one Delta",
          "whole path", "no certified motion, ticks"],
         (
             [case.subject, case.engine, str(case.seed), *(str(r.disengagements.get(name, 0)) for name in MODULES),
              str(sum(n for name, n in r.disengagements.items() if name not in MODULES)), str(r.disengagements_total),
-             f"{r.disengagements_total / _robot_hours(r):.0f}", str(r.needless.one_delta), str(r.needless.whole_path),
+             f"{r.disengagements_total / robot_hours(r):.0f}", str(r.needless.one_delta), str(r.needless.whole_path),
              str(r.no_certified_motion)]
             for case, r in runs
         ),
@@ -118,7 +124,7 @@ def _protected(runs: Sequence[tuple[Case, RunResult]]) -> list[str]:
         "Least margins, by ground truth (charge from 0 to 1, then metres), and the hash over all states and decisions.",
         "",
     ]
-    lines += _table(
+    lines += table(
         ["targets", "engine", "seed", *RULES, "trace"],
         ([case.subject, case.engine, str(case.seed), *_margins(r), f"`{r.trace_sha256[:16]}`"] for case, r in runs),
         texts=2,
@@ -126,24 +132,26 @@ def _protected(runs: Sequence[tuple[Case, RunResult]]) -> list[str]:
     return lines
 
 
-def _robot_hours(result: RunResult) -> float:
+def robot_hours(result: RunResult) -> float:
+    """Return the time of all robots of a run together."""
     return result.robots * result.duration_s / 3600.0
 
 
-def _exposure(runs: Sequence[tuple[Case, RunResult]]) -> list[str]:
+def exposure(runs: Sequence[tuple[Case, RunResult]]) -> list[str]:
+    """Return how long was looked for violations, and what the bound on their rate is."""
     hours = sum(result.duration_s for _, result in runs) / 3600.0
-    robot_hours = sum(_robot_hours(result) for _, result in runs)
+    together = sum(robot_hours(result) for _, result in runs)
     lines = [
         "## Exposure", "",
-        f"{len(runs)} runs, {hours:.3g} h of missions, {robot_hours:.3g} robot-hours. {_BOUND}", "",
+        f"{len(runs)} runs, {hours:.3g} h of missions, {together:.3g} robot-hours. {_BOUND}", "",
     ]  # fmt: skip
     rows = []
     for rule in RULES:
         count = sum((result.violations or {}).get(rule, 0) for _, result in runs)
-        rows.append([rule, str(count), f"{upper_rate(count, hours):.3g}", f"{upper_rate(count, robot_hours):.3g}"])
+        rows.append([rule, str(count), f"{upper_rate(count, hours):.3g}", f"{upper_rate(count, together):.3g}"])
     total = sum(sum((result.violations or {}).values()) for _, result in runs)
-    rows.append(["any", str(total), f"{upper_rate(total, hours):.3g}", f"{upper_rate(total, robot_hours):.3g}"])
-    return lines + _table(["rule", "violations", "most per hour", "most per robot-hour"], rows)
+    rows.append(["any", str(total), f"{upper_rate(total, hours):.3g}", f"{upper_rate(total, together):.3g}"])
+    return lines + table(["rule", "violations", "most per hour", "most per robot-hour"], rows)
 
 
 def _ablations(outcomes: Sequence[Outcome]) -> list[str]:
@@ -151,10 +159,10 @@ def _ablations(outcomes: Sequence[Outcome]) -> list[str]:
     if not runs:
         return []
     lines = ["## Without modules", "", f"The same robots and `hostile` targets. Violations: {' / '.join(RULES)}.", ""]
-    return lines + _table(
+    return lines + table(
         ["left out", "engine", "seed", "violations", "contacts", "AC share", "reached"],
         (
-            ["all modules" if case.group == "unprotected" else case.subject, case.engine, str(case.seed), _kinds(r),
+            ["all modules" if case.group == "unprotected" else case.subject, case.engine, str(case.seed), kinds(r),
              str(r.contacts), f"{r.ac_share:.1%}", str(r.targets_reached)]
             for case, r in runs
         ),
@@ -183,8 +191,8 @@ def _repeats(outcomes: Sequence[Outcome]) -> list[str]:
     if not rows:
         return []
     lines = ["## Determinism", "", "Two processes; the second beside twice as many busy ones as there are cores.", ""]
-    head = ["engine", "run", "trace", "trace under load", "same", "took, s", "under load, s"]
-    return lines + _table(head, rows, texts=5)
+    columns = ["engine", "run", "trace", "trace under load", "same", "took, s", "under load, s"]
+    return lines + table(columns, rows, texts=5)
 
 
 def _planners(outcomes: Sequence[Outcome]) -> list[str]:
@@ -195,24 +203,25 @@ def _planners(outcomes: Sequence[Outcome]) -> list[str]:
         "## Planners that misbehave", "",
         f"For robot 1 only; what is reached, robot 2 reaches. Violations: {' / '.join(RULES)}.", "",
     ]  # fmt: skip
-    return lines + _table(
+    return lines + table(
         ["the planner", "violations", "reached", "blocked", "simulated, s", "took, s"],
         (
-            [PLANNERS[case.subject], _kinds(r), str(r.targets_reached), str(r.targets.blocked), f"{r.duration_s:g}",
+            [PLANNERS[case.subject], kinds(r), str(r.targets_reached), str(r.targets.blocked), f"{r.duration_s:g}",
              f"{r.wall_s:.0f}"]
             for case, r in runs
         ),
     )  # fmt: skip
 
 
-def _commands(outcomes: Sequence[Outcome], scale: float) -> list[str]:
+def commands(outcomes: Sequence[Outcome], scale: float) -> list[str]:
+    """Return every run's command."""
     lines = [
         "## Commands",
         "",
         "Each run again, from the top of the work tree; `--json FILE` writes all its figures.",
         "",
     ]
-    return lines + _table(["run", "command"], ([o.case.name, f"`{o.case.command(scale)}`"] for o in outcomes), texts=2)
+    return lines + table(["run", "command"], ([o.case.name, f"`{o.case.command(scale)}`"] for o in outcomes), texts=2)
 
 
 def write(page: Path, generated: str) -> None:
