@@ -35,6 +35,11 @@ class Dock:
         clearance_m: body clearance from boxes that ways home keep.
         inset_m: distance from the fence that ways home keep.
         cost_per_m: charge that a metre of the way home is accounted for.
+
+    Attributes:
+        place: the middle of the station.
+        routes: the ways.
+        longest_m: length of the longest way home.
     """
 
     def __init__(self, terrain: Terrain, charger: Box, clearance_m: float, inset_m: float, cost_per_m: float) -> None:
@@ -44,8 +49,8 @@ class Dock:
         self._charger: Final = charger
         self._clearance_m: Final = clearance_m
         self._inset_m: Final = inset_m
-        self._routes: Final = Routes(terrain, self.place, clearance_m, inset_m)
-        self.longest_m: Final = self._routes.longest_m()
+        self.routes: Final = Routes(terrain, self.place, clearance_m, inset_m)
+        self.longest_m: Final = self.routes.longest_m()
         self._asked: Point = (math.inf, math.inf)
         self._answer_m = math.inf
         self.wants_charge = False
@@ -56,13 +61,13 @@ class Dock:
         ax, ay = self._asked
         if abs(ax - x_m) > _SAME_PLACE_M or abs(ay - y_m) > _SAME_PLACE_M:
             self._asked = (x_m, y_m)
-            found_m = self._routes.distance_m(x_m, y_m)
+            found_m = self.routes.distance_m(x_m, y_m)
             self._answer_m = self.longest_m if found_m == math.inf else found_m
         return self._answer_m
 
     def way(self, x_m: float, y_m: float) -> list[Point]:
         """Return the legs of the static way home; straight home where none is seen, as far as that is certified."""
-        return self._routes.legs(x_m, y_m) or [self.place]
+        return self.routes.legs(x_m, y_m) or [self.place]
 
     def detour(self, x_m: float, y_m: float, peers: list[Point]) -> list[Point]:
         """Return the legs of a way home around peers as they stand now; empty if there is none."""

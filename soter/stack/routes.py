@@ -40,10 +40,10 @@ class Roadmap:
 
     def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
         grow_m = terrain.body_radius_m + clearance_m
-        self._rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
-        self._edges: Final[Floats] = np.array(self._rectangles, dtype=np.float64).reshape(-1, 4)
+        self.rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
+        self._edges: Final[Floats] = np.array(self.rectangles, dtype=np.float64).reshape(-1, 4)
         corners: list[Point] = []
-        for low_x, low_y, high_x, high_y in self._rectangles:
+        for low_x, low_y, high_x, high_y in self.rectangles:
             around = product((low_x - _CORNER_M, high_x + _CORNER_M), (low_y - _CORNER_M, high_y + _CORNER_M))
             corners += [(x, y) for x, y in around if terrain.fence_m(x, y) >= inset_m and not self._covered(x, y)]
         self.corners: Final = tuple(corners)
@@ -74,7 +74,7 @@ class Roadmap:
         """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them."""
         left, right = (ax, bx) if ax < bx else (bx, ax)
         low, high = (ay, by) if ay < by else (by, ay)
-        for low_x, low_y, high_x, high_y in self._rectangles:
+        for low_x, low_y, high_x, high_y in self.rectangles:
             if high_x <= left or low_x >= right or high_y <= low or low_y >= high:
                 if left != right and low != high:
                     continue
@@ -90,7 +90,7 @@ class Roadmap:
         return True
 
     def _covered(self, x: float, y: float) -> bool:
-        return any(r[0] < x < r[2] and r[1] < y < r[3] for r in self._rectangles)
+        return any(r[0] < x < r[2] and r[1] < y < r[3] for r in self.rectangles)
 
 
 @lru_cache(maxsize=8)
@@ -108,6 +108,12 @@ class Routes:
         clearance_m: body clearance that ways keep from boxes, as far as the ends of the way allow.
         inset_m: distance that the corners of ways keep from the fence.
         extra: more rectangles to keep out of, already grown: robots that stand in the way.
+
+    Attributes:
+        roadmap: the corners and what they see.
+        corners: the place, then the corners of the roadmap.
+        next: for every one of these, the next on the shortest way.
+        to_go_m: for every one of these, the length of the rest of the way; infinite where there is none.
     """
 
     def __init__(
@@ -115,26 +121,26 @@ class Routes:
     ) -> None:
         self.place: Final = place
         self._terrain: Final = terrain
-        self._roadmap: Final = (
+        self.roadmap: Final = (
             Roadmap(terrain, clearance_m, inset_m, extra) if extra else _shared_roadmap(terrain, clearance_m, inset_m)
         )
         # Index 0 is the place, the corners follow.
-        self._corners: Final = (place, *self._roadmap.corners)
-        self._next: Final = [0] * len(self._corners)
+        self.corners: Final = (place, *self.roadmap.corners)
+        self.next: Final = [0] * len(self.corners)
         to_go_m = self._distances()
-        self._x: Final[Floats] = np.array([x for x, _ in self._corners])
-        self._y: Final[Floats] = np.array([y for _, y in self._corners])
-        self._to_go_m: Final[Floats] = np.array(to_go_m)
+        self._x: Final[Floats] = np.array([x for x, _ in self.corners])
+        self._y: Final[Floats] = np.array([y for _, y in self.corners])
+        self.to_go_m: Final[Floats] = np.array(to_go_m)
 
     def legs(self, x_m: float, y_m: float) -> list[Point]:
         """Return the corners of the shortest way from a point, the place last; empty if there is none."""
         here, _ = self._first(x_m, y_m)
         if here is None:
             return []
-        way = [self._corners[here]]
+        way = [self.corners[here]]
         while here != 0:
-            here = self._next[here]
-            way.append(self._corners[here])
+            here = self.next[here]
+            way.append(self.corners[here])
         return way
 
     def distance_m(self, x_m: float, y_m: float) -> float:
@@ -156,8 +162,8 @@ class Routes:
 
     def _first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
         """Return the first corner of the shortest way, and the way's length."""
-        lengths = np.hypot(self._x - x_m, self._y - y_m) + self._to_go_m
-        sees, corners = self._roadmap.sees, self._corners
+        lengths = np.hypot(self._x - x_m, self._y - y_m) + self.to_go_m
+        sees, corners = self.roadmap.sees, self.corners
         # Shortest first: the first corner in sight is the one. A stable sort, so that ties end alike everywhere.
         for index in np.argsort(lengths, kind="stable").tolist():
             length = float(lengths[index])
@@ -169,7 +175,7 @@ class Routes:
 
     def _distances(self) -> list[float]:
         """Dijkstra from the place over what sees each other."""
-        corners, roadmap = self._corners, self._roadmap
+        corners, roadmap = self.corners, self.roadmap
         sees_place = [index for index, (x, y) in enumerate(roadmap.corners, start=1) if roadmap.sees(x, y, *self.place)]
         to_go = [math.inf] * len(corners)
         to_go[0] = 0.0
@@ -185,6 +191,6 @@ class Routes:
                 through = length + math.dist(corners[here], corners[index])
                 if index not in done and through < to_go[index] - 1e-12:
                     to_go[index] = through
-                    self._next[index] = here
+                    self.next[index] = here
                     heapq.heappush(queue, (through, index))
         return to_go
