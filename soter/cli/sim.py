@@ -10,6 +10,8 @@ import typer
 from soter.cli.exits import StopSignals, guard
 
 if TYPE_CHECKING:
+    from soter.sdk.values import RobotSpec
+    from soter.workspace import Workspace
     from soter_sim.mavlink.simulation import Settings, Simulation
 
 MAVLINK_EXAMPLES = """Examples:
@@ -37,6 +39,32 @@ sim = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[Workspace, list[RobotSpec]]:
+    """Read a workspace, and return it with its robots.
+
+    Args:
+        path: the workspace file.
+        robots: only the first so many; None for all.
+        seed: what charges are drawn from; None for full batteries.
+
+    Raises:
+        ConfigError: the file is none, or has not so many robots.
+    """
+    from soter.config import draw_charge
+    from soter.sdk.values import RobotSpec
+    from soter.workspace_xml import read_workspace
+
+    room = read_workspace(path)
+    if robots is not None:
+        room = room.with_robots(robots)
+    return room, [
+        RobotSpec(
+            place.id, place.x_m, place.y_m, place.heading_rad, None if seed is None else draw_charge(seed, place.id)
+        )
+        for place in room.robots
+    ]
 
 
 @sim.callback()
@@ -87,11 +115,8 @@ def mavlink(
 ) -> None:
     """Simulate vehicles that speak MAVLink, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
-        from soter.config import draw_charge
         from soter.errors import BackendUnavailable, ConfigError
         from soter.sdk.hints import install_command
-        from soter.sdk.values import RobotSpec
-        from soter.workspace_xml import read_workspace
 
         try:
             from soter_sim.mavlink.signing import read_key
@@ -99,16 +124,7 @@ def mavlink(
         except ImportError as missing:
             raise BackendUnavailable(f"this needs pymavlink: {missing}; run: {install_command('mavlink')}") from missing
 
-        room = read_workspace(workspace)
-        if robots is not None:
-            room = room.with_robots(robots)
-        specs = [
-            RobotSpec(
-                place.id, place.x_m, place.y_m, place.heading_rad,
-                None if seed is None else draw_charge(seed, place.id),
-            )
-            for place in room.robots
-        ]  # fmt: skip
+        room, specs = room_and_robots(workspace, robots, seed)
         try:
             settings = Settings(
                 vehicle=vehicle,

@@ -25,10 +25,11 @@ from soter.runner.progress import Progress, robot_progress
 from soter.runner.remote_side import RemoteSide
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
+from soter.runner.specs import robot_specs
 from soter.runner.trace import Trace
 from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
-from soter.sdk import RULES, Fleet, RobotSpec, TruthReport
+from soter.sdk import RULES, Fleet, TruthReport
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.declaration import enabled, timing_of
 from soter.workspace import Workspace
@@ -108,13 +109,7 @@ def run_mission(
         f"backends.{mission.backend}",
         {"workspace": workspace, "seed": mission.seed},
     )
-    specs = [
-        RobotSpec(
-            place.id, place.x_m, place.y_m, place.heading_rad, mission.initial_charge(place.id),
-            mission.battery.drive_s, mission.battery.idle_s, mission.battery.charge_s, f"robot{place.id}",
-        )
-        for place in workspace.robots
-    ]  # fmt: skip
+    specs = robot_specs(mission, workspace)
     faults = read_faults(mission, [spec.id for spec in specs])
     with ExitStack() as stack:
         declared = backend_class.robot_class.declared
