@@ -212,10 +212,23 @@ def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | No
         raise ConfigError(_TOO_DEEP, source=source) from failure
     if _nested_too_deeply(raw):
         raise ConfigError(_TOO_DEEP, source=source)
+    return _checked(raw, source, overrides, key_lines(text))
+
+
+def make_mission(tables: Mapping[str, Any], source: str, overrides: Mapping[str, object] | None = None) -> Mission:
+    """Make a mission of its tables, such as a recording keeps; `source` names them in errors. See `load_mission`."""
+    return _checked(copy.deepcopy(dict(tables)), source, overrides, {})
+
+
+def _checked(
+    raw: dict[str, Any],
+    source: str,
+    overrides: Mapping[str, object] | None,
+    lines: dict[tuple[str, ...], int],
+) -> Mission:
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     for key, value in given.items():
         _override(raw, key, copy.deepcopy(value))
-    lines = key_lines(text)
     try:
         mission = Mission.model_validate(raw)
     except ValidationError as failure:
