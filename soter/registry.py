@@ -22,17 +22,21 @@ ENTRY_POINT_GROUP: Final = "soter.adapters"
 BUILT_IN: Final[Mapping[str, str]] = {
     "pybullet": "soter.adapters.pybullet:PyBulletBackend",
     "kinematic": "soter.adapters.pybullet:KinematicBackend",
+    "mavlink": "soter.adapters.mavlink.backend:MavlinkBackend",
+    "mavsdk": "soter.adapters.mavlink.mavsdk_backend:MavsdkBackend",
     "ros2": "soter.adapters.ros2.backend:Ros2Backend",
 }
 """The backends of this distribution. They are found without it being installed, and nobody can take their names."""
 
-LIBRARIES: Final[Mapping[str, str]] = {"pybullet": "pybullet"}
+LIBRARIES: Final[Mapping[str, str]] = {"pybullet": "pybullet", "mavlink": "pymavlink", "mavsdk": "mavsdk"}
 """Built-in backends that import a vendor library only when they are opened, and that library."""
 
 INSTALL_HINTS: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
     "ompl": "ompl",
     "matplotlib": "report",
+    "pymavlink": "mavlink",
+    "mavsdk": "mavlink",
     "rclpy": "ros2",
     "geometry_msgs": "ros2",
     "nav_msgs": "ros2",

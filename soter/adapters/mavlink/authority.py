@@ -1,0 +1,70 @@
+"""Who is in charge, on the vehicle's side: MAV_CMD_DO_GUIDED_MASTER, where the vehicle knows it.
+
+A vehicle that does takes targets from the named component only, drops the target when another is named, and lets a
+target move it only while the keeper, who named it, goes on naming it: the lease. The command carries the vehicle's time
+at which the lease was renewed, in its fifth parameter in milliseconds, so that what waited in a buffer renews nothing.
+Real autopilots answer UNSUPPORTED. Then the adapter has to stand in, see `soter.adapters.mavlink.robot`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.components import CONTROLLERS, KEEPER, SENDERS
+from soter.adapters.mavlink.link import AUTOPILOT
+from soter.adapters.mavlink.vehicle import Vehicle
+from soter.sdk import Controller
+
+REPORT: Final = "GMASTER"
+"""NAMED_VALUE_INT by which the vehicle reports: 256 times the system plus the component in charge, negative while the
+lease is dead, 0 for nobody."""
+
+LEASE_PARAMETER: Final = "SOTER_LEASE_MS"
+"""How long the vehicle moves on without a renewal, in milliseconds of its own time."""
+
+_FRESH_S: Final = 0.5
+_MAV_FRAME: Final = mav.MAV_FRAME_GLOBAL
+
+
+class Authority:
+    """The vehicle's own gate.
+
+    Args:
+        vehicle: whose.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle: Final = vehicle
+        self._system: Final = vehicle.link.system
+
+    def name(self, to: Controller, renewed_s: float) -> None:
+        """Put a controller in charge, or leave it there, with a lease from a vehicle's time on."""
+        # 0 would stand for now.
+        self._send(float(self._system), float(SENDERS[to]), max(1, int(renewed_s * 1e3)))
+
+    def release(self) -> None:
+        """Give the vehicle back to everybody, without a target."""
+        self._send(0.0, 0.0, 0)
+
+    def _send(self, system: float, component: float, renewed_ms: int) -> None:
+        self._vehicle.send(KEEPER, "COMMAND_INT", {
+            "target_system": self._vehicle.system, "target_component": AUTOPILOT, "frame": _MAV_FRAME,
+            "command": mav.MAV_CMD_DO_GUIDED_MASTER, "current": 0, "autocontinue": 0,
+            "param1": system, "param2": component, "param3": 0.0, "param4": 0.0,
+            "x": renewed_ms, "y": 0, "z": 0.0,
+        })  # fmt: skip
+
+    def supported(self, since_s: float) -> bool | None:
+        """Return whether the vehicle has such a gate, by its answer since a steady time; None before it answers."""
+        ack = self._vehicle.ack(mav.MAV_CMD_DO_GUIDED_MASTER, since_s)
+        return None if ack is None else ack.result != mav.MAV_RESULT_UNSUPPORTED
+
+    def reported(self) -> Controller | None:
+        """Return who is in charge as the vehicle says; None where it does not, or not of late, or names a stranger."""
+        report = self._vehicle.heard_since("NAMED_VALUE_INT", self._vehicle.now_s - _FRESH_S)
+        if report is None or report.name.rstrip("\0") != REPORT:
+            return None
+        system, component = divmod(abs(report.value), 256)
+        return CONTROLLERS.get(component) if system == self._system else None

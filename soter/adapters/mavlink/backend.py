@@ -1,0 +1,141 @@
+"""The backend `mavlink`: vehicles that are given, or simulated ones that are started for the occasion."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar, Final
+
+from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.link import Inbox, Link
+from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.robot import MavlinkRobot
+from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.truth import StreamedTruth
+from soter.clock import Clock, VehicleClock
+from soter.errors import ConfigError, RobotUnavailable
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
+
+_SYSTEM_MOST: Final = 254
+
+# Crystals are this far apart at most; a simulated vehicle slows down with a host that lags.
+_CRYSTAL: Final = 1e-3
+_SIMULATED: Final = 0.2
+
+
+class MavlinkFleet(Fleet):
+    """Vehicles on one link, and the simulator if it was started for them.
+
+    Args:
+        clock: follows the vehicles' clocks.
+        link: over which they are reached, open.
+        robots: the vehicles.
+        truth: of simulated ones, or None.
+        simulator: to end with the fleet, or None.
+
+    Attributes:
+        simulator: the same.
+    """
+
+    def __init__(
+        self,
+        clock: VehicleClock,
+        link: Link,
+        robots: Sequence[MavlinkRobot],
+        truth: StreamedTruth | None,
+        simulator: Simulator | None,
+    ) -> None:
+        super().__init__(clock, robots, truth)
+        self.simulator: Final = simulator
+        self._link: Final = link
+        self._streamed: Final = truth
+
+    def _close(self) -> None:
+        self._link.close()
+        if self._streamed is not None:
+            self._streamed.close()
+        if self.simulator is not None:
+            self.simulator.close()
+
+
+class VehicleBackend(Backend):
+    """What the backends `mavlink` and `mavsdk` have in common: all but the library that speaks MAVLink."""
+
+    interface_version: ClassVar[int] = INTERFACE_VERSION
+    config_model: ClassVar[type[BackendConfig]] = MavlinkConfig
+    robot_class: ClassVar[type[Robot]] = MavlinkRobot
+
+    def open(self, config: MavlinkConfig, robots: Sequence[RobotSpec]) -> MavlinkFleet:
+        """Open the link, and start simulated vehicles where none are given; they are not ready before `init()`.
+
+        Raises:
+            ConfigError: the options cannot be used.
+            RobotUnavailable: the link cannot be opened, or the simulated vehicles do not start.
+        """
+        for spec in robots:
+            if not 1 <= spec.id <= _SYSTEM_MOST or spec.id == config.system_id:
+                raise RobotUnavailable(
+                    f"robot {spec.id}: its id is no system id of a vehicle, allowed: 1 to {_SYSTEM_MOST}, other than "
+                    f"our own, {config.system_id}"
+                )
+        simulated = config.connection is None
+        tolerance = _SIMULATED if simulated or config.truth is not None else _CRYSTAL
+        clock = VehicleClock(rate=config.speedup, rate_tolerance=tolerance)
+        port = free_port() if simulated else 0
+        link = self._link(clock, Address.parse(config.connection or f"udpin:127.0.0.1:{port}"), config)
+        robot_class = promising(config.promised())
+        simulator: Simulator | None = None
+        truth: StreamedTruth | None = None
+        try:
+            for spec in robots:
+                link.inboxes[spec.id] = Inbox()
+            vehicles = [robot_class(spec, clock, link, config) for spec in robots]
+            link.start()
+            if simulated:
+                simulator = Simulator(describe(config.workspace, robots), port, *_options(config))
+            address = config.truth if simulator is None else simulator.truth
+            truth = None if address is None else StreamedTruth(clock, address)
+        except BaseException:
+            link.close()
+            if simulator is not None:
+                simulator.close()
+            raise
+        return MavlinkFleet(clock, link, vehicles, truth, simulator)
+
+    @abstractmethod
+    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
+        """Make the link; it is not opened yet."""
+
+
+class MavlinkBackend(VehicleBackend):
+    """Vehicles on MAVLink 2, by pymavlink."""
+
+    harness: ClassVar[str] = "soter.adapters.mavlink.harness:MavlinkHarness"
+
+    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
+        from soter.adapters.mavlink.pymavlink_link import PymavlinkLink, signing_key
+
+        try:
+            passphrase = config.read_passphrase()
+        except (OSError, ValueError) as failure:
+            raise ConfigError(str(failure), key="passphrase_file") from failure
+        key = None if passphrase is None else signing_key(passphrase)
+        return PymavlinkLink(clock, address, config.system_id, COMPONENTS, key)
+
+
+def promising(promised: Capabilities) -> type[MavlinkRobot]:
+    """Return a class of robots that declare this much."""
+
+    class Promising(MavlinkRobot):
+        """A vehicle with the promises of the configuration."""
+
+        declared: ClassVar[Capabilities] = promised
+
+    return Promising
+
+
+def _options(config: MavlinkConfig) -> list[str]:
+    options = ["--vehicle", config.vehicle, "--engine", config.engine, "--speedup", repr(config.speedup)]
+    options += ["--boot", repr(config.boot_s), "--rate", repr(config.stream_hz)]
+    return options if config.passphrase_file is None else [*options, "--sign", str(config.passphrase_file)]

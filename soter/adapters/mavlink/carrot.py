@@ -1,0 +1,46 @@
+"""The dead man of a vehicle that has none: a target that is never further away than the lease covers.
+
+A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
+instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls silent
+the vehicle comes to rest there by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from soter.sdk import RobotState, Waypoint
+
+_SHORT_M: Final = 1e-6
+
+
+class Leg(NamedTuple):
+    """The straight way to a target.
+
+    Attributes:
+        x_m: where it begins, east.
+        y_m: north.
+        z_m: up.
+        target: where it ends.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    target: Waypoint
+
+    def ahead(self, at: RobotState, reach_m: float) -> tuple[float, float, float]:
+        """Return the point on the way that is `reach_m` ahead of a vehicle, or the target where that is nearer."""
+        dx_m, dy_m, dz_m = self.target.x_m - self.x_m, self.target.y_m - self.y_m, self.target.z_m - self.z_m
+        length_m = math.hypot(dx_m, dy_m, dz_m)
+        if length_m < _SHORT_M:
+            return self.target.x_m, self.target.y_m, self.target.z_m
+        gone = (at.x_m - self.x_m) * dx_m + (at.y_m - self.y_m) * dy_m + (at.z_m - self.z_m) * dz_m
+        share = min(max(gone / length_m, 0.0) + reach_m, length_m) / length_m
+        return self.x_m + share * dx_m, self.y_m + share * dy_m, self.z_m + share * dz_m
+
+
+def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:
+    """Return how far ahead a target may be: what is driven in the rest of the lease, and the way to stop after it."""
+    return v_m_s * lease_left_s + v_m_s * v_m_s / (2.0 * brake_m_s2)

@@ -1,0 +1,78 @@
+"""Frames: SOTER's is east, north, up of the workspace; the autopilot's is north, east, down of its EKF's origin.
+
+Headings are radians counter-clockwise from east here and radians clockwise from north there. All conversions of the
+adapter go through this module.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, radians
+from typing import Final, NamedTuple
+
+_M_PER_DEG: Final = 0.011131884502145034 * 1e7
+"""Metres along a meridian by degree, on the sphere that ArduPilot takes the earth for."""
+
+
+class GeoPoint(NamedTuple):
+    """A place on earth.
+
+    Attributes:
+        lat_deg: degrees north.
+        lon_deg: degrees east.
+        alt_m: metres above the sea.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+def wrapped_rad(angle_rad: float) -> float:
+    """Return an angle in (-pi, pi]."""
+    return pi - (pi - angle_rad) % (2.0 * pi)
+
+
+def turned_rad(angle_rad: float) -> float:
+    """Turn a heading (counter-clockwise from east) into a yaw (clockwise from north), or back; in (-pi, pi]."""
+    return wrapped_rad(0.5 * pi - angle_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Where the origin of a vehicle's EKF is in the workspace. Metres.
+
+    Attributes:
+        east_m: east of the workspace's origin.
+        north_m: north of it.
+        up_m: above its plane z = 0.
+    """
+
+    east_m: float = 0.0
+    north_m: float = 0.0
+    up_m: float = 0.0
+
+    @staticmethod
+    def between(workspace: GeoPoint | None, ekf: GeoPoint, plane_m: float) -> Frame:
+        """Return the frame of a vehicle.
+
+        Args:
+            workspace: where the workspace's origin is on earth; None where the EKF has it.
+            ekf: where the EKF has its origin.
+            plane_m: how high the plane z = 0 of the workspace lies above its origin: the height at which copters fly.
+        """
+        if workspace is None:
+            return Frame(up_m=-plane_m)
+        return Frame(
+            (ekf.lon_deg - workspace.lon_deg) * _M_PER_DEG * cos(radians(workspace.lat_deg)),
+            (ekf.lat_deg - workspace.lat_deg) * _M_PER_DEG,
+            ekf.alt_m - workspace.alt_m - plane_m,
+        )
+
+    def to_ned(self, x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
+        """Return north, east and down of the EKF's origin for a place in the workspace."""
+        return y_m - self.north_m, x_m - self.east_m, self.up_m - z_m
+
+    def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
+        """Return x, y and z in the workspace for a place seen from the EKF's origin."""
+        return east_m + self.east_m, north_m + self.north_m, self.up_m - down_m

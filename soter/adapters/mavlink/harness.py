@@ -1,0 +1,147 @@
+"""What the conformance kit needs to judge the MAVLink adapters: fresh vehicles, and ways to break the link to them.
+
+`soter conform mavlink` judges the rover. The other harnesses are given by name, as in
+`soter conform soter.adapters.mavlink.harness:CopterHarness`.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from typing import Any, ClassVar, Final
+
+from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
+from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
+from soter.adapters.mavlink.relay import Relay
+from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.truth import StreamedTruth
+from soter.clock import VehicleClock
+from soter.conformance import Harness, driver
+from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.workspace import Box, RobotPlace, Workspace
+
+_ROOM: Final = Workspace(
+    10.0, 8.0, (),
+    (
+        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
+        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
+    ),
+)  # fmt: skip
+
+
+class MavlinkHarness(Harness):
+    """Opens simulated rovers behind a relay, for every fleet anew.
+
+    Attributes:
+        backend: what is judged.
+        options: of the backend.
+        simulator_options: more arguments for the simulated vehicles.
+    """
+
+    name = "mavlink"
+    room_m = 2.4
+    connect_timeout_s = 30.0
+    backend: ClassVar[type[VehicleBackend]] = MavlinkBackend
+    options: ClassVar[dict[str, Any]] = {}
+    simulator_options: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self) -> None:
+        self._fleet: Fleet | None = None
+        self._simulator: Simulator | None = None
+        self._relay: Relay | None = None
+        self._witness: StreamedTruth | None = None
+        self._drivers: list[subprocess.Popen[bytes]] = []
+
+    def open(self, robots: int) -> Fleet:
+        port = free_port()
+        self._relay = relay = Relay(port)
+        simulator = self._start(robots, relay.port)
+        self._fleet = fleet = self._opened(port, simulator.truth, robots)
+        return fleet
+
+    def close(self) -> None:
+        for process in self._drivers:
+            process.kill()
+            process.wait()
+        self._drivers.clear()
+        if self._relay is not None:
+            self._relay.cut, self._relay.delay_s, self._relay.loss = frozenset(), 0.0, 0.0
+        if self._fleet is not None:
+            self._fleet.close()
+        for each in (self._relay, self._witness, self._simulator):
+            if each is not None:
+                each.close()
+        self._fleet = self._relay = self._witness = self._simulator = None
+
+    # --- faults on the wire --------------------------------------------------------------------------------
+
+    def cut(self, robot_id: int) -> None:
+        self._link().cut |= {robot_id}
+
+    def restore(self, robot_id: int) -> None:
+        self._link().cut -= {robot_id}
+
+    def delay(self, seconds: float) -> None:
+        self._link().delay_s = seconds
+
+    def loss(self, fraction: float) -> None:
+        self._link().loss = fraction
+
+    def duplicate(self, fraction: float) -> None:
+        self._link().duplicate = fraction
+
+    def reorder(self, fraction: float) -> None:
+        self._link().reorder = fraction
+
+    # --- when the other side dies or hangs -----------------------------------------------------------------
+
+    def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
+        port = free_port()
+        simulator = self._start(1, port)
+        self._witness = StreamedTruth(VehicleClock(), simulator.truth)
+        harness = f"{type(self).__module__}:{type(self).__qualname__}"
+        argument = json.dumps({"harness": harness, "port": port, "truth": simulator.truth})
+        process = driver.spawn(f"{__name__}:open_given", argument, target)
+        self._drivers.append(process)
+        return process
+
+    def observe(self, robot_id: int) -> tuple[float, float, float]:
+        assert self._witness is not None
+        return self._witness.pose(robot_id)
+
+    def _start(self, robots: int, port: int) -> Simulator:
+        rate_hz = self.options.get("stream_hz", STREAM_HZ)
+        options = ("--vehicle", self.options.get("vehicle", "rover"), "--rate", str(rate_hz), *self.simulator_options)
+        self._simulator = Simulator(describe(_ROOM, _specs(robots)), port, *options)
+        return self._simulator
+
+    def _opened(self, port: int, truth: str, robots: int) -> MavlinkFleet:
+        config = MavlinkConfig.model_validate(
+            {"workspace": _ROOM, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
+        )
+        return self.backend().open(config, _specs(robots))
+
+    def _link(self) -> Relay:
+        assert self._relay is not None
+        return self._relay
+
+
+class CopterHarness(MavlinkHarness):
+    """Opens simulated copters."""
+
+    name = "mavlink (copter)"
+    options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
+
+
+def open_given(argument: str) -> Fleet:
+    """Return robot 1 at a port that comes as JSON; what the kit's driver process calls."""
+    given = json.loads(argument)
+    harness = HARNESSES[given["harness"].rpartition(":")[2]]()
+    return harness._opened(given["port"], given["truth"], 1)
+
+
+HARNESSES: Final = {each.__name__: each for each in (MavlinkHarness, CopterHarness)}
+
+
+def _specs(robots: int) -> list[RobotSpec]:
+    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in _ROOM.robots[:robots]]

@@ -1,0 +1,120 @@
+"""What the adapter needs of a MAVLink library: the latest messages of each autopilot, and a way to send."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
+
+from soter.clock import Clock
+
+AUTOPILOT: Final = 1
+"""The component id of autopilots. Other components of a vehicle, such as cameras, say nothing of interest here."""
+
+Fields = Mapping[str, Any]
+"""The fields of a message by name. A message that was heard has them as attributes."""
+
+
+class Heard(NamedTuple):
+    """A message that was received.
+
+    Attributes:
+        message: with its fields as attributes.
+        received_s: steady time at which it was.
+    """
+
+    message: Any
+    received_s: float
+
+
+class Inbox:
+    """What one autopilot has said: the latest message of each kind; nothing is queued.
+
+    The receiving thread writes, anybody reads. A hook is called by the receiving thread with every message of its kind:
+    it is for what must not be missed, and has to be quick.
+
+    Attributes:
+        latest: by name of the message.
+        counts: how many have come, by name of the message.
+        hooks: by name of the message.
+    """
+
+    __slots__ = ("counts", "hooks", "latest")
+
+    def __init__(self) -> None:
+        self.latest: Final[dict[str, Heard]] = {}
+        self.counts: Final[dict[str, int]] = {}
+        self.hooks: Final[dict[str, Callable[[Any, float], None]]] = {}
+
+    def put(self, name: str, message: Any, received_s: float) -> None:
+        """Take a message. Called by the receiving thread."""
+        self.latest[name] = Heard(message, received_s)
+        self.counts[name] = self.counts.get(name, 0) + 1
+        hook = self.hooks.get(name)
+        if hook is not None:
+            hook(message, received_s)
+
+
+class Link(ABC):
+    """A connection over which any number of vehicles are reached, each by its system id.
+
+    What a system that nobody asked for says is ignored, so that a foreign heartbeat never changes who is commanded.
+
+    Args:
+        clock: tells when a message was received.
+        system: our system id.
+
+    Attributes:
+        system: the same.
+        inboxes: by system id, of the vehicles that are listened to; filled before `start`.
+        strangers: system ids of other autopilots that were heard, to say so.
+    """
+
+    signs: bool = False
+    """Whether messages are signed."""
+
+    def __init__(self, clock: Clock, system: int) -> None:
+        self.clock: Final = clock
+        self.system: Final = system
+        self.inboxes: Final[dict[int, Inbox]] = {}
+        self.strangers: Final[set[int]] = set()
+
+    def send(self, system: int, component: int, name: str, fields: Fields) -> None:
+        """Send a message to a vehicle in the name of one of our components; never wait.
+
+        What cannot be sent is dropped: whoever sends says it all again.
+
+        Args:
+            system: to which vehicle.
+            component: our component id, one of those that the link was opened with.
+            name: of the message.
+            fields: all of its fields.
+
+        Raises:
+            ValueError: a number is not finite; there are autopilots that crash of one.
+        """
+        for key, value in fields.items():
+            if type(value) is float and not math.isfinite(value):
+                raise ValueError(f"{name}.{key} is {value}, allowed: finite")
+        self._send(system, component, name, fields)
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin to listen.
+
+        Raises:
+            RobotUnavailable: the connection cannot be opened.
+        """
+
+    @abstractmethod
+    def _send(self, system: int, component: int, name: str, fields: Fields) -> None:
+        """Send a message whose fields have been checked."""
+
+    @abstractmethod
+    def beat(self, system: int) -> None:
+        """Send a HEARTBEAT, unless the library does so by itself."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Stop listening and free the connection. Idempotent; may be called before `start`."""

@@ -1,0 +1,27 @@
+"""The backend `mavsdk`: the same vehicles, with MAVSDK speaking MAVLink instead of pymavlink."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.backend import VehicleBackend
+from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.link import Link
+from soter.adapters.mavlink.options import MavlinkConfig
+from soter.clock import Clock
+from soter.errors import ConfigError
+
+
+class MavsdkBackend(VehicleBackend):
+    """Vehicles on MAVLink 2, by MAVSDK."""
+
+    harness: ClassVar[str] = "soter.adapters.mavlink.harness:MavsdkHarness"
+
+    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
+        # Imported here, so that the class can be named where the library is not installed.
+        from soter.adapters.mavlink.mavsdk_link import MavsdkLink
+
+        if config.passphrase_file is not None:
+            raise ConfigError("MAVSDK's Python binding cannot sign; use the backend 'mavlink'", key="passphrase_file")
+        return MavsdkLink(clock, address, config.system_id, COMPONENTS)

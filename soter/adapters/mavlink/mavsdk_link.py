@@ -1,0 +1,99 @@
+"""MAVLink 2 by MAVSDK, in this process: it hears, decodes, packs and sends.
+
+MAVSDK's own telemetry carries no stamps and its offboard plugin repeats the last target by itself, which would defeat the
+lease. So messages go through its direct interface: every one comes as JSON, and each of our components is a server
+component of MAVSDK with a component id of its own. What it cannot do is to sign, and to be silent: it sends heartbeats
+of every component by itself for as long as the process lives.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any, Final
+
+import mavsdk
+from mavsdk.plugins.mavlink_direct_server.mavlink_direct_server import (
+    MavlinkDirectServer,
+    MavlinkDirectServerError,
+    MavlinkMessage,
+)
+
+from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.link import AUTOPILOT, Fields, Link
+from soter.clock import Clock
+from soter.errors import RobotUnavailable
+
+logger = logging.getLogger(__name__)
+
+_EVERYTHING: Final = ""
+
+
+class MavsdkLink(Link):
+    """A link that MAVSDK runs. Its thread calls us with every message.
+
+    Args:
+        clock: tells when a message was received.
+        address: where the vehicles are.
+        system: our system id.
+        components: our component ids.
+    """
+
+    def __init__(self, clock: Clock, address: Address, system: int, components: Sequence[int]) -> None:
+        super().__init__(clock, system)
+        self._address: Final = address
+        self._components: Final = tuple(components)
+        self._senders: Final[dict[int, MavlinkDirectServer]] = {}
+        self._mavsdk: mavsdk.Mavsdk | None = None
+
+    def start(self) -> None:
+        if self._address.kind == "udpin" and _in_use(self._address):
+            # MAVSDK would say that all is well, and hear nothing.
+            raise RobotUnavailable(f"connection '{self._address}' is in use; end the other program that listens there")
+        keeper = self._components[0]
+        configuration = mavsdk.Configuration.create_manual(self.system, keeper, True)
+        self._mavsdk = started = mavsdk.Mavsdk(configuration)
+        configuration.destroy()
+        for component in self._components:
+            self._senders[component] = MavlinkDirectServer(started.server_component_by_id(component))
+        self._senders[keeper].subscribe_message(_EVERYTHING, self._hear)
+        result = started.add_any_connection(self._address.mavsdk_url)
+        if result is not mavsdk.ConnectionResult.SUCCESS:
+            self.close()
+            raise RobotUnavailable(f"connection '{self._address}' cannot be opened: {result.name}")
+
+    def beat(self, system: int) -> None:
+        """Do nothing: MAVSDK sends heartbeats by itself."""
+
+    def close(self) -> None:
+        started, self._mavsdk = self._mavsdk, None
+        if started is not None:
+            self._senders.clear()
+            started.destroy()
+
+    def _send(self, system: int, component: int, name: str, fields: Fields) -> None:
+        sender = self._senders.get(component)
+        if sender is None:
+            return
+        try:
+            sender.send_message(MavlinkMessage(name, 0, 0, system, AUTOPILOT, json.dumps(dict(fields))))
+        except MavlinkDirectServerError as failure:
+            logger.debug("not sent: %s", failure)
+
+    # --- MAVSDK's thread -----------------------------------------------------------------------------------
+
+    def _hear(self, message: Any, _user_data: Any) -> None:
+        received_s = self.clock.steady_s()
+        if message.component_id != AUTOPILOT:
+            return
+        inbox = self.inboxes.get(message.system_id)
+        if inbox is None:
+            self.strangers.add(message.system_id)
+            return
+        # JSON has no NaN.
+        fields = json.loads(message.fields_json, parse_constant=lambda _: math.nan)
+        values = {key: math.nan if value is None else value for key, value in fields.items()}
+        inbox.put(message.message_name, SimpleNamespace(**values), received_s)

@@ -1,0 +1,206 @@
+"""Options of the backends `mavlink` and `mavsdk`, and what vehicles promise by them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.frames import GeoPoint
+from soter.sdk import BackendConfig, Capabilities
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+ROVER: Final = Capabilities(
+    in_process=False,
+    deterministic=False,
+    reverses=True,
+    reports_battery=True,
+    reports_controller=True,
+    v_max_m_s=0.22,
+    yaw_rate_max_rad_s=2.84,
+    brake_m_s2=1.0,
+    body_radius_m=0.105,
+    latency_s=0.02,
+    sample_age_s=0.05,
+    jitter_s=0.03,
+    setpoint_period_s=0.02,
+    lease_s=0.15,
+    tube_m=0.02,
+    overshoot_m=0.01,
+    position_noise_m=0.002,
+    pivots_first=True,
+)
+"""What the simulated rover promises in real time; times without its own control and stream periods."""
+
+COPTER: Final = replace(ROVER, pivots_first=False)
+"""The same of the simulated copter."""
+
+STREAM_HZ: Final = 50.0
+
+VEHICLES: Final = {"rover": ROVER, "copter": COPTER}
+
+_HOST_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s")
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Promise(_Table):
+    """What a real vehicle promises, as far as it differs from the simulated one; see `soter.sdk.Capabilities`.
+
+    `latency_s`, `sample_age_s` and `jitter_s` are those of link and host, in host seconds; the vehicle's control period
+    and the period of its samples come on top.
+    """
+
+    v_max_m_s: Positive | None = None
+    yaw_rate_max_rad_s: Positive | None = None
+    brake_m_s2: Positive | None = None
+    body_radius_m: Positive | None = None
+    latency_s: NotNegative | None = None
+    sample_age_s: NotNegative | None = None
+    jitter_s: NotNegative | None = None
+    setpoint_period_s: Positive | None = None
+    lease_s: Positive | None = None
+    tube_m: NotNegative | None = None
+    overshoot_m: NotNegative | None = None
+    position_noise_m: NotNegative | None = None
+    reverses: bool | None = None
+    pivots_first: bool | None = None
+
+
+class Origin(_Table):
+    """Where on earth the workspace has its origin.
+
+    Attributes:
+        lat_deg: degrees north.
+        lon_deg: degrees east.
+        alt_m: metres above the sea.
+    """
+
+    lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
+    lon_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    alt_m: Annotated[float, Field(ge=-1000.0, le=10_000.0)] = 0.0
+
+
+class Voltage(_Table):
+    """What the voltage of a battery means, for autopilots that do not count its charge.
+
+    Attributes:
+        empty_v: the charge is 0 at or below it.
+        full_v: the charge is 1 at or above it.
+    """
+
+    empty_v: Positive
+    full_v: Positive
+
+    @model_validator(mode="after")
+    def _rises(self) -> Self:
+        if not self.empty_v < self.full_v:
+            raise ValueError(f"empty_v is {self.empty_v}, allowed: below full_v = {self.full_v}")
+        return self
+
+
+class MavlinkConfig(BackendConfig):
+    """Options of the backends `mavlink` and `mavsdk`.
+
+    Attributes:
+        connection: where the vehicles are; None: simulated ones are started, and ended with the run.
+        truth: where a simulator that was started by hand tells what really happens, as host:port.
+        vehicle: what the vehicles are.
+        system_id: ours; an ArduPilot heeds only the heartbeats of the one in its SYSID_MYGCS, which is 255.
+        passphrase_file: its first line signs every message; what is not signed with it is dropped.
+        unsigned: go without signing over a connection that leaves this host.
+        origin: of the workspace; None: each vehicle's EKF has its origin there.
+        height_m: how high above the EKF's origin copters fly: the workspace's plane z = 0.
+        stream_hz: how often samples come; a vehicle that grants less is refused.
+        speedup: seconds of the vehicles in one second of the host; for simulated ones only.
+        engine: of the simulated ones that are started.
+        boot_s: vehicle time until these are ready.
+        on_close: what copters do in the end, after they have stopped.
+        promise: what differs from the simulated vehicles.
+        voltage: for autopilots that do not count the charge.
+    """
+
+    connection: str | None = None
+    truth: str | None = None
+    vehicle: Literal["rover", "copter"] = "rover"
+    system_id: Annotated[int, Field(ge=1, le=255)] = 255
+    passphrase_file: Path | None = None
+    unsigned: bool = False
+    origin: Origin | None = None
+    height_m: Positive = 1.5
+    stream_hz: Annotated[float, Field(ge=4.0, le=200.0)] = STREAM_HZ
+    speedup: Positive = 1.0
+    engine: Literal["kinematic", "pybullet"] = "kinematic"
+    boot_s: NotNegative = 1.0
+    on_close: Literal["land", "hold"] = "land"
+    promise: Promise = Promise()
+    voltage: Voltage | None = None
+
+    @field_validator("connection")
+    @classmethod
+    def _is_address(cls, text: str | None) -> str | None:
+        if text is not None:
+            Address.parse(text)
+        return text
+
+    @field_validator("truth")
+    @classmethod
+    def _stays_here(cls, text: str | None) -> str | None:
+        if text is not None and not Address.parse(f"tcp:{text}").is_local:
+            raise ValueError("allowed: 127.0.0.1:PORT; the truth is told on the simulator's own host only")
+        return text
+
+    @model_validator(mode="after")
+    def _is_signed(self) -> Self:
+        if self.connection is not None and self.passphrase_file is None and not self.unsigned:
+            address = Address.parse(self.connection)
+            if not address.is_local:
+                raise ValueError(
+                    f"connection '{address}' leaves this host and nothing is signed, so that anybody there could "
+                    "command the vehicles; set passphrase_file, or unsigned = true where the network itself is closed"
+                )
+        return self
+
+    def read_passphrase(self) -> str | None:
+        """Return the passphrase, or None where nothing is signed.
+
+        Raises:
+            OSError: the file cannot be read.
+            ValueError: it has none.
+        """
+        if self.passphrase_file is None:
+            return None
+        lines = self.passphrase_file.read_text(encoding="utf-8").splitlines()
+        if not lines or not lines[0].strip():
+            raise ValueError(f"passphrase_file '{self.passphrase_file}' has no passphrase in its first line")
+        return lines[0].strip()
+
+    @property
+    def geo_origin(self) -> GeoPoint | None:
+        """The workspace's origin on earth."""
+        origin = self.origin
+        return None if origin is None else GeoPoint(origin.lat_deg, origin.lon_deg, origin.alt_m)
+
+    def promised(self) -> Capabilities:
+        """Return what the vehicles promise: times are in fleet time, of which a host second has `speedup`."""
+        given: dict[str, Any] = {key: value for key, value in self.promise if value is not None}
+        return _with_periods(replace(VEHICLES[self.vehicle], **given), self.stream_hz, self.speedup)
+
+
+def simulated(vehicle: str) -> Capabilities:
+    """Return what a simulated vehicle promises in real time."""
+    return _with_periods(VEHICLES[vehicle], STREAM_HZ, 1.0)
+
+
+def _with_periods(base: Capabilities, stream_hz: float, speedup: float) -> Capabilities:
+    times = {name: getattr(base, name) * speedup for name in _HOST_TIMES}
+    times["latency_s"] += base.setpoint_period_s
+    times["sample_age_s"] += 1.0 / stream_hz
+    return replace(base, **times)

@@ -1,0 +1,259 @@
+"""Gets a vehicle ready, and ready again after a reboot: what is missing is asked for until the vehicle shows it.
+
+`step` asks for one thing at a time and never waits, so that `init()` and a supervisor that must not stop call the same.
+Nothing is believed because it was sent or accepted: every step ends with what the vehicle itself reports.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.authority import LEASE_PARAMETER, Authority
+from soter.adapters.mavlink.components import KEEPER
+from soter.adapters.mavlink.frames import GeoPoint
+from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.setpoints import Setpoints
+from soter.adapters.mavlink.timesync import TimeSync
+from soter.adapters.mavlink.vehicle import Vehicle
+from soter.errors import RobotUnavailable
+from soter.sdk import Controller
+
+_RETRY_S: Final = 0.4
+_SLOWER: Final = 0.8
+_ASKED_HZ: Final = 50.0
+_FLOWING: Final = 0.6
+_COUNTED_S: Final = 0.5
+_REST_M_S: Final = 0.01
+_REST_RAD_S: Final = 0.02
+_HEIGHT_M: Final = 0.25
+
+STREAMS: Final = {
+    "LOCAL_POSITION_NED": mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    "ATTITUDE": mav.MAVLINK_MSG_ID_ATTITUDE,
+}
+"""What samples are made of."""
+
+_SLOW_STREAMS: Final = {
+    mav.MAVLINK_MSG_ID_HEARTBEAT: 5.0,
+    mav.MAVLINK_MSG_ID_SYS_STATUS: 4.0,
+    mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 4.0,
+    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+}
+_REPORT_HZ: Final = 20.0
+
+
+class Preparation:
+    """What one vehicle still lacks.
+
+    Args:
+        vehicle: which.
+        time_sync: its clock.
+        authority: its gate, if it has one.
+        setpoints: what it is told to do; told where it is to hover.
+        config: what is expected of it.
+        lease_s: how long it may move without a renewal.
+
+    Attributes:
+        begun: whether anything was asked of it yet.
+        ready: whether nothing is missing.
+        waits_for: what is, in words.
+        gated: whether the vehicle itself enforces who is in charge; None until it has said.
+        origin: where its EKF has its origin; None until it has said.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        time_sync: TimeSync,
+        authority: Authority,
+        setpoints: Setpoints,
+        config: MavlinkConfig,
+        lease_s: float,
+    ) -> None:
+        self._vehicle: Final = vehicle
+        self._time_sync: Final = time_sync
+        self._authority: Final = authority
+        self._setpoints: Final = setpoints
+        self._config: Final = config
+        self._lease_ms: Final = round(lease_s * 1e3)
+        self._steps: Iterator[str] = iter(())
+        self._since_s = self._asked_s = -math.inf
+        self.begun = self.ready = False
+        self.waits_for = "everything"
+        self.gated: bool | None = None
+        self.origin: GeoPoint | None = None
+
+    def begin(self) -> None:
+        """Begin, or begin anew: nothing that the vehicle said up to now counts."""
+        self._since_s = self._vehicle.now_s
+        self._steps = self._run()
+        self.begun, self.ready = True, False
+
+    def step(self) -> bool:
+        """Ask for what is missing; return whether nothing is.
+
+        Raises:
+            RobotUnavailable: the vehicle is none that can be commanded, or not the one that was promised.
+        """
+        self.waits_for = next(self._steps, "")
+        self.ready = not self.waits_for
+        return self.ready
+
+    def why_not(self) -> str:
+        """Return what it lacks, with what the autopilot itself says of it."""
+        vehicle = self._vehicle
+        text, complaints = self.waits_for, vehicle.complaints(self._since_s)
+        if vehicle.heartbeat is None and vehicle.link.strangers:
+            text += f"; heard are the systems {sorted(vehicle.link.strangers)}"
+        return f"{text}; it says: {complaints}" if complaints else text
+
+    # --- the steps -----------------------------------------------------------------------------------------
+
+    def _run(self) -> Iterator[str]:
+        vehicle = self._vehicle
+        yield from self._until(lambda: vehicle.heard_since("HEARTBEAT", self._since_s) is not None, "a heartbeat")
+        kind = vehicle.kind
+        if kind.name != self._config.vehicle:
+            raise RobotUnavailable(
+                f"it is a {kind.name}, and a {self._config.vehicle} was expected; set vehicle = '{kind.name}' in the "
+                "backend's options"
+            )
+        for name, message_id in STREAMS.items():
+            yield from self._stream(name, message_id)
+        for message_id, hz in _SLOW_STREAMS.items():
+            vehicle.ask_for(KEEPER, message_id, hz)
+        yield from self._until(
+            lambda: vehicle.ekf_ready(self._since_s), "its EKF to know where it is",
+            lambda: vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT),
+        )  # fmt: skip
+        yield from self._until(
+            self._heard_origin, "the origin of its EKF",
+            lambda: vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN),
+        )  # fmt: skip
+        yield from self._until(lambda: self._time_sync.settled, "its clock to be known")
+        if vehicle.mode == kind.guided and vehicle.armed:
+            # Whatever it was on its way to is dropped by leaving the mode.
+            yield from self._mode(kind.stop)
+        yield from self._mode(kind.guided)
+        yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._name)
+        yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
+        if kind.flies:
+            height_m = self._config.height_m
+            yield from self._until(
+                lambda: self._up_m() >= height_m - _HEIGHT_M, f"it to be {height_m:g} m up", self._take_off
+            )
+        yield from self._until(self._rests, "it to stand still")
+
+    def _until(self, reached: Callable[[], bool], what: str, ask: Callable[[], None] | None = None) -> Iterator[str]:
+        """Ask, now and then, until something is so."""
+        self._asked_s = -math.inf
+        while not reached():
+            if ask is not None and self._due():
+                ask()
+            yield what
+
+    def _due(self) -> bool:
+        now_s = self._vehicle.now_s
+        if now_s - self._asked_s < _RETRY_S:
+            return False
+        self._asked_s = now_s
+        return True
+
+    def _stream(self, name: str, message_id: int) -> Iterator[str]:
+        """Ask for a message at a high rate, for less where that is denied, and see it come."""
+        vehicle, least_hz = self._vehicle, self._config.stream_hz
+        hz = max(_ASKED_HZ, least_hz)
+        while True:
+            asked_s, ack = vehicle.now_s, None
+            vehicle.ask_for(KEEPER, message_id, hz)
+            while ack is None and vehicle.now_s - asked_s < _RETRY_S:
+                yield f"an answer to what it is asked for ({name})"
+                ack = vehicle.ack(mav.MAV_CMD_SET_MESSAGE_INTERVAL, asked_s)
+            if ack is not None and ack.accepted:
+                break
+            if ack is not None:
+                if hz <= least_hz:
+                    raise RobotUnavailable(
+                        f"it does not send {name} {hz:g} times a second ({ack.name}); set a lower stream_hz, which "
+                        "makes samples older"
+                    )
+                hz = max(hz * _SLOWER, least_hz)
+        yield from self._flows(name, hz)
+
+    def _flows(self, name: str, hz: float) -> Iterator[str]:
+        """Wait until a message comes about as often as was granted: there are vehicles that accept and do nothing."""
+        inbox = self._vehicle.inbox
+        while True:
+            begun, began = inbox.latest.get(name), inbox.counts.get(name, 0)
+            while begun is None or begun.received_s < self._since_s:
+                yield f"{name}"
+                begun, began = inbox.latest.get(name), inbox.counts.get(name, 0)
+            count, passed_s = 0, 0.0
+            while passed_s < _COUNTED_S:
+                yield f"{name}: it has granted {hz:.0f} Hz, and sends {count / passed_s if passed_s else 0.0:.0f} Hz"
+                count = inbox.counts[name] - began
+                passed_s = (inbox.latest[name].message.time_boot_ms - begun.message.time_boot_ms) * 1e-3
+                if passed_s < 0.0:
+                    break
+            if passed_s >= _COUNTED_S and count >= _FLOWING * hz * passed_s:
+                return
+
+    def _heard_origin(self) -> bool:
+        said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
+        if said is not None:
+            self.origin = GeoPoint(said.latitude * 1e-7, said.longitude * 1e-7, said.altitude * 1e-3)
+        return said is not None
+
+    def _mode(self, mode: int) -> Iterator[str]:
+        vehicle = self._vehicle
+
+        def ask() -> None:
+            vehicle.set_mode(KEEPER, mode)
+            # PX4 takes targets only from who has been sending them for a while.
+            if vehicle.kind.is_px4:
+                self._setpoints.stand(Controller.SC)
+
+        return self._until(lambda: vehicle.mode == mode, f"the mode {vehicle.kind.mode_name(mode)}", ask)
+
+    def _name(self) -> None:
+        # Vehicles with a gate know this parameter, others do not mind.
+        self._vehicle.set_parameter(KEEPER, LEASE_PARAMETER, self._lease_ms)
+        vehicle_s = self._time_sync.to_vehicle_s(self._vehicle.link.clock.now())
+        if vehicle_s is not None:
+            self._authority.name(Controller.SC, vehicle_s)
+        if self.gated is not False:
+            self._vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_NAMED_VALUE_INT, _REPORT_HZ)
+
+    def _knows_gate(self) -> bool:
+        supported = self._authority.supported(self._since_s)
+        if supported:
+            self.gated = True
+            lease_ms = self._vehicle.parameter(LEASE_PARAMETER, self._since_s)
+            return self._authority.reported() is Controller.SC and lease_ms == self._lease_ms
+        self.gated = supported
+        return supported is False
+
+    def _arm(self) -> None:
+        self._vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+
+    def _take_off(self) -> None:
+        self._name()
+        if self._up_m() < _HEIGHT_M:
+            height_m = self._config.height_m
+            self._vehicle.command(KEEPER, mav.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
+
+    def _up_m(self) -> float:
+        position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)
+        return -math.inf if position is None else -position.z
+
+    def _rests(self) -> bool:
+        position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)
+        attitude = self._vehicle.heard_since("ATTITUDE", self._since_s)
+        if position is None or attitude is None:
+            return False
+        speed_m_s = math.hypot(position.vx, position.vy, position.vz)
+        return speed_m_s <= _REST_M_S and abs(attitude.yawspeed) <= _REST_RAD_S

@@ -1,0 +1,133 @@
+"""MAVLink 2 by pymavlink: one thread hears and decodes, whoever calls sends."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, Link
+from soter.adapters.mavlink.transport import Peer, Transport, open_transport
+from soter.clock import Clock
+
+logger = logging.getLogger(__name__)
+
+_WAIT_S: Final = 0.05
+_CLOSE_S: Final = 2.0
+_TYPES: Final[Mapping[int, Any]] = mav.mavlink_map
+_MESSAGES: Final = {each.msgname: each for each in _TYPES.values()}
+_HEARTBEAT: Final[Fields] = {
+    "type": mav.MAV_TYPE_GCS,
+    "autopilot": mav.MAV_AUTOPILOT_INVALID,
+    "base_mode": 0,
+    "custom_mode": 0,
+    "system_status": mav.MAV_STATE_ACTIVE,
+    "mavlink_version": 3,
+}
+
+_SHORTEST_FRAME: Final = 8
+
+# Signatures count units of 10 microseconds from the start of 2015.
+_SIGNING_EPOCH_S: Final = 1_420_070_400
+_SIGNING_PER_S: Final = 100_000
+
+
+def signing_key(passphrase: str) -> bytes:
+    """Return the key that a passphrase stands for, as ground stations make it."""
+    return hashlib.sha256(passphrase.encode()).digest()
+
+
+class PymavlinkLink(Link):
+    """A link whose messages pymavlink packs and parses.
+
+    Args:
+        clock: tells when a message was received.
+        address: where the vehicles are.
+        system: our system id.
+        components: our component ids; the first of them sends heartbeats.
+        key: of 32 bytes: everything is signed, and what is not signed with it is dropped. None: nothing is signed.
+    """
+
+    def __init__(
+        self, clock: Clock, address: Address, system: int, components: Sequence[int], key: bytes | None = None
+    ) -> None:
+        super().__init__(clock, system)
+        self.signs = key is not None
+        self._address: Final = address
+        self._key: Final = key
+        self._voice: Final = components[0]
+        self._senders: Final = {component: _codec(system, component, key) for component in components}
+        self._peers: Final[dict[int, Peer]] = {}
+        self._parser: Final = _codec(0, 0, key)
+        self._done: Final = threading.Event()
+        self._transport: Transport | None = None
+        self._thread: Final = threading.Thread(target=self._run, name="mavlink-link", daemon=True)
+
+    def start(self) -> None:
+        self._transport = open_transport(self._address)
+        self._thread.start()
+
+    def beat(self, system: int) -> None:
+        self._send(system, self._voice, "HEARTBEAT", _HEARTBEAT)
+
+    def close(self) -> None:
+        self._done.set()
+        if self._transport is not None:
+            self._thread.join(_CLOSE_S)
+            self._transport.close()
+            self._transport = None
+
+    def _send(self, system: int, component: int, name: str, fields: Fields) -> None:
+        transport, sender = self._transport, self._senders[component]
+        if transport is None:
+            return
+        values = {key: value.encode() if isinstance(value, str) else value for key, value in fields.items()}
+        packet = _MESSAGES[name](**values).pack(sender)
+        sender.seq = (sender.seq + 1) % 256
+        transport.send(packet, self._peers.get(system))
+
+    # --- the receiving thread ------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        transport = self._transport
+        assert transport is not None
+        while not self._done.is_set():
+            for data, peer in transport.receive(_WAIT_S):
+                try:
+                    self._take(data, peer)
+                except Exception:
+                    # What arrives is anybody's; a message that cannot be dealt with must not deafen the others.
+                    logger.exception("a packet from %s was dropped", peer)
+
+    def _take(self, data: bytes, peer: Peer) -> None:
+        received_s = self.clock.steady_s()
+        parser, inboxes = self._parser, self.inboxes
+        for message in parser.parse_buffer(data) or ():
+            name, header = message.msgname, message._header
+            if header.srcComponent != AUTOPILOT or name not in _MESSAGES:
+                continue
+            inbox: Inbox | None = inboxes.get(header.srcSystem)
+            if inbox is None:
+                self.strangers.add(header.srcSystem)
+            else:
+                self._peers[header.srcSystem] = peer
+                inbox.put(name, message, received_s)
+        if peer is not None and parser.buf_len():
+            # Half a packet must not swallow the next datagram.
+            parser.buf, parser.buf_index, parser.expected_length = bytearray(), 0, _SHORTEST_FRAME
+
+
+def _codec(system: int, component: int, key: bytes | None) -> mav.MAVLink:
+    codec = mav.MAVLink(None, system, component)
+    codec.robust_parsing = True
+    if key is not None:
+        codec.signing.secret_key = key
+        codec.signing.sign_outgoing = True
+        codec.signing.timestamp = int((time.time() - _SIGNING_EPOCH_S) * _SIGNING_PER_S)
+    return codec

@@ -1,0 +1,248 @@
+"""One vehicle behind the narrow interface, whichever library its link uses.
+
+Where the vehicle knows who is in charge and has a lease of its own, it is told of both at every tick. Where it does
+not, this adapter stands in: it lets only the controller in charge send, overwrites the target at a change, and never
+sends a target that is further away than the lease covers. Heartbeats, targets and renewals are sent by `_renew_lease`
+and by no thread or timer, so that a vehicle whose supervisor has stopped hears nothing more.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar, Final
+
+from soter.adapters.mavlink.authority import Authority
+from soter.adapters.mavlink.carrot import Leg, reach_m
+from soter.adapters.mavlink.charge import Charge
+from soter.adapters.mavlink.components import KEEPER
+from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.link import Link
+from soter.adapters.mavlink.options import MavlinkConfig, simulated
+from soter.adapters.mavlink.preparation import Preparation
+from soter.adapters.mavlink.sampling import Sampler
+from soter.adapters.mavlink.setpoints import Setpoints
+from soter.adapters.mavlink.timesync import TimeSync
+from soter.adapters.mavlink.vehicle import Vehicle
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable, Unsupported
+from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
+
+logger = logging.getLogger(__name__)
+
+_LOOK_S: Final = 0.01
+_BEAT_S: Final = 1.0
+_SYNC_S: Final = 0.05
+_LOST_S: Final = 1.0
+_REPEAT_S: Final = 0.1
+_REST_M_S: Final = 0.005
+_REST_RAD_S: Final = 0.02
+
+
+class MavlinkRobot(Robot):
+    """One vehicle.
+
+    Args:
+        spec: which; its id is the vehicle's system id.
+        clock: follows the vehicles' clocks.
+        link: over which it is reached.
+        config: of the backend.
+    """
+
+    declared: ClassVar[Capabilities] = simulated("rover")
+
+    def __init__(self, spec: RobotSpec, clock: VehicleClock, link: Link, config: MavlinkConfig) -> None:
+        super().__init__(spec, clock)
+        volts = (None, None) if config.voltage is None else (config.voltage.empty_v, config.voltage.full_v)
+        self._config: Final = config
+        self._vehicle: Final = Vehicle(link, spec.id)
+        self._time_sync: Final = TimeSync(spec.id, clock, self._vehicle.inbox)
+        self._authority: Final = Authority(self._vehicle)
+        self._setpoints: Final = Setpoints(self._vehicle, self.declared.v_max_m_s)
+        self._preparation: Final = Preparation(
+            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared.lease_s
+        )
+        self._sampler: Final = Sampler(
+            spec.id, self._vehicle.inbox, self._time_sync, Charge(spec.drive_s, *volts), self._reported
+        )
+        self._charge = Controller.SC
+        self._leg: Leg | None = None
+        self._gated = False
+        self._renewed_s = 0.0
+        self._beaten_s = self._synced_s = -math.inf
+        self._reboots = 0
+        self._lost = False
+
+    # --- the hooks -----------------------------------------------------------------------------------------
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        until_s = self.clock.steady_s() + timeout_s
+        self._preparation.begin()
+        while not self._prepared():
+            if self.clock.steady_s() > until_s:
+                raise RobotUnavailable(
+                    f"robot {self.id}: it did not get ready within {timeout_s:g} s; it lacks "
+                    f"{self._preparation.why_not()}"
+                )
+            self._keep_in_touch()
+            time.sleep(_LOOK_S)
+        sample = self._sample()
+        if sample is None:
+            raise RobotUnavailable(f"robot {self.id}: it is ready, but does not say where it is")
+        found = self.declared
+        if not self._gated:
+            reverses = found.reverses and self._sampler.flies
+            found = replace(found, reports_controller=False, reverses=reverses)
+        return found if sample.battery is not None else replace(found, reports_battery=False)
+
+    def _send_goto(self, goal: Goal) -> None:
+        target, at = goal.target, self._sample()
+        if not self._sampler.flies and abs(target.z_m) > target.radius_m:
+            raise Unsupported(f"robot {self.id}: it stays on the ground, and the target has z_m = {target.z_m:g}")
+        if target.heading_rad is not None and not self._gated and not self._sampler.flies:
+            raise Unsupported(f"robot {self.id}: its autopilot takes no heading to arrive with")
+        if at is not None:
+            self._leg = Leg(at.x_m, at.y_m, at.z_m, target)
+            self._send_target(at)
+
+    def _sample(self) -> RobotState | None:
+        return self._sampler.sample()
+
+    def _hand_over(self, to: Controller) -> None:
+        self._leg = None
+        self._charge = to
+        if self._gated:
+            # Naming another drops the target on the vehicle. The lease stays as it was: only a renewal renews it.
+            self._name()
+        else:
+            self._setpoints.stand(to)
+
+    def _renew_lease(self) -> None:
+        self._keep_in_touch()
+        if self._prepared():
+            self._renewed_s = self.clock.now()
+            if self._gated:
+                self._name()
+            self._send_target(self._sample())
+
+    def _halt(self) -> None:
+        self._leg = None
+        self._setpoints.stand(self._charge)
+
+    def _disconnect(self, timeout_s: float) -> None:
+        self._leg = None
+        vehicle = self._vehicle
+        if not self._preparation.begun or vehicle.heartbeat is None:
+            return
+        kind, sample = vehicle.kind, self._sample()
+        lost = sample is None or self.clock.now() - sample.stamp_s > self.stale_after_s
+        # Who is not heard any more has stopped by itself; it may still come back, but not many do.
+        self._repeat(self._stop, self._stands, min(timeout_s, _LOST_S) if lost else timeout_s)
+        if self._gated:
+            self._authority.release()
+        land = kind.land
+        if land is not None and self._config.on_close == "land":
+            self._repeat(lambda: vehicle.set_mode(KEEPER, land), lambda: vehicle.mode == land, _LOST_S)
+
+    # --- getting and staying ready -------------------------------------------------------------------------
+
+    def _prepared(self) -> bool:
+        """Return whether the vehicle takes targets; if it does not, go on making it.
+
+        It is made ready again after a reboot and after a silence, in which its own fail-safe may have acted. A mode
+        that changes while it is heard is somebody's will, such as a pilot's, and is left alone.
+        """
+        preparation, heard, reboots = self._preparation, self._vehicle.heartbeat is not None, self._time_sync.reboots
+        if reboots != self._reboots or (preparation.ready and heard and self._lost):
+            self._reboots = reboots
+            preparation.begin()
+        self._lost = not heard
+        try:
+            if not preparation.ready and preparation.step():
+                self._adopt()
+        except RobotUnavailable as failure:
+            raise RobotUnavailable(f"robot {self.id}: {failure}") from failure
+        return preparation.ready
+
+    def _adopt(self) -> None:
+        """Take over what was found out about the vehicle."""
+        preparation, kind = self._preparation, self._vehicle.kind
+        assert preparation.origin is not None
+        plane_m = self._config.height_m if kind.flies else 0.0
+        frame = Frame.between(self._config.geo_origin, preparation.origin, plane_m)
+        self._sampler.frame = self._setpoints.frame = frame
+        self._sampler.flies = kind.flies
+        self._gated = preparation.gated is True
+        logger.info(
+            "robot %d: a %s is ready; %s", self.id, kind.name,
+            "it enforces who is in charge" if self._gated else "its autopilot has no gate, the adapter stands in",
+        )  # fmt: skip
+
+    def _keep_in_touch(self) -> None:
+        """Send a heartbeat and ask for the time, now and then. Called with the lease and by nobody else."""
+        now_s = self.clock.steady_s()
+        if now_s - self._beaten_s >= _BEAT_S:
+            self._beaten_s = now_s
+            self._vehicle.link.beat(self.id)
+        if now_s - self._synced_s >= _SYNC_S:
+            self._synced_s = now_s
+            self._vehicle.send(KEEPER, "TIMESYNC", self._time_sync.request())
+
+    # --- what it is told -----------------------------------------------------------------------------------
+
+    def _name(self) -> None:
+        """Tell the vehicle who is in charge, and when the lease was renewed last."""
+        renewed_s = self._time_sync.to_vehicle_s(self._renewed_s)
+        if renewed_s is not None:
+            self._authority.name(self._charge, renewed_s)
+
+    def _send_target(self, at: RobotState | None) -> None:
+        """Send where to go, or to stand, in the name of the controller in charge."""
+        leg = self._leg
+        if leg is None:
+            self._setpoints.stand(self._charge)
+        elif self._gated:
+            self._setpoints.go(self._charge, leg.target, at)
+        else:
+            left_s = self.declared.lease_s - (self.clock.now() - self._renewed_s)
+            if at is None or left_s <= 0.0:
+                self._setpoints.stand(self._charge)
+                return
+            self._setpoints.cap_speed(leg.target.speed_m_s)
+            ahead_m = reach_m(self.declared.v_max_m_s, self.declared.brake_m_s2, left_s)
+            yaw_rad = None if leg.target.heading_rad is None else turned_rad(leg.target.heading_rad)
+            self._setpoints.go_plainly(self._charge, *leg.ahead(at, ahead_m), yaw_rad)
+
+    def _reported(self) -> Controller | None:
+        """Return who is in charge, as the vehicle says; None while somebody else has taken it out of GUIDED."""
+        if not self._gated or self._vehicle.mode != self._vehicle.kind.guided:
+            return None
+        return self._authority.reported()
+
+    # --- the end -------------------------------------------------------------------------------------------
+
+    def _stop(self) -> None:
+        self._setpoints.stand(self._charge)
+        self._vehicle.set_mode(KEEPER, self._vehicle.kind.stop)
+
+    def _stands(self) -> bool:
+        sample = self._sample()
+        return (
+            sample is not None
+            and self.clock.now() - sample.stamp_s <= self.stale_after_s
+            and math.hypot(sample.vx_m_s, sample.vy_m_s) <= _REST_M_S
+            and abs(sample.yaw_rate_rad_s) <= _REST_RAD_S
+            and self._vehicle.mode == self._vehicle.kind.stop
+        )
+
+    def _repeat(self, ask: Callable[[], None], reached: Callable[[], bool], timeout_s: float) -> None:
+        """Ask again and again until something is so, or the time is up."""
+        until_s, asked_s = self.clock.steady_s() + timeout_s, -math.inf
+        while not reached() and self.clock.steady_s() < until_s:
+            if self.clock.steady_s() - asked_s >= _REPEAT_S:
+                asked_s = self.clock.steady_s()
+                ask()
+            time.sleep(_LOOK_S)

@@ -1,0 +1,89 @@
+"""Targets on the wire: SET_POSITION_TARGET_LOCAL_NED in the name of the controller in charge."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.components import KEEPER, SENDERS
+from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.link import AUTOPILOT
+from soter.adapters.mavlink.vehicle import Vehicle
+from soter.sdk import Controller, RobotState, Waypoint
+
+# What of the message is to be ignored, as bits.
+_ONLY_POSITION: Final = 0x0DF8
+_ONLY_VELOCITY: Final = 0x0DC7
+_VELOCITY: Final = 0x0038
+_YAW: Final = 0x0400
+
+_NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
+
+
+class Setpoints:
+    """Sends targets to one vehicle.
+
+    Args:
+        vehicle: which.
+        v_max_m_s: top speed.
+
+    Attributes:
+        frame: where its EKF has its origin.
+    """
+
+    def __init__(self, vehicle: Vehicle, v_max_m_s: float) -> None:
+        self._vehicle: Final = vehicle
+        self._v_max_m_s: Final = v_max_m_s
+        self._speed_m_s: float | None = None
+        self.frame = Frame()
+
+    def stand(self, by: Controller) -> None:
+        """Tell the vehicle to stop and stay: a velocity of nothing, which every autopilot takes at once."""
+        self._send(by, _ONLY_VELOCITY)
+
+    def go(self, by: Controller, target: Waypoint, at: RobotState | None) -> None:
+        """Tell a vehicle that heeds them all where to go, how fast at most, and with which heading to arrive.
+
+        Args:
+            by: the controller in charge.
+            target: where to.
+            at: where it is; None where that is not known, and then it goes as fast as it likes.
+        """
+        mask, more = _ONLY_POSITION, {}
+        if target.heading_rad is not None:
+            mask &= ~_YAW
+            more["yaw"] = turned_rad(target.heading_rad)
+        if target.speed_m_s is not None and at is not None:
+            # Beside a position, the length of a velocity caps the speed; its direction is that of the way.
+            cap_m_s = min(target.speed_m_s, self._v_max_m_s)
+            course_rad = math.atan2(target.x_m - at.x_m, target.y_m - at.y_m)
+            mask &= ~_VELOCITY
+            more |= {"vx": cap_m_s * math.cos(course_rad), "vy": cap_m_s * math.sin(course_rad)}
+        self._send(by, mask, self._place(target.x_m, target.y_m, target.z_m) | more)
+
+    def go_plainly(self, by: Controller, x_m: float, y_m: float, z_m: float, yaw_rad: float | None = None) -> None:
+        """Tell any vehicle where to go; ground vehicles ignore a yaw."""
+        mask, more = _ONLY_POSITION, {}
+        if yaw_rad is not None:
+            mask &= ~_YAW
+            more["yaw"] = yaw_rad
+        self._send(by, mask, self._place(x_m, y_m, z_m) | more)
+
+    def cap_speed(self, speed_m_s: float | None) -> None:
+        """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
+        cap_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
+        if cap_m_s != self._speed_m_s:
+            self._vehicle.command(KEEPER, mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, cap_m_s, -1.0)
+            ack = self._vehicle.ack(mav.MAV_CMD_DO_CHANGE_SPEED, -math.inf)
+            self._speed_m_s = cap_m_s if ack is not None and ack.accepted else None
+
+    def _place(self, x_m: float, y_m: float, z_m: float) -> dict[str, float]:
+        return dict(zip(("x", "y", "z"), self.frame.to_ned(x_m, y_m, z_m), strict=True))
+
+    def _send(self, by: Controller, mask: int, values: dict[str, float] | None = None) -> None:
+        self._vehicle.send(SENDERS[by], "SET_POSITION_TARGET_LOCAL_NED", {
+            "time_boot_ms": 0, "target_system": self._vehicle.system, "target_component": AUTOPILOT,
+            "coordinate_frame": mav.MAV_FRAME_LOCAL_NED, "type_mask": mask, **_NOTHING, **(values or {}),
+        })  # fmt: skip

@@ -1,0 +1,224 @@
+"""Bytes to and from vehicles, over UDP, TCP or a serial line. A bad link neither blocks nor raises.
+
+A message is sent whole or not at all: one that does not fit is dropped, because the next one says it all again.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import select
+import socket
+import termios
+import threading
+import time
+import tty
+from abc import ABC, abstractmethod
+from typing import Final
+
+from soter.adapters.mavlink.address import Address
+from soter.errors import RobotUnavailable
+
+logger = logging.getLogger(__name__)
+
+Peer = tuple[str, int] | None
+"""Who sent a datagram; None on a stream, which has one other end only."""
+
+_LARGEST: Final = 65536
+_BUFFER_BYTES: Final = 1 << 20
+_PENDING_MOST: Final = 1 << 14
+_RETRY_S: Final = 0.5
+
+
+class Transport(ABC):
+    """One socket or line. `receive` is called by one thread, `send` by one other; `close` after both have ended."""
+
+    @abstractmethod
+    def receive(self, wait_s: float) -> list[tuple[bytes, Peer]]:
+        """Return what has arrived, after waiting for at most so long; nothing while there is no link."""
+
+    @abstractmethod
+    def send(self, packet: bytes, peer: Peer) -> None:
+        """Send a packet if that is possible now."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free it. Idempotent."""
+
+
+def open_transport(address: Address) -> Transport:
+    """Open what a connection string names.
+
+    Raises:
+        RobotUnavailable: it cannot be opened; a TCP server that is not there yet is waited for instead.
+    """
+    if address.kind in ("udpin", "udpout"):
+        return UdpTransport(address)
+    return StreamTransport(address)
+
+
+class UdpTransport(Transport):
+    """Datagrams: bound to an address that vehicles send to, or sent to one that they listen on."""
+
+    def __init__(self, address: Address) -> None:
+        self._remote: Peer = None
+        try:
+            family, _, _, _, place = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        except OSError as failure:
+            raise RobotUnavailable(f"connection '{address}' cannot be opened: {failure}") from failure
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            if address.kind == "udpin":
+                self._socket.bind(place)
+            else:
+                self._remote = (str(place[0]), int(place[1]))
+        except OSError as failure:
+            self._socket.close()
+            advice = "; end the other program that listens there" if failure.errno == errno.EADDRINUSE else ""
+            raise RobotUnavailable(f"connection '{address}' cannot be opened: {failure}{advice}") from failure
+
+    def receive(self, wait_s: float) -> list[tuple[bytes, Peer]]:
+        if not select.select([self._socket], [], [], wait_s)[0]:
+            return []
+        arrived: list[tuple[bytes, Peer]] = []
+        while len(arrived) < 256:
+            try:
+                arrived.append(self._socket.recvfrom(_LARGEST))
+            except BlockingIOError:
+                break
+            except OSError as failure:
+                # A port on which nobody listens any more answers with an error. Who comes back is heard again.
+                logger.debug("not received: %s", failure)
+        return arrived
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        to = peer or self._remote
+        if to is None:
+            return
+        try:
+            self._socket.sendto(packet, to)
+        except OSError as failure:
+            logger.debug("not sent: %s", failure)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class StreamTransport(Transport):
+    """A TCP connection to a vehicle, or a serial line; opened again whenever it is lost.
+
+    The receiving thread opens and closes; the sending one only uses what is open.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._address = address
+        self._line: _Line | None = None
+        self._tried_s = -_RETRY_S
+
+    def receive(self, wait_s: float) -> list[tuple[bytes, Peer]]:
+        line = self._line
+        if line is None:
+            line = self._line = self._open(wait_s)
+            if line is None:
+                return []
+        data = line.read(wait_s)
+        if data is None:
+            self._line = None
+            line.close()
+            return []
+        return [(data, None)] if data else []
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        line = self._line
+        if line is not None:
+            line.write(packet)
+
+    def close(self) -> None:
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _open(self, wait_s: float) -> _Line | None:
+        now_s = time.perf_counter()
+        if now_s - self._tried_s < _RETRY_S:
+            time.sleep(wait_s)
+            return None
+        self._tried_s = now_s
+        try:
+            if self._address.kind == "tcp":
+                return _connected(self._address)
+            return _serial(self._address)
+        except OSError as failure:
+            logger.debug("connection '%s' is not there: %s", self._address, failure)
+            return None
+
+
+class _Line:
+    """A stream of bytes that is open."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor: Final = descriptor
+        self._pending = b""
+        self._broken = False
+        # A descriptor that is closed while somebody writes to it may by then be another's.
+        self._lock: Final = threading.Lock()
+        os.set_blocking(descriptor, False)
+
+    def read(self, wait_s: float) -> bytes | None:
+        """Return what has arrived; None if the line is lost."""
+        if self._broken:
+            return None
+        if not select.select([self._descriptor], [], [], wait_s)[0]:
+            return b""
+        try:
+            return os.read(self._descriptor, _LARGEST) or None
+        except BlockingIOError:
+            return b""
+        except OSError as failure:
+            logger.debug("not received: %s", failure)
+            return None
+
+    def write(self, packet: bytes) -> None:
+        """Send a packet whole, or drop it."""
+        with self._lock:
+            if len(self._pending) > _PENDING_MOST or self._broken:
+                return
+            self._pending += packet
+            try:
+                self._pending = self._pending[os.write(self._descriptor, self._pending) :]
+            except BlockingIOError:
+                return
+            except OSError as failure:
+                logger.debug("not sent: %s", failure)
+                # The receiving thread closes it.
+                self._broken = True
+
+    def close(self) -> None:
+        with self._lock:
+            self._broken = True
+            os.close(self._descriptor)
+
+
+def _connected(address: Address) -> _Line:
+    connected = socket.create_connection((address.host, address.port), timeout=_RETRY_S)
+    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return _Line(connected.detach())
+
+
+def _serial(address: Address) -> _Line:
+    speed = getattr(termios, f"B{address.port}", None)
+    if speed is None:
+        raise OSError(f"{address.port} is no baud rate of this host")
+    descriptor = os.open(address.host, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        tty.setraw(descriptor)
+        settings = termios.tcgetattr(descriptor)
+        settings[4] = settings[5] = speed
+        termios.tcsetattr(descriptor, termios.TCSANOW, settings)
+    except termios.error as failure:
+        os.close(descriptor)
+        raise OSError(str(failure)) from failure
+    return _Line(descriptor)
