@@ -74,7 +74,9 @@ def _violations(result: RunResult) -> Iterator[Row]:
         yield Row("violations", "unknown: there is no ground truth", "0")
         return
     total = sum(result.violations.values())
-    yield Row("violations", str(total), "0", "bold red" if total else "bold green")
+    ended_s = result.truth_ended_s
+    known = str(total) if ended_s is None else f"{total} up to {_time(ended_s)}, unknown since then"
+    yield Row("violations", known, "0", "bold red" if total else "bold green" if ended_s is None else "bold yellow")
     for rule, count in result.violations.items():
         margin = (result.min_margin or {}).get(rule)
         seen = "" if margin is None or not math.isfinite(margin) else f", least margin {_precise(rule, margin)}"
@@ -117,6 +119,8 @@ def _machinery(result: RunResult) -> Iterator[Row]:
                        f"in {_time(result.wall_s)})")  # fmt: skip
     tick = result.dm_tick_us
     yield Row("decisions, a tick", f"p50 {tick.p50:.1f} us, p99 {tick.p99:.1f} us, max {tick.max:.0f} us")
+    if (late := result.tick_late_ms) is not None:
+        yield Row("ticks late by", f"p50 {late.p50:.1f} ms, p99 {late.p99:.1f} ms, max {late.max:.1f} ms")
     if result.missed_ticks:
         yield Row("missed ticks", str(result.missed_ticks), style="yellow")
 

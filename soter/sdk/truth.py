@@ -69,6 +69,7 @@ class StreamedTruth:
             ),
             told["min_margin"],
             told["contacts"],
+            told["time_s"] + offset_s if silent_s > _SILENT_S else None,
         )
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from soter.cli.summary import caption, differences, headline, outcome, per_robot_hour, print_summary, remarks, rows
-from soter.runner import NeedlessCounts, RunResult
+from soter.runner import NeedlessCounts, RunResult, TickTimes
 
 THESIS_LIKE = {"duration_s": 7200.0, "robots": 2, "targets_from": "grid"}
 
@@ -84,6 +84,16 @@ def test_without_truth_violations_are_unknown(result: RunResult) -> None:
     assert caption(blind, 0.85).rules == ()
 
 
+def test_what_truth_did_not_see_is_unknown(result: RunResult) -> None:
+    shown = values(made(result, violations={"geofence": 0}, truth_ended_s=12.3))
+    assert shown["violations"][0] == "0 up to 12.3 s, unknown since then"
+
+
+def test_on_a_wall_clock_it_says_how_late_ticks_came(result: RunResult) -> None:
+    shown = values(made(result, tick_late_ms=TickTimes(p50=0.11, p99=2.0, max=31.25)))
+    assert shown["ticks late by"][0] == "p50 0.1 ms, p99 2.0 ms, max 31.2 ms"
+
+
 def test_disengagements_are_listed_by_module_with_the_needless(result: RunResult) -> None:
     shown = values(made(
         result, disengagements={"geofence": 4, "collision": 1}, joined={"collision": 2}, disengagements_total=5,
@@ -115,6 +125,7 @@ def test_what_makes_a_run_special_is_remarked(result: RunResult) -> None:
     for expected in ("Another run of this seed may differ: a worker was killed", "Robot 2 lost its AC: it raised"):
         assert expected in text
     shown = values(special)
+    assert "ticks late by" not in shown
     assert shown["missed ticks"][0] == "4"
     assert shown["no certified motion"][0] == "1 tick"
     assert shown["plans replaced"][0] == "2 by certified ways"

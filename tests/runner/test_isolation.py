@@ -21,13 +21,19 @@ from soter.errors import ConfigError, RunFailed
 from soter.runner import Run, run_mission
 from soter.runner.remote_side import RemoteSide
 from soter.sdk import RobotSpec
+from soter_zmq.adapter import ZmqRobot
 from soter_zmq.simulator import Simulator, describe
 
-SURVEILLANCE = Path(__file__).parents[2] / "examples" / "surveillance.toml"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SURVEILLANCE = EXAMPLES / "surveillance.toml"
+ADAPTER = EXAMPLES / "adapter-zmq"
 ZMQ = "soter_zmq.adapter:ZmqBackend"
 SILENT_S = 0.5
 LATEST_MS = 1e3 * SILENT_S / 2.0
 """A tick that waits for a mission that hangs would be later."""
+
+HEARD_S = 0.3
+"""Until the test hears of it, on a busy host."""
 
 QUICK = {"backend": ZMQ, "planner": "straight-line", "duration_s": 3.0, "isolation.silent_s": SILENT_S}
 
@@ -177,34 +183,69 @@ def children(pid: int) -> list[int]:
     return found
 
 
-@pytest.mark.ompl
-def test_a_killed_supervisor_leaves_robots_at_rest_and_no_process() -> None:
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    """Robots in a process of their own, which a run does not start and does not end."""
     workspace = mission().read_workspace()
     specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in workspace.robots]
-    simulator = Simulator(describe(workspace, specs))
+    started = Simulator(describe(workspace, specs))
+    yield started
+    started.close()
+
+
+def mission_file(folder: Path, simulator: Simulator) -> Path:
+    """A mission for the robots of a simulator."""
+    lines = [
+        f'workspace = "{SURVEILLANCE.with_suffix(".xml")}"',
+        f'backend = "{ZMQ}"',
+        f'[backends."{ZMQ}"]',
+        f'truth = "{simulator.truth}"',
+    ]
+    for robot_id, addresses in simulator.endpoints.items():
+        lines.append(f'[backends."{ZMQ}".robots.{robot_id}]')
+        lines += [f'{name} = "{address}"' for name, address in addresses.items()]
+    path = folder / "mission.toml"
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.ompl
+def test_a_killed_supervisor_leaves_robots_at_rest_and_no_process(tmp_path: Path, simulator: Simulator) -> None:
+    truth = Truth(simulator.truth)
+    path = os.pathsep.join([str(ADAPTER), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "soter.cli", "run", str(mission_file(tmp_path, simulator)), "--quiet"]
+    supervisor = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path})
     try:
-        settings = [f"backends.zmq.truth={simulator.truth}"]
-        for robot_id, addresses in simulator.endpoints.items():
-            settings += [f"backends.zmq.robots.{robot_id}.{name}={at}" for name, at in addresses.items()]
-        command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--backend", "zmq", "--quiet"]
-        command += ["--no-record", *(part for setting in settings for part in ("--set", setting))]
-        truth = Truth(simulator.truth)
-        supervisor = subprocess.Popen(command)
-        try:
-            wait_until(lambda: truth.speed_m_s() > 0.1, 30.0)
-            started = children(supervisor.pid)
-            programs = " ".join(Path(f"/proc/{pid}/cmdline").read_text() for pid in started)
-            assert "soter.runner.mission_process" in programs
-            assert "soter.stack.planners.worker" in programs
-            os.kill(supervisor.pid, signal.SIGKILL)
-            killed_s = time.perf_counter()
-            wait_until(lambda: truth.speed_m_s() == 0.0)
-            # The lease, the latency, and braking from top speed; the rest is for hearing of it.
-            assert time.perf_counter() - killed_s < 0.2 + 0.04 + 0.22 + 0.5
-            wait_until(lambda: all(map(is_gone, started)), 2.0)
-        finally:
-            supervisor.kill()
-            supervisor.wait()
-            truth.close()
+        wait_until(lambda: truth.speed_m_s() > 0.1, 30.0)
+        started = children(supervisor.pid)
+        programs = " ".join(Path(f"/proc/{pid}/cmdline").read_text() for pid in started)
+        assert "soter.runner.mission_process" in programs
+        assert "soter.stack.planners.worker" in programs
+        os.kill(supervisor.pid, signal.SIGKILL)
+        killed_s = time.perf_counter()
+        wait_until(lambda: truth.speed_m_s() == 0.0)
+        declared = ZmqRobot.declared
+        declared_s = declared.lease_s + declared.latency_s + declared.v_max_m_s / declared.brake_m_s2
+        assert time.perf_counter() - killed_s < declared_s + HEARD_S
+        wait_until(lambda: all(map(is_gone, started)), 2.0)
     finally:
-        simulator.close()
+        supervisor.kill()
+        supervisor.wait()
+        truth.close()
+
+
+def test_a_world_that_ends_takes_the_truth_with_it(tmp_path: Path, simulator: Simulator) -> None:
+    ticks = iter(range(10**6))
+
+    def stop() -> bool:
+        if next(ticks) == 30:
+            simulator.process.kill()
+        return False
+
+    overrides = {"planner": "straight-line", "duration_s": 3.5}
+    run = run_mission(load_mission(mission_file(tmp_path, simulator), overrides), stop=stop)
+    ticked_s = run.tracks.tracks[1].time_s
+    assert run.result.status == "completed"
+    assert run.result.violations is not None
+    assert run.result.truth_ended_s is not None
+    assert ticked_s[0] + 1.4 < run.result.truth_ended_s < ticked_s[-1] - 1.0
