@@ -8,7 +8,7 @@ robots, seen from above: a copter is a disc at any height, and boxes have no top
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import hypot, isfinite, pi
+from math import cos, hypot, isfinite, pi, sin
 from typing import Final, NamedTuple
 
 from soter.sdk.values import RobotSpec
@@ -153,15 +153,15 @@ class CopterEngine:
             z_m, up = 0.0, max(up, 0.0)
         self._use_charge(i, now_s, flies=z_m > 0.0)
         self._east[i], self._north[i], self._up[i], self.z[i] = east, north, up, z_m
-        bodies.v[i] = hypot(east, north)
+        heading_rad = bodies.heading[i] = pi - (pi - bodies.heading[i] - turn * step_s) % (2.0 * pi)
+        bodies.v[i] = east * cos(heading_rad) + north * sin(heading_rad)
         bodies.yaw_rate[i] = turn
-        bodies.heading[i] = pi - (pi - bodies.heading[i] - turn * step_s) % (2.0 * pi)
 
     def _use_charge(self, i: int, now_s: float, *, flies: bool) -> None:
         """Charge, or use charge, for one step: what flies uses as much as the fastest robot on the ground."""
         bodies, judge = self.bodies, self._judge
         left, on_charger = bodies.charge[i], judge.on_charger[i]
-        if on_charger and not flies and bodies.v[i] == 0.0:
+        if on_charger and not flies and self._east[i] == self._north[i] == 0.0:
             if left <= 0.0:
                 judge.charged(i, now_s)
             bodies.charge[i] = min(left + bodies.charge_per_s[i] * self.period_s, 1.0)

@@ -4,7 +4,8 @@ This is the contract with whoever talks to them. It imports nothing: the vehicle
 
 ```
 python -m soter_sim.mavlink WORLD.json|- [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
-    [--engine kinematic|pybullet] [--rate HZ] [--speedup N] [--boot SECONDS] [--sign FILE] [--parent PID]
+    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--speedup N]
+    [--boot SECONDS] [--sign FILE] [--parent PID]
 ```
 
 `WORLD.json`, or standard input, describes the world: see `soter_sim.mavlink.described`. Once all sockets are open, one
@@ -24,10 +25,11 @@ link.
 
 **Time.** `time_boot_ms` and all other times are the vehicle's: 0 at boot, `--speedup` seconds by second at most. The
 vehicles live in control periods of 1/40 s (`--rate`; PyBullet has 1/20 s): states are those at the end of a period,
-with its stamp, sent at once; what is received acts from the next period on. A host that lags slows the vehicles down.
-No message is sent more than once a period: SET_MESSAGE_INTERVAL is DENIED where it asks for more. TIMESYNC is answered
-with the clock between two periods. A reboot (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only) starts the clock anew
-and forgets message intervals, keeper and home; parameters and mission stay.
+with its stamp, sent at once; what is received acts from the next period on. What a busy host delays is made up for, up
+to 0.25 s of the vehicles' time; a host that lags for longer slows them down. No message is sent more than once a
+period, or `--streams` times a second: SET_MESSAGE_INTERVAL is DENIED where it asks for more. TIMESYNC is answered with
+the clock between two periods. A reboot (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only) starts the clock anew and
+forgets message intervals, keeper and home; parameters and mission stay.
 
 **Boot.** `--boot S`: HEARTBEAT from S/21, a position (whose height is 584 m off) from S/4, EKF_STATUS_REPORT 831
 instead of 167 and correct positions from S on. Arming and modes that need a position are refused until then.
@@ -50,13 +52,15 @@ by its horizontal length. A velocity alone is kept for 3 s of vehicle time. Copt
 changes that:
 
 - param1, param2: system and component in charge, the *master*. Only its targets are obeyed, in GUIDED; others are
-  dropped in silence. Naming another drops the target, and the vehicle brakes. 0, 0 ends all this: no master, no keeper,
-  no lease, no target.
+  dropped in silence. A target whose packet's number shows that a later one has been taken is dropped too. Naming
+  another master drops the target, and the vehicle brakes. 0, 0 ends all this: no master, no keeper, no lease, no
+  target.
 - Who sends it becomes the *keeper*. While the lease lives, only the keeper may send it: others get DENIED.
 - Every DO_GUIDED_MASTER of the keeper, also one that changes nothing, renews the lease, and nothing else does: no
   target, no heartbeat. The lease lasts SOTER_LEASE_MS (default 250, 50 to 5000) of vehicle time. It counts from param5
   (`x` of a COMMAND_INT, exact), the `time_boot_ms` at which the sender renewed it, or from arrival if that is 0; a time
-  in the future counts as now, and a renewal overtaken by a later one shortens nothing.
+  in the future counts as now. One whose time is before that of the last one taken was overtaken: it changes nothing,
+  and is TEMPORARILY_REJECTED.
 - While the lease is dead, the target is held and moves nothing; it passes again when the lease is renewed, because only
   who judged the vehicle safe renews it.
 - Who has been named by a keeper other than itself is a *subordinate*: all it may send is targets, and requests for
@@ -68,20 +72,13 @@ changes that:
   lease is dead, and 0 without a master. It is sent to everybody at once when it changes. POSITION_TARGET_LOCAL_NED (85)
   echoes the target while there is one, whether or not it moves the vehicle.
 
+With `--plain` there is none of this, as on a real ArduPilot: DO_GUIDED_MASTER is UNSUPPORTED, the parameters and
+NAMED_VALUE_INT are missing, yaw and speed of a rover's positions are not looked at.
+
 So a supervisor sends from one component (say 191), names itself for the SC and another (say 192) for the AC, and the AC
 sends targets from there.
 
-**Truth.** TCP on `truth`; what a reader says is ignored. One line of JSON a period, at most 65536 bytes with the
-newline:
-
-```
-{"time_s": world time, "robots": {"1": {"pose": [x_m, y_m, z_m, heading_rad], "velocity": [east, north, up, yaw rate],
- "charge": 0..1, "booted_s": the world time at which its clock began}}, "open": [[rule, [ids], start_s], ...],
- "min_margin": {rule: margin}, "contacts": n, "robot_contacts": n, "closed_before": n, "closed": [[rule, [ids], start_s,
- end_s], ...]}
-```
-
-East, north, up; radians counter-clockwise from east. `closed` has the violations that ended since the last line that
-this reader was sent, `closed_before` how many it was told of earlier: nothing is told twice, and a reader that is slow
-misses lines but no violation. A vehicle's time of a moment is its world time minus `booted_s`.
+**Truth.** Lines of JSON over TCP on `truth`, one a control period, as `soter_sim.truth_server` writes and
+`soter.sdk.truth.StreamedTruth` reads them. Its times are the world's, which are not those of a vehicle that has
+rebooted. A copter is told of as seen from above, with its speed along its heading.
 """

@@ -35,6 +35,8 @@ def main() -> int:
             tcp=tuple(arguments.tcp),
             truth=arguments.truth,
             rate_hz=arguments.rate,
+            streams_hz=arguments.streams,
+            plain=arguments.plain,
             speedup=arguments.speedup,
             boot_s=arguments.boot,
             key=None if arguments.sign is None else read_key(arguments.sign),
@@ -65,7 +67,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--truth", type=int, default=0, help="tell the truth on this port; 0 for any free one")
     parser.add_argument("--vehicle", default="rover", help="rover or copter")
     parser.add_argument("--engine", default="kinematic", help="kinematic or pybullet")
-    parser.add_argument("--rate", type=float, help="control periods, and messages of a kind, in a second at most")
+    parser.add_argument("--rate", type=float, help="control periods in a second")
+    parser.add_argument("--streams", type=float, help="messages of a kind in a second at most; else one a period")
+    parser.add_argument("--plain", action="store_true", help="without what is added to ArduPilot: master, lease, yaw")
     parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
     parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
     parser.add_argument("--sign", type=Path, help="a file with a passphrase: sign, and take what is signed only")

@@ -41,6 +41,7 @@ class Autopilot:
         origin: of the EKF.
         boot_s: from power-on until it is ready.
         transmit: sends a message to everybody.
+        plain: without what this simulation adds to ArduPilot.
 
     Attributes:
         mode: what it does.
@@ -62,11 +63,14 @@ class Autopilot:
         origin: Origin,
         boot_s: float,
         transmit: Callable[[mav.MAVLink_message], None],
+        *,
+        plain: bool = False,
     ) -> None:
         self.id: Final = robot_id
         self.kind: Final = kind
+        self.plain: Final = plain
         self.origin: Final = origin
-        self.parameters: Final = Parameters(kind, robot_id)
+        self.parameters: Final = Parameters(kind, robot_id, plain=plain)
         self.mission: Final = Mission()
         self._vehicle: Final = vehicle
         self._boot_s: Final = boot_s

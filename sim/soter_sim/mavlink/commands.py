@@ -131,6 +131,8 @@ def _reboot(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
 
 
 def _guided_master(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
+    if autopilot.plain:
+        return UNSUPPORTED
     guided, now_s = autopilot.guided, autopilot.now_s
     system, component = command.params[:2]
     # Written so that NaN fails too.
@@ -141,8 +143,8 @@ def _guided_master(autopilot: Autopilot, command: Command, _most_hz: float) -> i
         return DENIED
     since_s = now_s if command.x <= 0.0 else min(now_s, command.x / 1000.0)
     lease_s = autopilot.parameters["SOTER_LEASE_MS"] / 1000.0
-    guided.name(command.by, Source(int(system), int(component)), lease_s, since_s)
-    return ACCEPTED
+    taken = guided.name(command.by, Source(int(system), int(component)), lease_s, since_s)
+    return ACCEPTED if taken else TEMPORARILY_REJECTED
 
 
 def _reposition(autopilot: Autopilot, command: Command, _most_hz: float) -> int:

@@ -16,6 +16,11 @@ from soter_sim.mavlink.setpoint import Place, Setpoint, Velocity
 VELOCITY_S: Final = 3.0
 """A velocity that is not sent again for this long ends; a place does not."""
 
+# Numbers of packets go round: from half a round on, one counts as older.
+_OVERTAKEN: Final = 128
+# No packet is on its way for longer; who begins to count anew is heard again after this.
+_OVERTAKING_S: Final = 5.0
+
 NOBODY: Final = Source(0, 0)
 """In the place of a master: there is none, everybody may command."""
 
@@ -33,6 +38,7 @@ class Guided:
         self.subordinates: set[Source] = set()
         self._mux: Mux[Source, Place | Velocity]
         self._renewed_s: float
+        self._taken: tuple[int, float] | None
         self._open()
 
     @property
@@ -64,35 +70,57 @@ class Guided:
         """Return whether a sender's targets are obeyed."""
         return self.keeper is None or by == self.master
 
-    def name(self, by: Source, master: Source, lease_s: float, since_s: float) -> None:
+    def name(self, by: Source, master: Source, lease_s: float, since_s: float) -> bool:
         """Put a master in charge, or renew its lease; a change drops the target.
 
         Args:
             by: who asks; `may_keep` must be true of it.
             master: whose targets are to be obeyed; `NOBODY` gives the vehicle back to everybody, without a target.
             lease_s: what the lease lasts.
-            since_s: since when; the lease never gets shorter by a renewal that was overtaken by another.
+            since_s: since when.
+
+        Returns:
+            False if it was overtaken by a later one of the same keeper: then nothing has changed.
         """
+        if self.keeper == by and since_s < self._renewed_s:
+            return False
         if master == NOBODY:
             self.keeper = None
             self.subordinates.clear()
             self._open()
-            return
+            return True
         if self.keeper != by:
             self.keeper = by
             self._mux = Mux(master, lease_s)
-            self._renewed_s = -inf
         self._mux.lease_s = lease_s
-        self._mux.switch(master)
+        if self._mux.switch(master):
+            self._taken = None
         if master != by:
             self.subordinates.add(master)
-        self._renewed_s = max(self._renewed_s, since_s)
-        self._mux.renew(self._renewed_s)
+        self._renewed_s = since_s
+        self._mux.renew(since_s)
+        return True
 
-    def give(self, by: Source, target: Place | Velocity, now_s: float) -> bool:
-        """Take a target; return False, and change nothing, if it comes from somebody who is not in charge."""
+    def give(self, by: Source, target: Place | Velocity, now_s: float, seq: int) -> bool:
+        """Take a target; return False, and change nothing, if it is not to be obeyed.
+
+        It is not if it comes from somebody who is not in charge, or, with a keeper, was overtaken on the way by a later
+        one of the master.
+
+        Args:
+            by: who sends it.
+            target: what it is.
+            now_s: the vehicle's time.
+            seq: the number of its packet, from 0 to 255 and round again.
+        """
         if not self.may_go(by):
             return False
+        if self.keeper is not None:
+            if self._taken is not None:
+                last_seq, last_s = self._taken
+                if (seq - last_seq) % 256 >= _OVERTAKEN and now_s - last_s < _OVERTAKING_S:
+                    return False
+            self._taken = seq, now_s
         self.put(target, now_s)
         return True
 
@@ -116,5 +144,6 @@ class Guided:
     def _open(self) -> None:
         self._mux = Mux(NOBODY, inf)
         self._renewed_s = -inf
+        self._taken = None
         # Without a keeper the lease has no end, and begins with the clock.
         self._mux.renew(0.0)

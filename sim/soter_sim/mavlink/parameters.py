@@ -48,6 +48,8 @@ _COMMON: Final = {
     "BATT_CRT_MAH": _whole(0, 0, 10_000),
     "BATT_FS_LOW_ACT": _whole(0, 0, 2),
     "BATT_FS_CRT_ACT": _whole(0, 0, 2),
+}
+_ADDED: Final = {
     "SOTER_LEASE_MS": _whole(250, 50, 5_000),
     "SOTER_YAW_SPEED": _whole(1, 0, 1),
 }
@@ -70,11 +72,12 @@ class Parameters:
     Args:
         kind: which ones there are.
         robot_id: the vehicle's number.
+        plain: without those that this simulation adds to ArduPilot's.
     """
 
-    def __init__(self, kind: Kind, robot_id: int) -> None:
+    def __init__(self, kind: Kind, robot_id: int, *, plain: bool) -> None:
         known = {"SYSID_THISMAV": _whole(robot_id, robot_id, robot_id)} | _COMMON | (_COPTER if kind.flies else _ROVER)
-        self.known: Final = dict(sorted(known.items()))
+        self.known: Final = dict(sorted((known if plain else known | _ADDED).items()))
         self.names: Final = tuple(self.known)
         self._values = {name: each.value for name, each in self.known.items()}
 

@@ -27,13 +27,14 @@ from soter_sim.mavlink.rover import Rover
 from soter_sim.mavlink.setpoint import Vehicle
 from soter_sim.mavlink.station import Station
 from soter_sim.mavlink.telemetry import Message
-from soter_sim.mavlink.truth import TruthServer
+from soter_sim.truth_server import TruthServer
 from soter_sim.world import ENGINES, World
 
 logger = logging.getLogger(__name__)
 
 _SYSTEM_MOST: Final = 254
-_BEHIND_PERIODS: Final = 1.0
+# Of its own time, a world makes up for as much as a busy host can hold it up now and then, and loses what is more.
+_BEHIND_S: Final = 0.25
 _RATE_HZ: Final = 40.0
 
 
@@ -47,8 +48,9 @@ class Settings:
         udp: ports of this host on which ground stations listen.
         tcp: ports to listen on; 0 for any that is free.
         truth: the port of the truth; 0 for any that is free.
-        rate_hz: control periods in a second, and so how often a message may be sent; None: 40, and 20 with PyBullet,
-            which has no other.
+        rate_hz: control periods in a second; None: 40, and 20 with PyBullet, which has no other.
+        streams_hz: how often in a second a message of one kind may be sent at most; None: once a control period.
+        plain: without what this simulation adds to ArduPilot: master, lease, yaw and speed of a place.
         speedup: simulated seconds by second, at most.
         boot_s: simulated time from power-on until an autopilot is ready.
         key: for signing, of 32 bytes, or None.
@@ -64,6 +66,8 @@ class Settings:
     tcp: tuple[int, ...] = ()
     truth: int = 0
     rate_hz: float | None = None
+    streams_hz: float | None = None
+    plain: bool = False
     speedup: float = 1.0
     boot_s: float = 2.0
     key: bytes | None = None
@@ -88,6 +92,8 @@ class Settings:
                 raise ValueError(f"rate_hz is {self.rate_hz}, allowed with the engine '{self.engine}': its own only")
             if not 10.0 <= self.rate_hz <= 200.0:
                 raise ValueError(f"rate_hz is {self.rate_hz}, allowed: 10 to 200")
+        if self.streams_hz is not None and not 1.0 <= self.streams_hz <= 200.0:
+            raise ValueError(f"streams_hz is {self.streams_hz}, allowed: 1 to 200")
         if not 0.0 < self.speedup < inf:
             raise ValueError(f"speedup is {self.speedup}, allowed: above 0")
         if not 0.0 <= self.boot_s < inf:
@@ -136,7 +142,7 @@ class Simulation:
                 self._add(stack, UdpLink(selector, self._hear, port, settings.key))
             for port in settings.tcp:
                 self._add(stack, TcpLink(selector, self._hear, port, settings.key))
-            self.truth: Final = TruthServer(selector, self.world, self.autopilots, settings.truth)
+            self.truth: Final = TruthServer(self.world, settings.truth)
             stack.callback(self.truth.close)
             self._stack: Final = stack.pop_all()
 
@@ -154,18 +160,20 @@ class Simulation:
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
         """Keep pace with the host's clock until `stop` is called, or `alive`, asked in every step, says no.
 
-        A host that lags slows the world down: no period is made up for that is more than one late, so that whoever
-        commands a vehicle loses no time of its lease to this process.
+        What a busy host delays is made up for, up to a quarter of a simulated second; a host that lags for longer
+        slows the world down.
         """
-        period_s = self.world.period_s / self._settings.speedup
+        speedup = self._settings.speedup
+        period_s, behind_s = self.world.period_s / speedup, _BEHIND_S / speedup
         due_s = time.perf_counter() + period_s
         while not self._stopped and alive():
             self._listen(due_s)
             self.step()
-            due_s = max(due_s + period_s, time.perf_counter() - _BEHIND_PERIODS * period_s)
+            due_s = max(due_s + period_s, time.perf_counter() - behind_s)
 
     def step(self) -> None:
-        """Run one control period, and say what is due."""
+        """Hear what has come, run one control period, and say what is due."""
+        self._listen(-inf)
         world = self.world
         world.advance(world.now_s + world.period_s)
         self._stepped_at_s = time.perf_counter()
@@ -190,20 +198,21 @@ class Simulation:
             vehicle = Copter(world.engine, world.index(robot_id))
         else:
             vehicle = Rover(world, robot_id)
-        autopilot = Autopilot(robot_id, kind, vehicle, settings.origin, settings.boot_s, transmit)
-        return Station(autopilot, self._channels, transmit, 1.0 / world.period_s, self.clock_s)
+        autopilot = Autopilot(robot_id, kind, vehicle, settings.origin, settings.boot_s, transmit, plain=settings.plain)
+        most_hz = min(settings.streams_hz or inf, 1.0 / world.period_s)
+        return Station(autopilot, self._channels, transmit, most_hz, self.clock_s)
 
     def _add(self, stack: ExitStack, link: Link) -> None:
         self.links.append(link)
         stack.callback(link.close)
 
     def _listen(self, until_s: float) -> None:
-        """Hear what comes, at least once, until the host's time `until_s`."""
+        """Hear what has come, and what comes until the host's time `until_s`."""
         while True:
             left_s = until_s - time.perf_counter()
             for key, events in self._selector.select(max(left_s, 0.0)):
                 key.data(events)
-            if until_s <= time.perf_counter():
+            if left_s <= 0.0:
                 return
 
     def _hear(self, channel: Channel, by: Source, message: Message) -> None:

@@ -118,9 +118,8 @@ class Station:
         ):
             known = self._announced.get(message_id, value)
             self._announced[message_id] = value
-            if value != known:
-                message = BUILDERS[message_id](autopilot)
-                assert message is not None
+            message = BUILDERS[message_id](autopilot) if value != known else None
+            if message is not None:
                 self._transmit(message)
 
     def _open(self, channel: Channel) -> Streams:
@@ -179,7 +178,7 @@ class Station:
         except NotATarget as failure:
             autopilot.say(mav.MAV_SEVERITY_WARNING, f"Ignored a target: {failure}")
             return
-        autopilot.guided.give(by, target, autopilot.now_s)
+        autopilot.guided.give(by, target, autopilot.now_s, message.get_seq())
 
     # --- links ----------------------------------------------------------------------------------------------
 

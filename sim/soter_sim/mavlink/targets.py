@@ -106,7 +106,7 @@ def _target(
         if velocity is None:
             raise NotATarget(f"type mask {mask} asks for neither a position nor a velocity")
         return replace(velocity, yaw_rate_rad_s=yaw_rate_rad_s)
-    obeys = autopilot.parameters["SOTER_YAW_SPEED"] > 0.0
+    obeys = not autopilot.plain and autopilot.parameters["SOTER_YAW_SPEED"] > 0.0
     speed_m_s = autopilot.cruise_m_s
     if velocity is not None and obeys:
         wanted_m_s = hypot(velocity.east_m_s, velocity.north_m_s)

@@ -247,8 +247,10 @@ def position_target_local_ned(autopilot: Autopilot) -> Message | None:
     return None
 
 
-def guided_master(autopilot: Autopilot) -> Message:
+def guided_master(autopilot: Autopilot) -> Message | None:
     """Return NAMED_VALUE_INT `GMASTER`: 256 x system + component of who is in charge, negative with a dead lease."""
+    if autopilot.plain:
+        return None
     guided = autopilot.guided
     value = 256 * guided.master.system + guided.master.component
     return mav.MAVLink_named_value_int_message(
