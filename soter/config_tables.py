@@ -19,6 +19,7 @@ MODULES: Final = ("collision", "obstacle", "geofence", "battery")
 _TAKEN: Final = (*MODULES, "path", "supervisor")
 """Names that stand for something else in results."""
 
+MotionModel = Literal["speed", "speed-acceleration", "unicycle"]
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
 Period = Annotated[float, Field(gt=0.0, le=60.0, allow_inf_nan=False)]
@@ -71,7 +72,18 @@ class DistanceTable(ModuleTable):
         return self
 
 
-class CollisionTable(DistanceTable):
+class MotionTable(Table):
+    """A module whose margin falls as robots move.
+
+    Attributes:
+        model: what its reach bound looks at: only that there is a top speed and a brake; the present speed too; or
+            the heading as well, of a robot that moves along it and turns. The last two need robots that promise more.
+    """
+
+    model: MotionModel = "speed"
+
+
+class CollisionTable(MotionTable, DistanceTable):
     """Distance between the centres of two robots."""
 
     delta_s: Period = 0.1
@@ -79,7 +91,7 @@ class CollisionTable(DistanceTable):
     phi_safer_m: Metres = 0.5
 
 
-class ObstacleTable(DistanceTable):
+class ObstacleTable(MotionTable, DistanceTable):
     """Clearance between the body and the nearest box."""
 
     delta_s: Period = 0.05
@@ -87,7 +99,7 @@ class ObstacleTable(DistanceTable):
     phi_safer_m: Metres = 0.1
 
 
-class GeofenceTable(ModuleTable):
+class GeofenceTable(MotionTable, ModuleTable):
     """The fence: phi_safe is the workspace itself.
 
     Attributes:

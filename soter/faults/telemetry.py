@@ -49,7 +49,8 @@ class Freeze(Fault[FreezeOptions]):
         if self.options.restamped:
             # The age does not show, so the error of the position has to pay for the way made in that time.
             noise_m = capabilities.position_noise_m + capabilities.v_max_m_s * duration_s
-            return replace(capabilities, position_noise_m=noise_m)
+            # What moved then may have stood by now: nothing bounds the error of a speed or a heading.
+            return replace(capabilities, position_noise_m=noise_m, speed_noise_m_s=None, heading_noise_rad=None)
         return replace(capabilities, sample_age_s=capabilities.sample_age_s + duration_s)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
@@ -98,7 +99,12 @@ class Bias(Fault[BiasOptions]):
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
         error_m = math.hypot(self.options.x_m, self.options.y_m)
-        return replace(capabilities, position_noise_m=capabilities.position_noise_m + error_m)
+        noise_rad = capabilities.heading_noise_rad
+        return replace(
+            capabilities,
+            position_noise_m=capabilities.position_noise_m + error_m,
+            heading_noise_rad=None if noise_rad is None else noise_rad + abs(self.options.heading_rad),
+        )
 
     def command(self, time_s: float, command: Command) -> Sequence[Passage]:
         target, options = command.target, self.options
@@ -151,6 +157,8 @@ class ClockStep(Fault[ClockStepOptions]):
             sample_age_s=capabilities.sample_age_s + self.up_to_ticks(abs(step_s)),
             # What is stamped too late was where the stamp says some time before.
             position_noise_m=capabilities.position_noise_m + capabilities.v_max_m_s * max(0.0, step_s),
+            speed_noise_m_s=None,
+            heading_noise_rad=None,
         )
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
-from soter.rta import Mode, PairBound, RobotSupervisor, RTAModule, Situation, SwitchRecord
+from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
 from soter.sdk import RobotState, Waypoint
 from soter.stack.actuator import PortForwarder
 
@@ -52,7 +52,7 @@ class NeedlessJudge:
         if not isinstance(own, RobotState):
             return False, False
         way = self._pending(record.robot_id, own)
-        meets = isinstance(module.model, PairBound)
+        meets = module.model is not None and module.model.of_pairs
         peers = [(peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)]
         lasts_s = min(_length_m(way) / self._v_max_m_s, LONGEST_S)
         imagined = Situation(record.robot_id, own, record.time_s)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from soter.errors import IllFormedModule
-from soter.rta import PairBound, Region, RTAModule, Situation, Topic
+from soter.rta import Region, RTAModule, Situation, SpeedAccelerationBound, SpeedBound, Threat, Topic
 from soter.sdk import Waypoint
 from soter.stack.battery import Dock
 from soter.stack.recovery import RecoveryPlanner
@@ -53,6 +53,20 @@ class Separation(Region):
                 nearest = distance
         return nearest - self.least_m
 
+    def threats(self, situation: Situation) -> list[Threat]:
+        own = situation.own
+        x, y = own.x_m, own.y_m
+        found = []
+        for peer in situation.peers:
+            dx, dy = peer.x_m - x, peer.y_m - y
+            distance = math.sqrt(dx * dx + dy * dy)
+            # Where both are at one place any direction is as good: the margin is negative.
+            ux, uy = (dx / distance, dy / distance) if distance > 0.0 else (1.0, 0.0)
+            if peer.stamp_s < own.stamp_s:
+                distance -= self.peer_v_max_m_s * (own.stamp_s - peer.stamp_s)
+            found.append(Threat(distance - self.least_m, ux, uy, 0.0, peer))
+        return found
+
     def edge_margin(self, safer: Region) -> float:
         if not isinstance(safer, Separation):
             raise TypeError(f"phi_safer of a separation is a separation, not {type(safer).__name__}")
@@ -77,7 +91,7 @@ def check_halves(module: RTAModule, leg_m: float) -> None:
         IllFormedModule: names the numbers and a value that would do.
     """
     phi_safe, model = module.phi_safe, module.model
-    if not isinstance(phi_safe, Separation) or not isinstance(model, PairBound):
+    if not isinstance(phi_safe, Separation) or model is None or not model.of_pairs:
         return
     if leg_m > phi_safe.least_m / 4.0 + _ROUNDING:
         fits_m = math.ceil(leg_m * 4000.0 - 1e-6) / 1000.0
@@ -87,7 +101,9 @@ def check_halves(module: RTAModule, leg_m: float) -> None:
             f"legs of its safe controllers are up to {leg_m:.3f} m long, more than a quarter of the separation of "
             f"{phi_safe.least_m:g} m; phi_safe_m = {fits_m:.3f} would do, or robots with less latency and sample age",
         )
-    own = model.own
+    own = model.of_own()
+    if not isinstance(own, SpeedBound | SpeedAccelerationBound):
+        raise IllFormedModule(module.name, "P2a", f"a {type(own).__name__} has no top speed that could be checked")
     braking_s = own.v_max_m_s / own.brake_m_s2
     if braking_s > 4.0 * module.delta_s + _ROUNDING:
         raise IllFormedModule(

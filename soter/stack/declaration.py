@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
 from soter.config import Mission
-from soter.rta import DischargeBound, PairBound, RTAModule, SpeedBound, Timing, Topic
+from soter.config_tables import MotionModel
+from soter.rta import DischargeBound, Motion, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
 from soter.stack.geofence import Fence
 from soter.stack.obstacle import Clearance
+from soter.stack.reach import Limits, reach_between, reach_into
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.refuge import RefugeFinder
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
@@ -41,11 +43,13 @@ class PeerBounds:
         v_max_m_s: top speed.
         brake_m_s2: deceleration.
         noise_m: error of a reported position.
+        limits: whatever else bounds their motion.
     """
 
     v_max_m_s: float
     brake_m_s2: float
     noise_m: float
+    limits: Limits
 
     @classmethod
     def of(cls, fleet: Sequence[Capabilities]) -> Self:
@@ -54,6 +58,7 @@ class PeerBounds:
             max(each.v_max_m_s for each in fleet),
             min(each.brake_m_s2 for each in fleet),
             max(each.position_noise_m for each in fleet),
+            Limits.of(*fleet),
         )
 
 
@@ -137,8 +142,16 @@ def declare(
         _inset_m(mission, capabilities),
         _cost_per_m(mission, capabilities),
     )
-    peer = SpeedBound(peers.v_max_m_s, peers.brake_m_s2)
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+    limits = Limits.of(capabilities)
+    motions: dict[MotionModel, Motion] = {"speed": speed}
+
+    def motion(module: str, model: MotionModel) -> Motion:
+        # One of each kind: a robot's samples are tested against each of them once, not once a module.
+        if model not in motions:
+            motions[model] = limits.motion(module, model)
+        return motions[model]
+
     unsure_m = _unsure_m(capabilities)
     refuges = RefugeFinder(
         terrain,
@@ -150,6 +163,8 @@ def declare(
     inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
     fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
+    apart = Separation(rta.collision.phi_safe_m, peers.v_max_m_s, peers.noise_m)
+    clearance = Clearance(terrain, rta.obstacle.phi_safe_m)
     drive_per_s = 1.0 / mission.battery.drive_s
     table = {
         COLLISION: lambda: RTAModule(
@@ -157,9 +172,11 @@ def declare(
             ac,
             BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock),
             rta.collision.delta_s,
-            Separation(rta.collision.phi_safe_m, peer.v_max_m_s, peers.noise_m),
-            Separation(rta.collision.phi_safer_m, peer.v_max_m_s, peers.noise_m),
-            PairBound(speed, peer),
+            apart,
+            replace(apart, least_m=rta.collision.phi_safer_m),
+            reach_between(
+                apart, motion(COLLISION, rta.collision.model), peers.limits.motion(COLLISION, rta.collision.model)
+            ),
             dwell_s=rta.collision.dwell_s,
         ),
         OBSTACLE: lambda: RTAModule(
@@ -167,9 +184,9 @@ def declare(
             ac,
             clear,
             rta.obstacle.delta_s,
-            Clearance(terrain, rta.obstacle.phi_safe_m),
-            Clearance(terrain, rta.obstacle.phi_safer_m),
-            speed,
+            clearance,
+            replace(clearance, least_m=rta.obstacle.phi_safer_m),
+            reach_into(clearance, motion(OBSTACLE, rta.obstacle.model)),
             dwell_s=rta.obstacle.dwell_s,
         ),
         GEOFENCE: lambda: RTAModule(
@@ -179,7 +196,7 @@ def declare(
             rta.geofence.delta_s,
             fence,
             fence.inset(rta.geofence.phi_safer_inset_m),
-            speed,
+            reach_into(fence, motion(GEOFENCE, rta.geofence.model)),
             dwell_s=rta.geofence.dwell_s,
         ),
         BATTERY: lambda: RTAModule(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from soter.rta import Region, Situation
+from soter.rta import Region, Situation, Threat
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,16 @@ class Fence(Region):
         own = situation.own
         x, y = own.x_m, own.y_m
         return min(x - self.low_x_m, self.high_x_m - x, y - self.low_y_m, self.high_y_m - y)
+
+    def threats(self, situation: Situation) -> tuple[Threat, ...]:
+        own = situation.own
+        x, y = own.x_m, own.y_m
+        return (
+            Threat(x - self.low_x_m, -1.0, 0.0),
+            Threat(self.high_x_m - x, 1.0, 0.0),
+            Threat(y - self.low_y_m, 0.0, -1.0),
+            Threat(self.high_y_m - y, 0.0, 1.0),
+        )
 
     def edge_margin(self, safer: Region) -> float:
         if not isinstance(safer, Fence):

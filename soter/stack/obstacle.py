@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from soter.rta import Region, Situation
+from soter.rta import Region, Situation, Threat
 from soter.stack.terrain import Terrain
 
 
@@ -23,6 +23,11 @@ class Clearance(Region):
     def margin(self, situation: Situation) -> float:
         own = situation.own
         return self.terrain.clearance_m(own.x_m, own.y_m) - self.least_m
+
+    def threats(self, situation: Situation) -> list[Threat]:
+        own = situation.own
+        walls = self.terrain.walls(own.x_m, own.y_m)
+        return [Threat(clearance - self.least_m, ux, uy) for clearance, ux, uy in walls]
 
     def edge_margin(self, safer: Region) -> float:
         if not isinstance(safer, Clearance):

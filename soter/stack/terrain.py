@@ -74,6 +74,26 @@ class Terrain:
                 least = distance
         return least - self.body_radius_m
 
+    def walls(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
+        """Return the clearance of a body from every box, and the direction in which it falls fastest.
+
+        The distance to a box is convex, inside it as well.
+        """
+        found = []
+        for low_x, low_y, high_x, high_y in self._edges:
+            west, south = x_m + x_m < low_x + high_x, y_m + y_m < low_y + high_y
+            dx = low_x - x_m if west else x_m - high_x
+            dy = low_y - y_m if south else y_m - high_y
+            ux, uy = 1.0 if west else -1.0, 1.0 if south else -1.0
+            if dx > 0.0 and dy > 0.0:
+                distance = math.sqrt(dx * dx + dy * dy)
+                found.append((distance - self.body_radius_m, ux * dx / distance, uy * dy / distance))
+            elif dx >= dy:
+                found.append((dx - self.body_radius_m, ux, 0.0))
+            else:
+                found.append((dy - self.body_radius_m, 0.0, uy))
+        return found
+
     def segment_clearance_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> float:
         """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact."""
         # No less near than where the leg begins: boxes farther than that from all of the leg need no second look.
@@ -84,7 +104,7 @@ class Terrain:
             low_x, low_y, high_x, high_y = edges
             if low_x - right >= least or left - high_x >= least or low_y - high >= least or low - high_y >= least:
                 continue
-            distance = _segment_to_box(ax_m, ay_m, bx_m, by_m, edges)
+            distance = segment_to_box(ax_m, ay_m, bx_m, by_m, edges)
             if distance < least:
                 least = distance
         return least - self.body_radius_m
@@ -113,7 +133,8 @@ class Terrain:
         return slice(left, right), slice(low, high)
 
 
-def _segment_to_box(ax: float, ay: float, bx: float, by: float, edges: tuple[float, float, float, float]) -> float:
+def segment_to_box(ax: float, ay: float, bx: float, by: float, edges: Edges) -> float:
+    """Return the least distance from a straight leg to a box; 0 where they meet."""
     low_x, low_y, high_x, high_y = edges
     if crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
         return 0.0

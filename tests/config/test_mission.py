@@ -174,14 +174,14 @@ WRONG: list[tuple[str, str]] = [
         (
             "m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: "
             "delta_s, dwell_s, "
-            "phi_safer_inset_m"
+            "phi_safer_inset_m, model"
         ),
     ),
     (
         "[rta.collision]\nphi_saver_m = 1.0\n",
         (
             "m.toml:3: rta.collision.phi_saver_m: unknown key, did you mean 'phi_safer_m'?; allowed: delta_s, dwell_s, "
-            "phi_safe_m, phi_safer_m"
+            "phi_safe_m, phi_safer_m, model"
         ),
     ),
     # kinds

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, Literal
 
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.robot import KinematicRobot, SimulatedRobot
 from soter.clock import VirtualClock
 from soter.errors import BackendUnavailable, RobotUnavailable
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, RobotSpec
 from soter.sdk.hints import install_command
 from soter_sim import World
 
@@ -39,14 +39,17 @@ class SimulatedFleet(Fleet):
     Args:
         world: the world.
         specs: its robots.
+        robot_class: what they are here.
 
     Attributes:
         world: for whoever records or shows the world; robots are commanded through the interface.
     """
 
-    def __init__(self, world: World, specs: Sequence[RobotSpec]) -> None:
+    def __init__(
+        self, world: World, specs: Sequence[RobotSpec], robot_class: type[SimulatedRobot] = SimulatedRobot
+    ) -> None:
         clock = VirtualClock(world.advance)
-        super().__init__(clock, [SimulatedRobot(spec, clock, world) for spec in specs], world.truth)
+        super().__init__(clock, [robot_class(spec, clock, world) for spec in specs], world.truth)
         self.world = world
 
     def _close(self) -> None:
@@ -58,7 +61,7 @@ class PyBulletBackend(Backend):
 
     interface_version: ClassVar[int] = INTERFACE_VERSION
     config_model: ClassVar[type[BackendConfig]] = PyBulletConfig
-    robot_class: ClassVar[type[Robot]] = SimulatedRobot
+    robot_class: ClassVar[type[SimulatedRobot]] = SimulatedRobot
 
     def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
         """Build the world and put the robots into it.
@@ -76,10 +79,11 @@ class PyBulletBackend(Backend):
             ) from missing
         except ValueError as failure:
             raise RobotUnavailable(str(failure)) from failure
-        return SimulatedFleet(world, robots)
+        return SimulatedFleet(world, robots, self.robot_class)
 
 
 class KinematicBackend(PyBulletBackend):
     """The same robots moved in closed form: no physics, and many times faster."""
 
     config_model: ClassVar[type[BackendConfig]] = KinematicConfig
+    robot_class: ClassVar[type[SimulatedRobot]] = KinematicRobot

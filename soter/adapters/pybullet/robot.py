@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar, Final
 
 from soter.adapters.pybullet.vehicle import Vehicle
@@ -129,3 +130,14 @@ class SimulatedRobot(Robot):
             if abs(self._v[index]) <= _REST_M_S and abs(self._yaw_rate[index]) <= _REST_RAD_S:
                 break
             self.clock.sleep_until(self.clock.now() + period_s)
+
+
+class KinematicRobot(SimulatedRobot):
+    """A robot that nothing but its motors moves, so that it can promise more about its motion and its samples."""
+
+    declared: ClassVar[Capabilities] = replace(
+        SimulatedRobot.declared,
+        accel_m_s2=LIMITS.accel_m_s2,
+        speed_noise_m_s=0.0,
+        heading_noise_rad=0.0,
+    )

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, PyBulletBackend, PyBulletConfig, SimulatedFleet
 from soter.errors import BackendUnavailable, LifecycleError, RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Controller, GoalStatus, Link, Robot, RobotSpec, Waypoint
+from soter_sim.kinematic import KinematicEngine
 from tests.sim.worlds import CASE, empty, from_segment
 
 AC, SC = Controller.AC, Controller.SC
@@ -202,7 +203,9 @@ def test_robots_promise_no_more_than_their_class(fleet: SimulatedFleet) -> None:
     robot = fleet.robots[0]
     assert robot.capabilities.widened_beyond(type(robot).declared) is None
     assert PyBulletBackend.interface_version == INTERFACE_VERSION
-    assert PyBulletBackend.robot_class is KinematicBackend.robot_class is type(robot)
+    backend = KinematicBackend if isinstance(fleet.world.engine, KinematicEngine) else PyBulletBackend
+    assert type(robot) is backend.robot_class
+    assert KinematicBackend.robot_class.declared.widened_beyond(PyBulletBackend.robot_class.declared) is None
 
 
 def test_robots_that_cannot_be_there_are_refused() -> None:
