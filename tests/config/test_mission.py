@@ -173,8 +173,7 @@ WRONG: list[tuple[str, str]] = [
         "[rta.geofence]\nphi_safe_m = 0.0\n",
         (
             "m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: "
-            "delta_s, dwell_s, "
-            "phi_safer_inset_m, model"
+            "delta_s, dwell_s, model, phi_safer_inset_m"
         ),
     ),
     (
