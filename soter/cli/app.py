@@ -13,6 +13,9 @@ from soter.cli.ablate import ablate
 from soter.cli.backends import backends
 from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
 from soter.cli.conform import conform
+from soter.cli.ros2 import MONITOR_EXAMPLES as ROS2_MONITOR_EXAMPLES
+from soter.cli.ros2 import MUX_CONTEXT, ros2_monitor, ros2_mux, sim_ros2
+from soter.cli.ros2 import SIM_EXAMPLES as ROS2_SIM_EXAMPLES
 from soter.cli.run import EXAMPLES, run
 from soter.cli.sim import sim
 
@@ -29,7 +32,10 @@ app = typer.Typer(
 app.command(epilog=EXAMPLES)(run)
 app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
+sim.command("ros2", epilog=ROS2_SIM_EXAMPLES)(sim_ros2)
 app.add_typer(sim)
+app.command(context_settings=MUX_CONTEXT)(ros2_mux)
+app.command(epilog=ROS2_MONITOR_EXAMPLES)(ros2_monitor)
 app.command(epilog=ABLATE_EXAMPLES)(ablate)
 
 

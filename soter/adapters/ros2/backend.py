@@ -25,6 +25,7 @@ class Ros2Fleet(Fleet):
 
     Attributes:
         simulator: the same.
+        ros2_robots: the robots, as what they are.
     """
 
     def __init__(self, config: Ros2Config, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
@@ -38,7 +39,8 @@ class Ros2Fleet(Fleet):
                 self._truth.close()
             raise
         try:
-            super().__init__(clock, [Ros2Robot(spec, clock, self._graph, config) for spec in specs], self._truth)
+            self.ros2_robots: Final = tuple(Ros2Robot(spec, clock, self._graph, config) for spec in specs)
+            super().__init__(clock, self.ros2_robots, self._truth)
         except BaseException:
             self._close_shared()
             raise

@@ -10,20 +10,22 @@ from typing import Final
 
 _PROFILE: Final = Path(__file__).with_name("loopback.xml")
 
-_SET: Final[Mapping[str, str]] = {
+SETTINGS: Final[Mapping[str, str]] = {
     "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(_PROFILE),
     "FASTDDS_DEFAULT_PROFILES_FILE": str(_PROFILE),
     # ROS would otherwise add peers and interfaces of its own.
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
 }
+"""What keeps ROS 2 programs on this host, in their environment; `ROS_LOCALHOST_ONLY` must not be set."""
+
 # Deprecated, and with it every interface is bound all the same.
 _UNSET: Final = "ROS_LOCALHOST_ONLY"
 
 
 def environment() -> dict[str, str]:
     """Return the environment of a program whose participants are to stay on this host."""
-    return {name: value for name, value in os.environ.items() if name != _UNSET} | _SET
+    return {name: value for name, value in os.environ.items() if name != _UNSET} | SETTINGS
 
 
 @contextmanager
@@ -33,8 +35,8 @@ def loopback() -> Iterator[None]:
     Fast DDS reads the profile when the first participant of a process is made: one that has spoken to the network
     before goes on doing so.
     """
-    before = {name: os.environ.get(name) for name in (*_SET, _UNSET)}
-    os.environ.update(_SET)
+    before = {name: os.environ.get(name) for name in (*SETTINGS, _UNSET)}
+    os.environ.update(SETTINGS)
     os.environ.pop(_UNSET, None)
     try:
         yield

@@ -1,0 +1,175 @@
+"""`soter ros2-mux`, `soter ros2-monitor` and `soter sim ros2`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from soter.cli.exits import StopSignals, guard
+
+if TYPE_CHECKING:
+    from soter.adapters.ros2.backend import Ros2Fleet
+    from soter.adapters.ros2.simulator import Simulator
+    from soter.config import Mission
+
+MONITOR_EXAMPLES = """Examples:
+
+  soter ros2-monitor examples/ros2_external_ac/mission.toml
+
+  ros2 topic echo /robot1/soter/mode
+
+  ros2 topic echo /robot1/soter/disengagements
+
+Exit codes:
+
+  0  ended after --duration, or by Ctrl-C; the robots are stopped
+
+  2  bad input, a robot that is not there, or an ill-formed module: nothing has moved
+"""
+
+SIM_EXAMPLES = """Examples:
+
+  soter sim ros2 examples/surveillance.xml
+
+  soter sim ros2 examples/surveillance.xml --robots 1 --domain 7
+
+Exit codes:
+
+  0  ended by Ctrl-C or a request to terminate
+
+  2  bad input, or ROS 2 is not there
+"""
+
+MUX_CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
+
+
+def ros2_mux(
+    context: typer.Context,
+    robot: Annotated[str, typer.Option(metavar="NAME", help="The robot's namespace, such as robot1.")] = "",
+) -> None:
+    """Run the mux of one robot: on the robot, between its two controllers and its base.
+
+    What follows --ros-args is ROS's own: remappings, parameters, log levels.
+    """
+    with guard():
+        _require_ros()
+        from soter.adapters.ros2.mux import main
+
+        main(["--robot", robot, *context.args])
+
+
+def ros2_monitor(
+    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)],
+    duration: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time; until Ctrl-C if not given.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
+    ] = None,
+) -> None:
+    """Watch over ROS 2 robots that other nodes drive on cmd_vel_ac; take one over only to keep it safe.
+
+    Nothing of the mission but its safety modules is run. Robots that the mission file does not name are looked for
+    at /robot1, /robot2 and so on.
+    """
+    with guard(), StopSignals() as stop:
+        _require_ros()
+        from soter.adapters.ros2.telemetry import Telemetry
+        from soter.apps.ros2_monitor import Watcher
+        from soter.cli.overrides import load_with_engine, merge
+        from soter.stack.assembly import enabled
+
+        loaded = load_with_engine(mission, merge({"backend": "ros2", "duration_s": duration}, settings or []), None)
+        with _open(loaded) as fleet:
+            for robot in fleet.robots:
+                robot.init(_INIT_TIMEOUT_S)
+            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.ros2_robots, enabled(loaded)))
+            typer.echo(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.ros2_robots)}")
+            watcher.run(stop, duration)
+        for robot_id, count in watcher.disengagements.items():
+            typer.echo(f"robot {robot_id}: taken over {count} times")
+        if watcher.late_ticks:
+            typer.echo(f"{watcher.late_ticks} ticks came late")
+
+
+def sim_ros2(
+    workspace: Annotated[
+        Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
+    ],
+    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
+    stamped: Annotated[bool, typer.Option("--stamped", help="Velocities are TwistStamped instead of Twist.")] = False,
+    domain: Annotated[
+        int | None, typer.Option(metavar="N", help="The ROS domain; one that nobody uses here if not given.", min=0)
+    ] = None,
+    truth: Annotated[
+        int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
+    ] = 0,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
+    ] = None,
+) -> None:
+    """Simulate ROS 2 robots, each with its mux, until Ctrl-C. Nothing outside this host can reach them."""
+    with guard(), StopSignals() as stop:
+        _require_ros()
+        import time
+
+        from soter.adapters.ros2.simulator import Simulator
+        from soter.cli.sim import room_and_robots
+        from soter.errors import RunFailed
+
+        room, specs = room_and_robots(workspace, robots, seed)
+        simulator = Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth)
+        try:
+            _say_how_to_connect(simulator, stamped=stamped)
+            while not stop():
+                if simulator.world.poll() is not None:
+                    raise RunFailed(f"the world ended with code {simulator.world.returncode}")
+                time.sleep(_LOOK_S)
+        finally:
+            simulator.close()
+
+
+_INIT_TIMEOUT_S = 60.0
+_LOOK_S = 0.1
+
+
+def _require_ros() -> None:
+    """Say at once what is missing: rclpy imports the middleware only when it is needed, and then in a callback."""
+    from soter.registry import load_backend
+
+    load_backend("ros2")
+
+
+def _open(mission: Mission) -> Ros2Fleet:
+    """Open the robots of a mission for watching: they are somebody else's, and none is started."""
+    from soter.adapters.ros2.backend import Ros2Fleet
+    from soter.adapters.ros2.options import RobotOptions, Ros2Config
+    from soter.config import validate_options
+    from soter.runner.specs import robot_specs
+
+    workspace = mission.read_workspace()
+    given = mission.backends.get("ros2", {})
+    config = validate_options(Ros2Config, given, mission.source, "backends.ros2", {"workspace": workspace})
+    assert isinstance(config, Ros2Config)
+    robots = config.robots or {place.id: RobotOptions(namespace=f"/robot{place.id}") for place in workspace.robots}
+    config = config.model_copy(update={"robots": robots, "external_ac": True})
+    return Ros2Fleet(config, robot_specs(mission, workspace), None)
+
+
+def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:
+    """Print what a mission file needs, and what a terminal needs, to meet the robots."""
+    from soter.adapters.ros2.loopback import SETTINGS
+
+    lines = [
+        "[backends.ros2]", f"domain_id = {simulator.domain_id}", f'truth = "{simulator.truth}"',
+        "use_sim_time = true", "loopback = true", *(["stamped = true"] if stamped else []),
+        *(f'robots.{robot_id}.namespace = "{name}"' for robot_id, name in simulator.namespaces.items()),
+    ]  # fmt: skip
+    typer.echo("In a mission file:\n\n" + "\n".join(lines))
+    settings = {"ROS_DOMAIN_ID": str(simulator.domain_id), **SETTINGS}
+    typer.echo("\nIn a terminal, before any other node or ros2 tool:\n")
+    typer.echo("\n".join(f"export {name}={value}" for name, value in settings.items()))
+    typer.echo("\nCtrl-C ends it.")
