@@ -12,10 +12,10 @@ from soter.adapters.mavlink.link import Inbox, Link
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
-from soter.adapters.mavlink.truth import StreamedTruth
 from soter.clock import Clock, VehicleClock
 from soter.errors import ConfigError, RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
+from soter.sdk.truth import StreamedTruth
 
 _SYSTEM_MOST: Final = 254
 
@@ -95,7 +95,7 @@ class VehicleBackend(Backend):
             if simulated:
                 simulator = Simulator(describe(config.workspace, robots), port, *_options(config))
             address = config.truth if simulator is None else simulator.truth
-            truth = None if address is None else StreamedTruth(clock, address)
+            truth = None if address is None else StreamedTruth(address, clock)
         except BaseException:
             link.close()
             if simulator is not None:

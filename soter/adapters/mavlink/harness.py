@@ -11,13 +11,14 @@ import subprocess
 from typing import Any, ClassVar, Final
 
 from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
+from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.relay import Relay
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
-from soter.adapters.mavlink.truth import StreamedTruth
 from soter.clock import VehicleClock
 from soter.conformance import Harness, driver
 from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.sdk.truth import StreamedTruth
 from soter.workspace import Box, RobotPlace, Workspace
 
 _ROOM: Final = Workspace(
@@ -98,7 +99,7 @@ class MavlinkHarness(Harness):
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
         simulator = self._start(1, port)
-        self._witness = StreamedTruth(VehicleClock(), simulator.truth)
+        self._witness = StreamedTruth(simulator.truth, VehicleClock())
         harness = f"{type(self).__module__}:{type(self).__qualname__}"
         argument = json.dumps({"harness": harness, "port": port, "truth": simulator.truth})
         process = driver.spawn(f"{__name__}:open_given", argument, target)
@@ -133,6 +134,27 @@ class CopterHarness(MavlinkHarness):
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
 
 
+class PlainHarness(MavlinkHarness):
+    """Opens simulated rovers without anything that real autopilots lack: no gate, no lease."""
+
+    name = "mavlink (plain rover)"
+    simulator_options: ClassVar[tuple[str, ...]] = ("--plain",)
+
+
+class MavsdkHarness(MavlinkHarness):
+    """Opens simulated rovers for the backend `mavsdk`."""
+
+    name = "mavsdk"
+    backend: ClassVar[type[VehicleBackend]] = MavsdkBackend
+
+
+class MavsdkCopterHarness(MavsdkHarness):
+    """Opens simulated copters for the backend `mavsdk`."""
+
+    name = "mavsdk (copter)"
+    options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
+
+
 def open_given(argument: str) -> Fleet:
     """Return robot 1 at a port that comes as JSON; what the kit's driver process calls."""
     given = json.loads(argument)
@@ -140,7 +162,9 @@ def open_given(argument: str) -> Fleet:
     return harness._opened(given["port"], given["truth"], 1)
 
 
-HARNESSES: Final = {each.__name__: each for each in (MavlinkHarness, CopterHarness)}
+HARNESSES: Final = {
+    each.__name__: each for each in (MavlinkHarness, CopterHarness, PlainHarness, MavsdkHarness, MavsdkCopterHarness)
+}
 
 
 def _specs(robots: int) -> list[RobotSpec]:

@@ -1,7 +1,7 @@
 """MAVLink 2 by MAVSDK, in this process: it hears, decodes, packs and sends.
 
-MAVSDK's own telemetry carries no stamps and its offboard plugin repeats the last target by itself, which would defeat the
-lease. So messages go through its direct interface: every one comes as JSON, and each of our components is a server
+MAVSDK's own telemetry carries no stamps, and its offboard plugin repeats the last target by itself, which would defeat
+the lease. So messages go through its direct interface: every one comes as JSON, and each of our components is a server
 component of MAVSDK with a component id of its own. What it cannot do is to sign, and to be silent: it sends heartbeats
 of every component by itself for as long as the process lives.
 """
@@ -11,11 +11,13 @@ from __future__ import annotations
 import json
 import logging
 import math
+import socket
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, Final
 
 import mavsdk
+from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.plugins.mavlink_direct_server.mavlink_direct_server import (
     MavlinkDirectServer,
     MavlinkDirectServerError,
@@ -30,6 +32,7 @@ from soter.errors import RobotUnavailable
 logger = logging.getLogger(__name__)
 
 _EVERYTHING: Final = ""
+_LEVELS: Final = {LogLevel.WARN: logging.INFO, LogLevel.ERROR: logging.INFO}
 
 
 class MavsdkLink(Link):
@@ -53,6 +56,7 @@ class MavsdkLink(Link):
         if self._address.kind == "udpin" and _in_use(self._address):
             # MAVSDK would say that all is well, and hear nothing.
             raise RobotUnavailable(f"connection '{self._address}' is in use; end the other program that listens there")
+        log_subscribe(_log)
         keeper = self._components[0]
         configuration = mavsdk.Configuration.create_manual(self.system, keeper, True)
         self._mavsdk = started = mavsdk.Mavsdk(configuration)
@@ -97,3 +101,18 @@ class MavsdkLink(Link):
         fields = json.loads(message.fields_json, parse_constant=lambda _: math.nan)
         values = {key: math.nan if value is None else value for key, value in fields.items()}
         inbox.put(message.message_name, SimpleNamespace(**values), received_s)
+
+
+def _log(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+    """Take what MAVSDK says; it must not write into the terminal."""
+    logger.log(_LEVELS.get(level, logging.DEBUG), "MAVSDK: %s", message)
+    return True
+
+
+def _in_use(address: Address) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((address.host, address.port))
+        except OSError:
+            return True
+    return False
