@@ -19,7 +19,9 @@ from soter.record.messages import AC, RobotTick
 
 _ABSENT: Final = -1.0
 _CRC_DIGITS: Final = 8
-_HEAD: Final = ("tick", "time_s", "robot_id", "mode", "driver", "no_state", "refused", "ac_drove", "ac_failure")
+_HEAD: Final = (
+    "tick", "time_s", "robot_id", "mode", "driver", "unread", "no_state", "refused", "ac_drove", "ac_failure",
+)  # fmt: skip
 _STATE: Final = (
     "stamp_s", "x_m", "y_m", "z_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "link", "vehicle_stamp_s",
     "battery", "controller", "goal_id",
@@ -81,7 +83,8 @@ def _values(record: RobotTick) -> list[float]:
     state = record.state
     values = [
         float(record.tick), record.time_s, float(record.robot_id), _text(record.mode), _text(record.driver),
-        _text(record.no_state), _text("".join(f"{each.call}:{each.failure};" for each in record.refused)),
+        float(record.unread), _text(record.no_state),
+        _text("".join(f"{each.call}:{each.failure};" for each in record.refused)),
         float(record.ac_drove), _text(record.ac_failure),
         state.stamp_s, state.x_m, state.y_m, state.z_m, state.heading_rad, state.vx_m_s, state.vy_m_s,
         state.yaw_rate_rad_s, _text(state.link), _number(state.vehicle_stamp_s), _number(state.battery),

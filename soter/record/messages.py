@@ -96,7 +96,8 @@ class RobotTick(Message):
     driver: Annotated[str, Meta(description="Who drives: AC, or the module whose safe controller does.")]
     state: State
     modules: Annotated[tuple[ModuleTick, ...], Meta(description="The decision modules, in their order.")] = ()
-    no_state: Annotated[str, Meta(description="Why there was no sample; the one before was used then.")] = ""
+    unread: Annotated[bool, Meta(description="There was no sample at this tick; `state` is the one before.")] = False
+    no_state: Annotated[str, Meta(description="Why there was none.")] = ""
     refused: Annotated[tuple[Refusal, ...], Meta(description="Calls to the robot that failed at this tick.")] = ()
     ac_drove: Annotated[bool, Meta(description="Whether the AC's port passed on a command at this tick.")] = False
     ac_failure: Annotated[str, Meta(description="Why the AC will never get control again.")] = ""

@@ -294,9 +294,9 @@ def _row(robot: RobotSupervisor, tap: Tap) -> Row:
             in_sc |= bit
         bit <<= 1
     row = Row(sample, -1 if driver is None else driver.rank, robot.mode is Mode.SC, in_sc, numbers)
-    if tap.no_state or tap.refused or tap.ac_drove or robot.ac_failure:
-        row.no_state, row.refused = tap.no_state, tuple(tap.refused)
+    if tap.unread or tap.refused or tap.ac_drove or robot.ac_failure:
+        row.unread, row.no_state, row.refused = tap.unread, tap.no_state, tuple(tap.refused)
         row.ac_drove, row.ac_failure = tap.ac_drove, robot.ac_failure
-        tap.no_state, tap.ac_drove = "", False
+        tap.unread, tap.no_state, tap.ac_drove = False, "", False
         tap.refused.clear()
     return row

@@ -33,18 +33,20 @@ class Tap:
         note: takes goals and ways.
 
     Attributes:
-        no_state: why there was no sample at this tick; empty if there was.
+        unread: whether there was no sample at this tick.
+        no_state: why there was none.
         refused: calls that failed at this tick, and the failures.
         ac_drove: whether a command of the AC has passed at this tick.
     """
 
-    __slots__ = ("_goal", "_inner", "_note", "_now_s", "_robot_id", "ac_drove", "no_state", "refused")
+    __slots__ = ("_goal", "_inner", "_note", "_now_s", "_robot_id", "ac_drove", "no_state", "refused", "unread")
 
     def __init__(self, robot_id: int, inner: GoalActuator, note: Callable[[GoalMessage | Way], None]) -> None:
         self._robot_id: Final = robot_id
         self._inner: Final = inner
         self._note: Final = note
         self._goal: Goal | None = None
+        self.unread = False
         self.no_state = ""
         self.refused: list[tuple[str, str]] = []
         self.ac_drove = False
@@ -53,7 +55,7 @@ class Tap:
         try:
             sample = self._inner.read()
         except Exception as failure:
-            self.no_state = str(failure) or repr(failure)
+            self.unread, self.no_state = True, str(failure)
             raise
         self._look()
         return sample

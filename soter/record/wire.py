@@ -28,7 +28,8 @@ class Row(Struct, array_like=True, gc=False):
         in_sc: who has control: whether it is the SC.
         modules_in_sc: bit i is set while module i is in SC.
         numbers: margin and reach bound of every module, in their order.
-        no_state: why there was no sample; empty if there was.
+        unread: whether there was no sample.
+        no_state: why there was none.
         refused: calls that failed, and the failures.
         ac_drove: whether the AC's port passed on a command.
         ac_failure: why the AC will never get control again.
@@ -39,6 +40,7 @@ class Row(Struct, array_like=True, gc=False):
     in_sc: bool
     modules_in_sc: int
     numbers: list[float]
+    unread: bool = False
     no_state: str = ""
     refused: tuple[tuple[str, str], ...] = ()
     ac_drove: bool = False

@@ -157,8 +157,8 @@ def _record(frame: Tick, robot_id: int, row: Row, names: Sequence[str]) -> Robot
     )
     return RobotTick(
         frame.tick, frame.time_s, robot_id, SC if row.in_sc else AC, AC if row.driver < 0 else names[row.driver],
-        state_of(row.state), modules, row.no_state, tuple(Refusal(*each) for each in row.refused), row.ac_drove,
-        row.ac_failure,
+        state_of(row.state), modules, row.unread, row.no_state, tuple(Refusal(*each) for each in row.refused),
+        row.ac_drove, row.ac_failure,
     )  # fmt: skip
 
 
