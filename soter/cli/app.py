@@ -13,6 +13,10 @@ from soter.cli.ablate import ablate
 from soter.cli.backends import backends
 from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
 from soter.cli.conform import conform
+from soter.cli.info import EXAMPLES as INFO_EXAMPLES
+from soter.cli.info import info
+from soter.cli.replay import EXAMPLES as REPLAY_EXAMPLES
+from soter.cli.replay import replay
 from soter.cli.ros2 import MONITOR_EXAMPLES as ROS2_MONITOR_EXAMPLES
 from soter.cli.ros2 import MUX_CONTEXT, ros2_monitor, ros2_mux, sim_ros2
 from soter.cli.ros2 import SIM_EXAMPLES as ROS2_SIM_EXAMPLES
@@ -30,6 +34,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command(epilog=EXAMPLES)(run)
+app.command(epilog=REPLAY_EXAMPLES)(replay)
+app.command(epilog=INFO_EXAMPLES)(info)
 app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
 sim.command("ros2", epilog=ROS2_SIM_EXAMPLES)(sim_ros2)

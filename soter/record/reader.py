@@ -16,7 +16,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 from msgspec import Struct
 from zstandard import ZstdError
 
-from soter.errors import SoterError
+from soter.errors import ConfigError
 from soter.record import messages
 from soter.record.file import PROFILE
 from soter.record.messages import (
@@ -49,7 +49,7 @@ _EVENTS: Final = {messages.schema_name(kind): msgspec.json.Decoder(kind) for kin
 M = TypeVar("M", bound=Struct)
 
 
-class BadRecording(SoterError):
+class BadRecording(ConfigError):
     """A file that is no recording, or a damaged one. One that was merely cut off is read as far as it goes."""
 
 

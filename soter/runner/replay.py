@@ -179,7 +179,8 @@ class _Cast:
             return self._actuators[robot_id]
 
         def refused(refusal: IllFormedModule) -> None:
-            found.ill_formed.append(str(refusal))
+            if str(refusal) not in found.ill_formed:
+                found.ill_formed.append(str(refusal))
 
         self._safety: Final[SafetySide] = assemble(
             mission, recording.workspace(), robots, lambda _: None, [self], tap=tap,

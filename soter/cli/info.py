@@ -1,0 +1,100 @@
+"""`soter info`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from soter.cli.exits import guard
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from soter.record.summary import Summary
+
+# A blank line keeps two lines from being joined.
+EXAMPLES = """Examples:
+
+  soter info run.mcap
+
+  soter info run.mcap --json
+
+  soter info run.mcap --csv tables
+
+Exit codes:
+
+  0  the recording was read, to its end or to where it was cut off
+
+  2  it is no recording, or damaged
+"""
+
+
+def info(
+    recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
+    json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FOLDER", help="Write everything into CSV files there.")
+    ] = None,
+) -> None:
+    """Say what a recording holds."""
+    with guard():
+        from dataclasses import asdict
+        from json import dumps
+
+        from soter.cli.console import make_console
+        from soter.record.export import export_csv
+        from soter.record.reader import Recording
+        from soter.record.summary import summarise
+
+        opened = Recording(recording)
+        summary = summarise(opened, opened.content())
+        if json:
+            print(dumps(asdict(summary), indent=2))
+        else:
+            console = make_console()
+            for name, value in _lines(summary):
+                console.print(f"{name:<15} {value}", soft_wrap=True, markup=False)
+        if csv is not None:
+            try:
+                written = export_csv(opened, csv)
+            except OSError as failure:
+                from soter.errors import ConfigError
+
+                why = failure.strerror or failure
+                raise ConfigError(f"'{csv}' cannot be written: {why}", source="command line", key="--csv") from failure
+            if not json:
+                print(f"{'tables':<15} {len(written)} files in {csv}")
+
+
+def _lines(summary: Summary) -> list[tuple[str, str]]:
+    time = "virtual time" if summary.virtual_time else "wall clock"
+    state = "cut off: what follows is what there is" if summary.truncated else "whole"
+    lines = [
+        ("recording", f"{summary.file}, {summary.size_bytes / 1e6:.1f} MB, {state}"),
+        ("run", f"{summary.mission or 'a mission made in code'} on {summary.backend}, {time}, seed {summary.seed}"),
+        ("started", summary.started_utc),
+        ("duration", f"{summary.duration_s:g} s, {summary.ticks} ticks"),
+        ("ended", summary.status or "unknown: it did not get to say so"),
+        ("robots", ", ".join(map(str, summary.robots))),
+        ("modules", ", ".join(summary.modules) or "none"),
+        ("AC in control", f"{100.0 * summary.ac_share:.1f} %"),
+        ("disengagements", _counts(summary.disengagements)),
+        ("switches", str(summary.switches)),
+        ("goals", _counts(summary.goals)),
+        ("targets", _counts(summary.targets)),
+        ("transitions", str(summary.transitions)),
+        ("violations", _counts(summary.violations)),
+    ]
+    if summary.faults:
+        lines.append(("faults", _counts(summary.faults)))
+    if summary.dropped_ticks:
+        lines.append(("dropped", f"{summary.dropped_ticks} ticks: the writer did not follow"))
+    lines.append(("versions", ", ".join(f"{name} {version}" for name, version in summary.versions.items())))
+    return lines
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    total = sum(counts.values())
+    return f"{total} ({', '.join(f'{name} {count}' for name, count in counts.items())})" if counts else "0"

@@ -1,0 +1,129 @@
+"""`soter replay`."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from soter.cli.exits import guard
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.console import Console
+
+    from soter.runner.replay import Replay
+
+# A blank line keeps two lines from being joined.
+EXAMPLES = """Examples:
+
+  soter replay run.mcap
+
+  soter replay run.mcap --set rta.collision.delta_s=0.2
+
+Exit codes:
+
+  0  every decision is what was recorded
+
+  1  something differs
+
+  2  no recording, a damaged one, or one with gaps; or a setting that is not allowed
+"""
+
+SHOWN = 20
+
+
+class Verdict(IntEnum):
+    """What the exit code of `soter replay` says."""
+
+    SAME = 0
+    DIFFERENT = 1
+    UNKNOWN = 2
+
+
+def replay(
+    recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Ask what the modules would have decided: another value of a key below "
+            "rta or battery; may be repeated.",
+        ),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+) -> None:  # fmt: skip
+    """Let the decision modules decide again on what a recording says they knew, and compare.
+
+    It is open loop: with other settings the robots still do what they did then, whatever the modules say.
+    """
+    with guard():
+        from dataclasses import asdict
+        from json import dumps
+
+        from soter.cli.console import make_console
+        from soter.cli.overrides import merge
+        from soter.record.reader import Recording
+        from soter.runner.replay import replay as play
+
+        found = play(Recording(recording), merge({}, settings or []))
+        if json:
+            print(dumps({"same": found.same, **asdict(found)}, indent=2, default=str))
+        else:
+            _show(make_console(), recording, found)
+        raise typer.Exit(_verdict(found))
+
+
+def _verdict(found: Replay) -> Verdict:
+    if not found.same:
+        return Verdict.DIFFERENT
+    return Verdict.UNKNOWN if found.gap_s is not None or not found.ticks else Verdict.SAME
+
+
+def _show(console: Console, file: Path, found: Replay) -> None:
+    def say(text: str) -> None:
+        console.print(text, soft_wrap=True, markup=False)
+
+    say(f"{file}: {found.ticks} ticks, {found.duration_s:g} s replayed")
+    if found.truncated:
+        say("The recording was cut off; this is as far as it goes.")
+    if found.gap_s is not None:
+        say(f"Ticks are missing before {found.gap_s:.2f} s; what comes after them cannot be compared.")
+    for wrong in found.flaws[:SHOWN]:
+        what = f"{wrong.field} reads {wrong.reads}, was {wrong.was}" if wrong.field else "more than one value"
+        say(f"changed after it was written: {wrong.time_s:.3f} s, robot {wrong.robot_id}: {what}")
+    if len(found.flaws) > SHOWN:
+        say(f"... {len(found.flaws) - SHOWN} more records were changed")
+    if found.settings:
+        _show_question(say, found)
+    elif found.differing:
+        for each in found.differences[:SHOWN]:
+            say(
+                f"differs: {each.time_s:.3f} s, robot {each.robot_id}, {each.field}: recorded {each.recorded}, "
+                f"replayed {each.replayed}"
+            )
+        if found.differing > SHOWN:
+            say(f"... {found.differing - SHOWN} more values differ")
+    elif found.same and found.ticks:
+        say("Every decision is what was recorded, bit by bit.")
+
+
+def _show_question(say: Callable[[str], None], found: Replay) -> None:
+    for refusal in found.ill_formed:
+        say(f"A run would be refused: {refusal}")
+    for spell in found.spells[:SHOWN]:
+        say(
+            f"{spell.start_s:.2f} to {spell.end_s:.2f} s, robot {spell.robot_id}: {spell.replayed} drives, "
+            f"{spell.recorded} did"
+        )
+    if len(found.spells) > SHOWN:
+        say(f"... {len(found.spells) - SHOWN} more times")
+    for module in sorted({*found.before, *found.after}):
+        say(f"disengagements by {module}: {found.before[module]} recorded, {found.after[module]} replayed")
+    say(f"disengagements: {found.before.total()} recorded, {found.after.total()} replayed")
+    say(
+        "Open loop: the robots do what they did then. After the first difference a run would have gone another way; "
+        "'supervisor' stands for a robot that does not do what the modules tell it now."
+    )
