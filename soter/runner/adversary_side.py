@@ -30,6 +30,7 @@ class AdversarySide:
         self._mission: Final = mission
         self._adversary: Final = build_adversary(mission)
         self._name: Final = type(self._adversary).__name__
+        self._robot_ids: tuple[int, ...] = ()
         self._tick = 0
         self.failures: dict[int | None, str] = {}
         self.current_handler: str | None = None
@@ -41,7 +42,11 @@ class AdversarySide:
         """Give the adversary its ports."""
         mission = self._mission
         arena = Arena(scene.terrain, scene.ports, mission.rta, mission.base_tick_s, mission.seed)
-        self._adversary.begin(arena)
+        self._robot_ids = tuple(scene.ports)
+        try:
+            self._adversary.begin(arena)
+        except Exception as failure:  # noqa: BLE001 - as below
+            self._failed(failure)
 
     def hear(self, report: Report) -> None:
         """Pass on what a port reports."""
@@ -75,4 +80,5 @@ class AdversarySide:
 
     def _failed(self, failure: Exception) -> None:
         logger.error("the adversary failed: %r", failure)
-        self.failures[None] = f"{self._name} failed: {failure!r}"
+        # By robot: the run goes on, and what becomes of robots without an AC is part of what it shows.
+        self.failures.update(dict.fromkeys(self._robot_ids, f"{self._name} failed: {failure!r}"))

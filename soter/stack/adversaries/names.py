@@ -38,8 +38,8 @@ def adversary_class(mission: Mission) -> type[AnyAdversary]:
         ConfigError: there is none of that name, or what is there is no adversary.
     """
     name = mission.ac
-    built_in = name.removeprefix(PREFIX)
-    module_name, colon, class_name = BUILT_IN.get(built_in, name if built_in == name else "").partition(":")
+    target = BUILT_IN.get(name.removeprefix(PREFIX), "") if name.startswith(PREFIX) else name
+    module_name, colon, class_name = target.partition(":")
     if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
         known = [MISSION, *(PREFIX + each for each in BUILT_IN)]
         listed = f"{nearest(name, known)}; known are {', '.join(known)}, or a class as 'module:Class'"
