@@ -14,7 +14,8 @@ from soter.stack.terrain import Point
 
 WAYPOINT: Final = "waypoint"
 _CORNER_M: Final = 0.03
-_LOOK_AGAIN_S: Final = 1.0
+LOOK_AGAIN_S: Final = 1.0
+"""A robot at rest that is not where it was going looks for another refuge so often."""
 
 
 class SafeController(Node):
@@ -94,7 +95,7 @@ class Retreat(SafeController):
         self._looked_s = -math.inf
 
     def motion(self, situation: Situation) -> Waypoint | None:
-        if situation.now_s - self._looked_s >= _LOOK_AGAIN_S and not self._settled(situation):
+        if situation.now_s - self._looked_s >= LOOK_AGAIN_S and not self._settled(situation):
             self._looked_s = situation.now_s
             self._legs = self._refuges.way(situation, self._peer_m)
         return self.follow(situation, self._legs) if self._legs else self.without_refuge(situation)
