@@ -124,6 +124,6 @@ def _show_question(say: Callable[[str], None], found: Replay) -> None:
         say(f"disengagements by {module}: {found.before[module]} recorded, {found.after[module]} replayed")
     say(f"disengagements: {found.before.total()} recorded, {found.after.total()} replayed")
     say(
-        "Open loop: the robots do what they did then. After the first difference a run would have gone another way; "
-        "'supervisor' stands for a robot that does not do what the modules tell it now."
+        "Open loop: the robots do what they did then, whatever the modules tell them now. After the first difference "
+        "a run would have gone another way."
     )

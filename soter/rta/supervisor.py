@@ -127,7 +127,7 @@ class RobotSupervisor:
         self._lateness_s: Final = timing.jitter_s + 1e-6
         self._samples: Final = SampleMonitor(models, timing)
         self.log: Final = AssumptionLog()
-        self._stop: Final = StopMonitor(models, timing)
+        self._stop = StopMonitor(models, timing)
         self._watches: Final = tuple(watches)
         self.ac_failure = ""
         self._alarm = ""
@@ -146,6 +146,10 @@ class RobotSupervisor:
         Its modules go on judging; while none of them needs to drive, the last one does (the battery's: it goes home).
         """
         self.ac_failure = self.ac_failure or cause
+
+    def expect_no_obedience(self) -> None:
+        """Judge the robot no more by whether it stops when told to: a recorded one does what it did then."""
+        self._stop = StopMonitor((), self._timing)
 
     # --- one tick, in three passes over all robots -----------------------------------------------------------
 

@@ -186,6 +186,9 @@ class _Cast:
             mission, recording.workspace(), robots, lambda _: None, [self], tap=tap,
             on_ill_formed=refused if settings else None,
         )  # fmt: skip
+        if settings:
+            for supervisor in self._safety.supervisor.robots.values():
+                supervisor.expect_no_obedience()
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
         """Take a switch of the replay."""
