@@ -12,10 +12,9 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.components import CONTROLLERS, KEEPER, SENDERS
+from soter.adapters.mavlink.components import KEEPER
 from soter.adapters.mavlink.link import AUTOPILOT
 from soter.adapters.mavlink.vehicle import Vehicle
-from soter.sdk import Controller
 
 REPORT: Final = "GMASTER"
 """NAMED_VALUE_INT by which the vehicle reports: 256 times the system plus the component in charge, negative while the
@@ -38,11 +37,19 @@ class Authority:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle: Final = vehicle
         self._system: Final = vehicle.link.system
-
-    def name(self, to: Controller, renewed_s: float) -> None:
-        """Put a controller in charge, or leave it there, with a lease from a vehicle's time on."""
         # 0 would stand for now.
-        self._send(float(self._system), float(SENDERS[to]), max(1, int(renewed_s * 1e3)))
+        self._newest_ms = 1
+
+    def begin(self) -> None:
+        """Begin anew: the vehicle's clock may have done so."""
+        self._newest_ms = 1
+
+    def name(self, component: int, renewed_s: float) -> None:
+        """Put one of our components in charge, or leave it there, with a lease from a vehicle's time on."""
+        # What is older than the newest counts as overtaken. As more becomes known of the vehicle's clock, its time of a
+        # moment may become earlier by a little; a switch must not be refused for that.
+        self._newest_ms = max(self._newest_ms, int(renewed_s * 1e3))
+        self._send(float(self._system), float(component), self._newest_ms)
 
     def release(self) -> None:
         """Give the vehicle back to everybody, without a target."""
@@ -61,10 +68,10 @@ class Authority:
         ack = self._vehicle.ack(mav.MAV_CMD_DO_GUIDED_MASTER, since_s)
         return None if ack is None else ack.result != mav.MAV_RESULT_UNSUPPORTED
 
-    def reported(self) -> Controller | None:
-        """Return who is in charge as the vehicle says; None where it does not, or not of late, or names a stranger."""
+    def reported(self) -> int | None:
+        """Return which of our components is in charge, as the vehicle says; None where it does not say that of late."""
         report = self._vehicle.heard_since("NAMED_VALUE_INT", self._vehicle.now_s - _FRESH_S)
         if report is None or report.name.rstrip("\0") != REPORT:
             return None
         system, component = divmod(abs(report.value), 256)
-        return CONTROLLERS.get(component) if system == self._system else None
+        return component if system == self._system else None

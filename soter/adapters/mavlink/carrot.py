@@ -1,4 +1,4 @@
-"""The dead man of a vehicle that has none: a target that is never further away than the lease covers.
+"""The way to a target, and the dead man of a vehicle that has none: a target no further away than the lease covers.
 
 A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
 instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls silent
@@ -10,9 +10,12 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from soter.adapters.mavlink.frames import wrapped_rad
 from soter.sdk import RobotState, Waypoint
 
 _SHORT_M: Final = 1e-6
+_AHEAD_RAD: Final = 0.05
+_WORTH_A_TURN_M: Final = 0.15
 
 
 class Leg(NamedTuple):
@@ -29,6 +32,21 @@ class Leg(NamedTuple):
     y_m: float
     z_m: float
     target: Waypoint
+
+    def looking_ahead(self, at: RobotState) -> Waypoint:
+        """Return what a copter is to do now: turn to where it will go, then go there, so that it sees where it goes.
+
+        A target with a heading, or one that is quite near, is flown to as it is.
+        """
+        target = self.target
+        dx_m, dy_m = target.x_m - self.x_m, target.y_m - self.y_m
+        if target.heading_rad is not None or math.hypot(dx_m, dy_m) < _WORTH_A_TURN_M:
+            return target
+        course_rad = math.atan2(dy_m, dx_m)
+        gone_m = math.hypot(at.x_m - self.x_m, at.y_m - self.y_m)
+        if abs(wrapped_rad(course_rad - at.heading_rad)) > _AHEAD_RAD and gone_m < _WORTH_A_TURN_M:
+            return target._replace(x_m=self.x_m, y_m=self.y_m, z_m=self.z_m, heading_rad=course_rad)
+        return target._replace(heading_rad=course_rad)
 
     def ahead(self, at: RobotState, reach_m: float) -> tuple[float, float, float]:
         """Return the point on the way that is `reach_m` ahead of a vehicle, or the target where that is nearer."""

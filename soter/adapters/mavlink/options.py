@@ -37,7 +37,7 @@ ROVER: Final = Capabilities(
 )
 """What the simulated rover promises in real time; times without its own control and stream periods."""
 
-COPTER: Final = replace(ROVER, pivots_first=False)
+COPTER: Final = replace(ROVER, brake_m_s2=2.0, yaw_rate_max_rad_s=1.5, pivots_first=False)
 """The same of the simulated copter."""
 
 STREAM_HZ: Final = 50.0

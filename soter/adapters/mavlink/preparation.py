@@ -13,7 +13,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import LEASE_PARAMETER, Authority
-from soter.adapters.mavlink.components import KEEPER
+from soter.adapters.mavlink.components import KEEPER, SENDERS
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.setpoints import Setpoints
@@ -23,6 +23,7 @@ from soter.errors import RobotUnavailable
 from soter.sdk import Controller
 
 _RETRY_S: Final = 0.4
+_NAME_S: Final = 0.05
 _SLOWER: Final = 0.8
 _ASKED_HZ: Final = 50.0
 _FLOWING: Final = 0.6
@@ -81,7 +82,8 @@ class Preparation:
         self._config: Final = config
         self._lease_ms: Final = round(lease_s * 1e3)
         self._steps: Iterator[str] = iter(())
-        self._since_s = self._asked_s = -math.inf
+        self._since_s = self._asked_s = self._named_s = -math.inf
+        self._named = KEEPER
         self.begun = self.ready = False
         self.waits_for = "everything"
         self.gated: bool | None = None
@@ -90,6 +92,9 @@ class Preparation:
     def begin(self) -> None:
         """Begin, or begin anew: nothing that the vehicle said up to now counts."""
         self._since_s = self._vehicle.now_s
+        self._authority.begin()
+        # What it does to get ready is asked for by the keeper itself.
+        self._named = KEEPER
         self._steps = self._run()
         self.begun, self.ready = True, False
 
@@ -99,6 +104,9 @@ class Preparation:
         Raises:
             RobotUnavailable: the vehicle is none that can be commanded, or not the one that was promised.
         """
+        if self.gated and self._vehicle.now_s - self._named_s >= _NAME_S:
+            # Taking off is motion on a lease like any other.
+            self._name()
         self.waits_for = next(self._steps, "")
         self.ready = not self.waits_for
         return self.ready
@@ -139,7 +147,7 @@ class Preparation:
             # Whatever it was on its way to is dropped by leaving the mode.
             yield from self._mode(kind.stop)
         yield from self._mode(kind.guided)
-        yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._name)
+        yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         if kind.flies:
             height_m = self._config.height_m
@@ -147,6 +155,9 @@ class Preparation:
                 lambda: self._up_m() >= height_m - _HEIGHT_M, f"it to be {height_m:g} m up", self._take_off
             )
         yield from self._until(self._rests, "it to stand still")
+        if self.gated:
+            self._named = SENDERS[Controller.SC]
+            yield from self._until(lambda: self._authority.reported() == self._named, "it to obey the safe controller")
 
     def _until(self, reached: Callable[[], bool], what: str, ask: Callable[[], None] | None = None) -> Iterator[str]:
         """Ask, now and then, until something is so."""
@@ -220,20 +231,23 @@ class Preparation:
         return self._until(lambda: vehicle.mode == mode, f"the mode {vehicle.kind.mode_name(mode)}", ask)
 
     def _name(self) -> None:
-        # Vehicles with a gate know this parameter, others do not mind.
-        self._vehicle.set_parameter(KEEPER, LEASE_PARAMETER, self._lease_ms)
+        self._named_s = self._vehicle.now_s
         vehicle_s = self._time_sync.to_vehicle_s(self._vehicle.link.clock.now())
         if vehicle_s is not None:
-            self._authority.name(Controller.SC, vehicle_s)
-        if self.gated is not False:
-            self._vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_NAMED_VALUE_INT, _REPORT_HZ)
+            self._authority.name(self._named, vehicle_s)
+
+    def _ask_for_gate(self) -> None:
+        # Vehicles with a gate know the parameter and the message, others do not mind.
+        self._vehicle.set_parameter(KEEPER, LEASE_PARAMETER, self._lease_ms)
+        self._vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_NAMED_VALUE_INT, _REPORT_HZ)
+        self._name()
 
     def _knows_gate(self) -> bool:
         supported = self._authority.supported(self._since_s)
         if supported:
             self.gated = True
             lease_ms = self._vehicle.parameter(LEASE_PARAMETER, self._since_s)
-            return self._authority.reported() is Controller.SC and lease_ms == self._lease_ms
+            return self._authority.reported() == KEEPER and lease_ms == self._lease_ms
         self.gated = supported
         return supported is False
 
@@ -241,7 +255,6 @@ class Preparation:
         self._vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def _take_off(self) -> None:
-        self._name()
         if self._up_m() < _HEIGHT_M:
             height_m = self._config.height_m
             self._vehicle.command(KEEPER, mav.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)

@@ -18,7 +18,7 @@ from typing import ClassVar, Final
 from soter.adapters.mavlink.authority import Authority
 from soter.adapters.mavlink.carrot import Leg, reach_m
 from soter.adapters.mavlink.charge import Charge
-from soter.adapters.mavlink.components import KEEPER
+from soter.adapters.mavlink.components import CONTROLLERS, KEEPER, SENDERS
 from soter.adapters.mavlink.frames import Frame, turned_rad
 from soter.adapters.mavlink.link import Link
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
@@ -197,30 +197,33 @@ class MavlinkRobot(Robot):
         """Tell the vehicle who is in charge, and when the lease was renewed last."""
         renewed_s = self._time_sync.to_vehicle_s(self._renewed_s)
         if renewed_s is not None:
-            self._authority.name(self._charge, renewed_s)
+            self._authority.name(SENDERS[self._charge], renewed_s)
 
     def _send_target(self, at: RobotState | None) -> None:
         """Send where to go, or to stand, in the name of the controller in charge."""
         leg = self._leg
-        if leg is None:
+        if leg is None or at is None:
             self._setpoints.stand(self._charge)
-        elif self._gated:
-            self._setpoints.go(self._charge, leg.target, at)
-        else:
-            left_s = self.declared.lease_s - (self.clock.now() - self._renewed_s)
-            if at is None or left_s <= 0.0:
-                self._setpoints.stand(self._charge)
-                return
-            self._setpoints.cap_speed(leg.target.speed_m_s)
-            ahead_m = reach_m(self.declared.v_max_m_s, self.declared.brake_m_s2, left_s)
-            yaw_rad = None if leg.target.heading_rad is None else turned_rad(leg.target.heading_rad)
-            self._setpoints.go_plainly(self._charge, *leg.ahead(at, ahead_m), yaw_rad)
+            return
+        target = leg.looking_ahead(at) if self._sampler.flies else leg.target
+        if self._gated:
+            self._setpoints.go(self._charge, target, at)
+            return
+        left_s = self.declared.lease_s - (self.clock.now() - self._renewed_s)
+        if left_s <= 0.0:
+            self._setpoints.stand(self._charge)
+            return
+        self._setpoints.cap_speed(target.speed_m_s)
+        ahead_m = reach_m(self.declared.v_max_m_s, self.declared.brake_m_s2, left_s)
+        yaw_rad = None if target.heading_rad is None else turned_rad(target.heading_rad)
+        self._setpoints.go_plainly(self._charge, *leg._replace(target=target).ahead(at, ahead_m), yaw_rad)
 
     def _reported(self) -> Controller | None:
         """Return who is in charge, as the vehicle says; None while somebody else has taken it out of GUIDED."""
         if not self._gated or self._vehicle.mode != self._vehicle.kind.guided:
             return None
-        return self._authority.reported()
+        component = self._authority.reported()
+        return None if component is None else CONTROLLERS.get(component)
 
     # --- the end -------------------------------------------------------------------------------------------
 
