@@ -11,6 +11,7 @@ from soter.sdk import RobotState, Waypoint
 from soter.stack.adversaries.base import Adversary, AdversaryOptions, Arena, towards
 
 _MOVED_M = 0.02
+_RUN_UP_M = 0.1
 
 
 class ChaseOptions(AdversaryOptions):
@@ -28,7 +29,7 @@ class ChaseOptions(AdversaryOptions):
 class Chase(Adversary[ChaseOptions]):
     """Every robot drives at its nearest peer. Attacks begin right after the collision module has looked.
 
-    Some attacks last until control is lost. The others are darts: in for half of Delta, then backwards, so that at
+    Some attacks last until control is lost. The others are darts: in for a part of Delta, then backwards, so that at
     the next look the robots are apart again.
     """
 
@@ -55,23 +56,24 @@ class Chase(Adversary[ChaseOptions]):
             peer = peers[0]
             if now_s < self._back_until_s[robot_id]:
                 continue
-            if now_s >= self._ram_until_s[robot_id] and self._near(own, peer, delta_s):
-                self._back_until_s[robot_id] = now_s + max(0.5 * delta_s, self.arena.base_tick_s)
+            if now_s >= self._ram_until_s[robot_id]:
                 self._ram_until_s[robot_id] = math.nan
+                self._back_until_s[robot_id] = now_s + max(0.5 * delta_s, self.arena.base_tick_s)
                 self._aim.pop(robot_id, None)
                 port.goto(self._backwards(own))
-            elif math.isnan(self._ram_until_s[robot_id]):
-                if looked:
-                    darts = self._random.random() < self.options.dart
-                    self._ram_until_s[robot_id] = now_s + 0.5 * delta_s if darts else math.inf
-            elif math.dist(self._aim.get(robot_id, (math.inf, math.inf)), (peer.x_m, peer.y_m)) > _MOVED_M:
+                continue
+            if looked and math.isnan(self._ram_until_s[robot_id]) and self._near(own, peer, delta_s):
+                darts = self._random.random() < self.options.dart
+                lasts_s = delta_s * self._random.uniform(0.5, 0.9)
+                self._ram_until_s[robot_id] = now_s + lasts_s if darts else math.inf
+            if math.dist(self._aim.get(robot_id, (math.inf, math.inf)), (peer.x_m, peer.y_m)) > _MOVED_M:
                 self._aim[robot_id] = (peer.x_m, peer.y_m)
                 port.goto(towards(own, peer.x_m, peer.y_m))
 
     def _near(self, own: RobotState, peer: RobotState, delta_s: float) -> bool:
-        """Whether one more Delta could bring them into collision: farther away there is nothing to reverse from."""
+        """Whether the module will act soon: farther away there is nothing to reverse from."""
         gap_m = math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) - self.arena.rta.collision.phi_safe_m
-        return gap_m < self.options.facts.reach_m(delta_s, 2)
+        return gap_m < self.options.facts.reach_m(delta_s, 2) + _RUN_UP_M
 
     def _backwards(self, own: RobotState) -> Waypoint:
         """Return a goal behind the robot that it reaches backwards."""

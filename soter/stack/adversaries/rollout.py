@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.config_tables import RtaTable
+from soter.config_tables import ModuleTable, RtaTable
 from soter.stack.adversaries.base import RobotFacts
 from soter.stack.terrain import Terrain
 
@@ -41,7 +41,7 @@ class Rollout:
         self._rta: Final = rta
         self._facts: Final = facts
         self._step_s: Final = step_s
-        tables = (rta.collision, rta.obstacle, rta.geofence)
+        tables: tuple[ModuleTable, ...] = (rta.collision, rta.obstacle, rta.geofence)
         self._every: Final = [max(1, round(table.delta_s / step_s)) for table in tables]
         self._reach_m: Final = [
             facts.reach_m(table.delta_s, 2 if rule == "collision" else 1)
