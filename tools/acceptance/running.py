@@ -60,7 +60,8 @@ def run_case(case: Case, scale: float, stop: Event) -> RunResult:
     with busy_machine(load), tempfile.TemporaryDirectory() as folder:
         written = Path(folder) / "result.json"
         errors = Path(folder) / "errors"
-        command = [sys.executable, "-m", "soter.cli", *case.arguments(scale), "--quiet", "--json", str(written)]
+        command = [sys.executable, "-m", "soter.cli", *case.arguments(scale)]
+        command += ["--quiet", "--no-record", "--json", str(written)]
         with errors.open("w") as stderr:
             # In a session of its own: Ctrl-C reaches this process only, which then ends the runs in order.
             process = subprocess.Popen(
