@@ -75,11 +75,12 @@ def install_hint(library: str) -> str | None:
     return install_command(extra) if extra else None
 
 
-def load_backend(name: str) -> type[Backend]:
+def load_backend(name: str, *, to_open: bool = True) -> type[Backend]:
     """Import the class of a backend.
 
     Args:
         name: a built-in name, one that an installed distribution registered, or `module:Class`.
+        to_open: False where only what its robots declare is of interest, for which no vendor library is needed.
 
     Raises:
         UnknownBackend: there is none of that name; the message lists those there are.
@@ -88,7 +89,7 @@ def load_backend(name: str) -> type[Backend]:
     """
     target, origin = _find(name)
     library = LIBRARIES.get(name)
-    if library is not None and not _importable(library):
+    if to_open and library is not None and not _importable(library):
         raise _unavailable(name, library, f"the library '{library}' is not installed")
     return _checked(name, origin, target, _import(name, origin, target))
 

@@ -2,13 +2,14 @@
 
 from soter.check.conditions import conditions
 from soter.check.counterexample import Counterexample, read_counterexample
-from soter.check.cover import Cell, Cover, Judged, cover
+from soter.check.cover import OUTSIDE, Cell, Cover, Judged, Status, cover
 from soter.check.falsify import Falsified, falsify
 from soter.check.search import Found, search
 from soter.check.trial import Breach, Obligation, Row, Subject, Trial
 from soter.check.verdict import Finding, Verdict
 
 __all__ = [
+    "OUTSIDE",
     "Breach",
     "Cell",
     "Counterexample",
@@ -19,6 +20,7 @@ __all__ = [
     "Judged",
     "Obligation",
     "Row",
+    "Status",
     "Subject",
     "Trial",
     "Verdict",

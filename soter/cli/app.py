@@ -11,6 +11,8 @@ import typer
 from soter.cli.ablate import EXAMPLES as ABLATE_EXAMPLES
 from soter.cli.ablate import ablate
 from soter.cli.backends import backends
+from soter.cli.check import EXAMPLES as CHECK_EXAMPLES
+from soter.cli.check import check
 from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
 from soter.cli.conform import conform
 from soter.cli.info import EXAMPLES as INFO_EXAMPLES
@@ -38,6 +40,7 @@ app.command(epilog=REPLAY_EXAMPLES)(replay)
 app.command(epilog=INFO_EXAMPLES)(info)
 app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
+app.command(epilog=CHECK_EXAMPLES)(check)
 sim.command("ros2", epilog=ROS2_SIM_EXAMPLES)(sim_ros2)
 app.add_typer(sim)
 app.command(context_settings=MUX_CONTEXT)(ros2_mux)

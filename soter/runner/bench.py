@@ -14,9 +14,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from pydantic import ValidationError
+
 from soter.check import Breach, Obligation, Row, Trial
 from soter.config import Mission
 from soter.errors import ConfigError
+from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
 from soter.rta import DecisionModule, Mode, Region, RTAModule, Situation, Timing
 from soter.runner.user_rules import UserRules
@@ -41,7 +44,8 @@ NEAREST_M, FARTHEST_M = 0.22, 1.2
 """Where peers begin, as distances from the robot under test."""
 
 _TOLERANCE: Final = 1e-6
-_CHECKED: Final = "checked"
+CHECKED: Final = "module"
+"""What a module is called that is tried without a mission."""
 
 
 def open_floor(robots: int) -> Workspace:
@@ -58,17 +62,27 @@ def open_floor(robots: int) -> Workspace:
     )
 
 
-def floor_mission(target: str) -> tuple[Mission, str]:
-    """Return a mission with nothing but one module of the user's own, and the module's name in it.
+def floor_bench(
+    target: str, options: Mapping[str, object] | None = None, robots: int = 1, patience_s: float = 60.0
+) -> ModuleBench:
+    """Return a bench with nothing but one module of the user's own, on an open floor.
 
     Args:
         target: `package.module:name`, a declaring function or a declaration.
+        options: of the module.
+        robots: how many.
+        patience_s: how long its safe controller may take to get back to phi_safer.
 
     Raises:
-        ConfigError: the target is not of that form.
+        ConfigError: there is no such module, or its options are not allowed.
     """
-    tables = {"modules": (), "module": {_CHECKED: {"declare": target}}}
-    return Mission.model_validate({"workspace": Path("open floor"), "backend": BACKEND, "rta": tables}), _CHECKED
+    module = {CHECKED: {"declare": target, "options": dict(options or {})}}
+    tables = {"workspace": Path("open floor"), "backend": BACKEND, "rta": {"modules": (), "module": module}}
+    try:
+        mission = Mission.model_validate(tables)
+    except ValidationError as failure:
+        raise config_error(pydantic_problems(failure, Mission), None) from failure
+    return ModuleBench(mission, open_floor(robots), CHECKED, robots, patience_s)
 
 
 class ModuleBench:
@@ -93,9 +107,9 @@ class ModuleBench:
             known = ", ".join(enabled(mission)) or "none"
             raise ConfigError(f"the mission has no module '{name}' that is on; it has: {known}")
         self._mission: Final = mission
-        self._workspace: Final = workspace.with_robots(robots)
-        self._name: Final = name
-        self._robots: Final = robots
+        self.workspace: Final = workspace.with_robots(robots)
+        self.name: Final = name
+        self.robots: Final = robots
         self.patience_s: Final = patience_s
         self._backend: Final = load_backend(BACKEND)
         self._declared: Final = self._backend.robot_class.declared
@@ -106,7 +120,7 @@ class ModuleBench:
         self.base_tick_s: Final = mission.base_tick_s
         # Assembled once before anything is tried: a bad declaration is to fail here, with its own error.
         with self._open(self._specs([0.5] * self.dimensions)) as fleet:
-            safety = assemble(mission, self._workspace, fleet.robots, lambda _: None)
+            safety = assemble(mission, self.workspace, fleet.robots, lambda _: None)
             self.module: Final[RTAModule] = _module(safety, fleet.robots[0].id, name)
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
@@ -116,12 +130,12 @@ class ModuleBench:
         if any(self._terrain.clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
             return Trial(valid=False)
         with self._open(specs) as fleet, _failures_of_nodes() as failures:
-            safety = assemble(self._mission, self._workspace, fleet.robots, lambda _: None)
+            safety = assemble(self._mission, self.workspace, fleet.robots, lambda _: None)
             return _Run(self, safety, fleet, self._commands(vector), failures).trial()
 
     @contextmanager
     def _open(self, specs: Sequence[RobotSpec]) -> Iterator[Fleet]:
-        config = self._backend.config_model(workspace=self._workspace)
+        config = self._backend.config_model(workspace=self.workspace)
         with self._backend().open(config, specs) as fleet:
             for robot in fleet.robots:
                 robot.init(INIT_TIMEOUT_S)
@@ -131,14 +145,14 @@ class ModuleBench:
         """Return where the robots begin: the first anywhere, the others near it."""
         specs: list[RobotSpec] = []
         battery = self._mission.battery
-        for index, place in enumerate(self._workspace.robots):
+        for index, place in enumerate(self.workspace.robots):
             first, second, turn = vector[index * self._per_robot : index * self._per_robot + 3]
             if specs:
                 away_m = NEAREST_M + second * (FARTHEST_M - NEAREST_M)
                 x_m = specs[0].x_m + away_m * math.cos(math.tau * first)
                 y_m = specs[0].y_m + away_m * math.sin(math.tau * first)
             else:
-                x_m, y_m = first * self._workspace.width_m, second * self._workspace.depth_m
+                x_m, y_m = first * self.workspace.width_m, second * self.workspace.depth_m
             charge = vector[index * self._per_robot + 3] if self._charges else 1.0
             specs.append(
                 RobotSpec(
@@ -151,7 +165,7 @@ class ModuleBench:
     def _commands(self, vector: Sequence[float]) -> dict[int, list[tuple[float, float]]]:
         """Return, for every robot, until when its AC drives along which bearing."""
         commands: dict[int, list[tuple[float, float]]] = {}
-        for index, place in enumerate(self._workspace.robots):
+        for index, place in enumerate(self.workspace.robots):
             values = vector[(index + 1) * self._per_robot - 2 * SEGMENTS : (index + 1) * self._per_robot]
             ends_s = 0.0
             commands[place.id] = []

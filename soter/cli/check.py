@@ -1,0 +1,325 @@
+"""`soter check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from soter.cli.exits import ExitCode, complain, guard
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from soter.check import Counterexample, Trial
+    from soter.cli.outputs import Output, StandardOutput
+    from soter.config import Mission
+    from soter.errors import ConfigError
+    from soter.runner.bench import ModuleBench
+    from soter.runner.check import Report
+    from soter.workspace import Workspace
+
+EXAMPLES = """Examples:
+
+  soter check examples/surveillance.toml
+
+  soter check examples/thesis.toml --json -
+
+  soter check module:examples.modules.too_late:declare --counterexample found.json
+
+  soter check --replay found.json --picture found.png
+
+Exit codes:
+
+  0  no condition is rejected
+
+  1  a condition is rejected, or not proved for every state with --strict
+
+  2  bad input, or a backend that cannot be used here
+"""
+
+_PREFIX = "module:"
+_OPTIONS = "options."
+
+
+def check(
+    target: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="MISSION|module:NAME",
+            help="A mission file, or a module of your own as module:package.module:name.",
+            show_default=False,
+        ),
+    ] = None,
+    backend: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose robots' declared capabilities; none is opened.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
+    ] = None,
+    budget: Annotated[int, typer.Option(metavar="N", min=2, help="Trials for a module that is tested.")] = 200,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Everything random is drawn from it.")] = 0,
+    robots: Annotated[int, typer.Option(metavar="N", min=1, max=8, help="Robots in the trials of module:NAME.")] = 1,
+    patience: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0.1, max=3600.0, help="Time to come back, with module:NAME.")
+    ] = 60.0,
+    strict: Annotated[bool, typer.Option("--strict", help="A proof with a gap counts as a rejection.")] = False,
+    counterexample: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the first counterexample, to be replayed.")
+    ] = None,
+    replay: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Run a counterexample again, and say where it breaks.")
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the findings; - is standard output.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw the first counterexample, or what is not proved.")
+    ] = None,
+) -> None:
+    """Check whether safety modules are well-formed: P1 and P3, proofs of P2 for one robot, and trials.
+
+    A proof covers all states, under the assumptions that docs/writing-a-module.md lists. Several robots at once are
+    tested, not proved.
+    """
+    with guard():
+        from soter.cli.console import make_console
+        from soter.cli.outputs import Output, json_output, picture_output
+        from soter.errors import ConfigError
+
+        if (target is None) == (replay is None):
+            raise ConfigError("say what to check: a mission file, module:NAME, or --replay FILE, one of them")
+        json_file = None if json is None else json_output(json)
+        picture_file = None if picture is None else picture_output(picture)
+        example_file = None if counterexample is None else Output(counterexample, "--counterexample")
+        console = make_console(stderr=str(json) == "-")
+        if replay is not None:
+            raise typer.Exit(_replay(console, replay, json_file, picture_file))
+        assert target is not None
+        subject: dict[str, Any] = {"target": target, "backend": backend, "settings": [*(settings or [])]}
+        report = _check(console, subject, robots, patience, budget, seed)
+        _print(console, report)
+        written = _write(report, target, json_file, picture_file)
+        if example_file is not None:
+            written = _write_example(console, report, subject, example_file) and written
+        if not written:
+            raise typer.Exit(ExitCode.RUN_FAILED)
+        fine = not report.rejected and (report.complete or not strict)
+        raise typer.Exit(ExitCode.OK if fine else ExitCode.VIOLATION)
+
+
+def _check(console: Console, subject: dict[str, Any], robots: int, patience_s: float, budget: int, seed: int) -> Report:
+    from soter.cli.console import is_live
+    from soter.runner.check import check_mission, check_module
+
+    status = console.status("")
+    if is_live(console):
+        status.start()
+    try:
+        if subject["target"].startswith(_PREFIX):
+            return check_module(_own_module(subject, robots, patience_s), budget, seed, status.update)
+        return check_mission(_mission(subject), budget, seed, status.update)
+    finally:
+        status.stop()
+
+
+def _mission(subject: dict[str, Any]) -> Mission:
+    from soter.cli.overrides import load_with_engine, merge
+
+    return load_with_engine(Path(subject["target"]), merge({"backend": subject["backend"]}, subject["settings"]), None)
+
+
+def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
+    """Return a bench with one module of the user's own on an open floor."""
+    import sys
+
+    from soter.cli.overrides import merge
+    from soter.errors import ConfigError
+    from soter.runner.bench import floor_bench
+
+    if subject["backend"] is not None:
+        raise ConfigError("modules of your own are tried on simulated robots", source="command line", key="--backend")
+    # A module of one's own is found as Python run here would find it.
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    options = merge({}, subject["settings"])
+    if wrong := [key for key in options if not key.startswith(_OPTIONS)]:
+        raise ConfigError(
+            f"a module without a mission has its own options only, written as {_OPTIONS}KEY=VALUE",
+            source="command line", key=wrong[0],
+        )  # fmt: skip
+    given = {key.removeprefix(_OPTIONS): value for key, value in options.items()}
+    return floor_bench(subject["target"].removeprefix(_PREFIX), given, robots, patience_s)
+
+
+# --- what is shown -----------------------------------------------------------------------------------------
+
+_STYLES = {"PROVED": "green", "PARTLY": "yellow", "TESTED": "cyan", "ASSUMED": "yellow", "REJECTED": "bold red"}
+
+
+def _print(console: Console, report: Report) -> None:
+    from rich.text import Text
+
+    width = max((len(each.module) for each in report.findings), default=0)
+    for each in report.findings:
+        verdict = each.verdict.value
+        head = (f"{each.module:<{width}}  {each.condition:<3}  ", (f"{verdict:<8}", _STYLES[verdict]))
+        console.print(Text.assemble(*head, f"  {each.text}"), soft_wrap=True)
+    for module, cells in report.unproved.items():
+        console.print(f"\n{module}: {len(cells)} cells are not proved, such as", soft_wrap=True)
+        for cell, why in cells[:: max(1, len(cells) // 4)][:4]:
+            console.print(f"  ({cell.x_m:.3f}, {cell.y_m:.3f}), {2 * cell.half_m:g} m wide: {why}", soft_wrap=True)
+    counts: dict[str, int] = {}
+    for each in report.findings:
+        counts[each.verdict.value] = counts.get(each.verdict.value, 0) + 1
+    summary = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _STYLES if verdict in counts)
+    console.print(Text(f"\n{summary}", "bold red" if report.rejected else "bold"), soft_wrap=True)
+
+
+def _write(report: Report, target: str, json_file: Output | StandardOutput | None, picture_file: Output | None) -> bool:
+    import json
+
+    try:
+        if json_file is not None:
+            content = {
+                "format": "soter-check",
+                "target": target,
+                "rejected": report.rejected,
+                "findings": [each.as_dict() for each in report.findings],
+                "unproved": {
+                    module: [
+                        {"x_m": cell.x_m, "y_m": cell.y_m, "half_m": cell.half_m, "why": why} for cell, why in cells
+                    ]
+                    for module, cells in report.unproved.items()
+                },
+            }
+            json_file.write(f"{json.dumps(content, indent=2, allow_nan=False, default=str)}\n".encode())
+        if picture_file is not None:
+            picture_file.write(_picture(report, target))
+    except OSError as failure:
+        complain(f"the findings could not be written: {failure}")
+        return False
+    return True
+
+
+def _picture(report: Report, target: str) -> bytes:
+    broken = next((each for found in report.counterexamples.values() for each in found), None)
+    if broken is not None:
+        return _draw_trial(report.workspace, broken.trial, target)
+    from soter.record.tracks import RunTracks
+    from soter.report.caption import Caption
+    from soter.report.picture import draw_png
+
+    cells = tuple((cell.x_m, cell.y_m, cell.half_m) for found in report.unproved.values() for cell, _ in found)
+    tracks = RunTracks(report.workspace, (), {}, unproved=cells)
+    named = ", ".join(report.unproved)
+    figures = (f"not proved everywhere: {named}" if named else "nothing is left unproved that a proof was tried for",)
+    return draw_png(tracks, Caption(title=target, figures=figures, alarming=report.rejected))
+
+
+def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
+    """Draw one trial as a run is drawn."""
+    import math
+
+    from soter.record.tracks import RunTracks, Track
+    from soter.report.caption import Caption
+    from soter.report.picture import draw_png
+
+    drivers = ("AC", *dict.fromkeys(row.driver for row in trial.rows if row.driver != "AC"))
+    tracks: dict[int, Track] = {}
+    for row in trial.rows:
+        track = tracks.setdefault(row.robot_id, Track(row.robot_id))
+        track.time_s.append(row.time_s)
+        track.x_m.append(row.x_m)
+        track.y_m.append(row.y_m)
+        track.battery.append(math.nan if row.battery is None else row.battery)
+        track.driver.append(drivers.index(row.driver))
+    breach = trial.breaches[0] if trial.breaches else None
+    figures = () if breach is None else (f"{breach.obligation.value}: {breach.text}",)
+    return draw_png(RunTracks(workspace, drivers, tracks), Caption(title=title, figures=figures, alarming=True))
+
+
+# --- counterexamples ---------------------------------------------------------------------------------------
+
+
+def _write_example(console: Console, report: Report, subject: dict[str, Any], file: Output) -> bool:
+    from soter.check import Counterexample
+    from soter.check.counterexample import trace_hash
+
+    found = next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
+    if found is None:
+        console.print("no counterexample was found, so none is written", soft_wrap=True)
+        return True
+    (name, falsified), bench = found, report.benches[found[0]]
+    tried = {**subject, "module": name, "robots": bench.robots, "patience_s": bench.patience_s}
+    breach, trial = falsified.breach, falsified.trial
+    example = Counterexample(
+        tried, breach.obligation, breach.time_s, breach.text, falsified.vector, trace_hash(trial)
+    )  # fmt: skip
+    try:
+        file.write(f"{example.as_json(trial.rows)}\n".encode())
+    except OSError as failure:
+        complain(f"the counterexample could not be written: {failure}")
+        return False
+    console.print(f"counterexample: {file.path}; run it again with: soter check --replay {file.path}", soft_wrap=True)
+    return True
+
+
+def _replay(
+    console: Console, path: Path, json_file: Output | StandardOutput | None, picture_file: Output | None
+) -> ExitCode:
+    """Run a counterexample again; return 1 if it breaks what it broke."""
+    import json
+
+    from soter.check import read_counterexample
+    from soter.check.counterexample import trace_hash
+
+    example = read_counterexample(path)
+    bench = _bench_of(example, path)
+    if len(example.vector) != bench.dimensions:
+        raise _not_replayable(path, f"its point has {len(example.vector)} numbers, and {bench.dimensions} are needed")
+    trial = bench.run(example.vector)
+    broken = next((each for each in trial.breaches if each.obligation is example.obligation), None)
+    same = trace_hash(trial) == example.trace_sha256
+    if broken is None:
+        console.print(f"{example.obligation.value} is not broken any more; it was: {example.text}", soft_wrap=True)
+    else:
+        console.print(f"{broken.obligation.value} is broken again: {broken.obligation.statement}", soft_wrap=True)
+        console.print(broken.text, soft_wrap=True)
+        console.print("the trace is the same, bit for bit" if same else "the trace differs", soft_wrap=True)
+    try:
+        if json_file is not None:
+            found = {"broken": broken is not None, "same_trace": same, "text": "" if broken is None else broken.text}
+            json_file.write(f"{json.dumps(found, indent=2)}\n".encode())
+        if picture_file is not None:
+            picture_file.write(_draw_trial(bench.workspace, trial, f"replay of {path}"))
+    except OSError as failure:
+        complain(f"it could not be written: {failure}")
+        return ExitCode.RUN_FAILED
+    return ExitCode.OK if broken is None else ExitCode.VIOLATION
+
+
+def _bench_of(example: Counterexample, path: Path) -> ModuleBench:
+    """Return the bench that a counterexample was found on."""
+    from soter.runner.bench import ModuleBench
+
+    tried = dict(example.subject)
+    try:
+        subject = {key: tried[key] for key in ("target", "backend", "settings")}
+        name, robots, patience_s = str(tried["module"]), int(tried["robots"]), float(tried["patience_s"])
+        if not isinstance(subject["target"], str) or not isinstance(subject["settings"], list):
+            raise TypeError("target has to be a text and settings a list")
+    except (KeyError, TypeError, ValueError) as failure:
+        raise _not_replayable(path, f"what was tried cannot be read: {failure!r}") from failure
+    if subject["target"].startswith(_PREFIX):
+        return _own_module(subject, robots, patience_s)
+    mission = _mission(subject)
+    return ModuleBench(mission, mission.read_workspace(), name, robots, patience_s)
+
+
+def _not_replayable(path: Path, why: str) -> ConfigError:
+    from soter.errors import ConfigError
+
+    return ConfigError(f"{why}; it is from another version, or was changed", source=str(path))
