@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 _UNKNOWN_V: Final = 0xFFFF * 1e-3
@@ -27,21 +28,21 @@ class Charge:
         self._empty_v: Final = empty_v
         self._full_v: Final = full_v
         self._value: float | None = None
-        self._stamp_s = 0.0
+        self._stamp_s = -math.inf
 
     def read(self, sys_status: Any, stamp_s: float) -> float | None:
-        """Return the charge from 0 to 1 at a vehicle's stamp; None where it is not known.
+        """Return the charge from 0 to 1 at some time; None where it is not known.
 
         Args:
             sys_status: the latest SYS_STATUS, or None.
-            stamp_s: time of the sample that the charge is for; when it goes back, the vehicle has rebooted.
+            stamp_s: fleet time of the sample that the charge is for.
         """
         said = None if sys_status is None else self._said(sys_status)
-        if said is None or self._value is None or stamp_s < self._stamp_s or said < self._value - _TRUSTED:
+        if said is None or self._value is None or said < self._value - _TRUSTED:
             self._value = said
         else:
-            self._value = max(said, self._value - (stamp_s - self._stamp_s) * self._per_s)
-        self._stamp_s = stamp_s
+            self._value = max(said, self._value - max(0.0, stamp_s - self._stamp_s) * self._per_s)
+        self._stamp_s = max(self._stamp_s, stamp_s)
         return self._value
 
     def _said(self, sys_status: Any) -> float | None:

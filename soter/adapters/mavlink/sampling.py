@@ -87,7 +87,7 @@ class Sampler:
             vx_m_s=position.vy,
             vy_m_s=position.vx,
             yaw_rate_rad_s=-attitude.yawspeed,
-            battery=self._charge.read(None if sys_status is None else sys_status.message, stamp_s),
+            battery=self._charge.read(None if sys_status is None else sys_status.message, fleet_s),
             controller=controller,
             goal_id=None,
             link=Link.UP,
