@@ -247,12 +247,15 @@ class BatteryTable(Table):
 
 
 class IsolationTable(Table):
-    """What the mission may use where it has a process of its own, which it has on a wall clock.
+    """How the supervisor is kept apart from all else on a wall clock, where the mission has a process of its own.
 
     Attributes:
-        memory_mib: address space that it may add to what it starts with, in MiB.
-        silent_s: host time for which it may be silent before it counts as hung.
+        memory_mib: address space that the mission may add to what it starts with, in MiB.
+        silent_s: host time for which the mission may be silent before it counts as hung.
+        real_time: the supervisor is scheduled in real time, before everything else that the host has to do; needs
+            the right to it.
     """
 
     memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
     silent_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 2.0
+    real_time: bool = False

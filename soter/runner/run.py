@@ -22,6 +22,7 @@ from soter.runner.aside import Aside
 from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.progress import Progress, robot_progress
+from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
@@ -214,6 +215,8 @@ class _Loop:
                 watchdog = stack.enter_context(HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks))
                 if on_progress is not None and self.wall_clock:
                     on_progress = stack.enter_context(Aside(on_progress)).put
+                if self.wall_clock and self.mission.isolation.real_time:
+                    stack.enter_context(real_time())
                 status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
             failure = self.side.failures.get(None)
             # The robots were brought home by their SCs, but what they were for was not done.

@@ -138,6 +138,15 @@ def test_bad_options_of_the_mission_are_refused_before_anything_moves(sides: lis
     assert refused.value.key is not None
 
 
+def test_without_the_right_to_it_real_time_is_refused(sides: list[RemoteSide], monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr("os.sched_setscheduler", refuse)
+    with pytest.raises(ConfigError, match=r"isolation.real_time: .*CAP_SYS_NICE"):
+        run_mission(mission(isolation__real_time=True))
+
+
 def test_a_mission_that_cannot_be_made_is_refused() -> None:
     asked = mission()
     workspace = asked.read_workspace()

@@ -1,0 +1,45 @@
+"""Real-time scheduling of this process: what else the host has to do no longer delays a tick."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from soter.errors import ConfigError
+
+_TASKS: Final = Path("/proc/self/task")
+_LOWEST: Final = os.sched_param(1)
+_NORMAL: Final = os.sched_param(0)
+
+
+@contextmanager
+def real_time() -> Iterator[None]:
+    """Schedule all threads that there are before anything that is not real-time, and as before when it is over.
+
+    All of them, because they share the interpreter's lock: a tick would have to wait for a thread that holds it and is
+    not let run. Threads and processes that they start meanwhile are scheduled as usual.
+
+    Raises:
+        ConfigError: the kernel does not allow it; says what to do.
+    """
+    try:
+        _schedule(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, _LOWEST)
+    except PermissionError as refused:
+        raise ConfigError(
+            "it is true, but the kernel does not let this user have real-time scheduling; give the process the "
+            "capability CAP_SYS_NICE or a limit of real-time priority (ulimit -r 1), or leave the option out",
+            key="isolation.real_time",
+        ) from refused
+    try:
+        yield
+    finally:
+        _schedule(os.SCHED_OTHER, _NORMAL)
+
+
+def _schedule(policy: int, parameters: os.sched_param) -> None:
+    for task in _TASKS.iterdir():
+        with suppress(ProcessLookupError):
+            os.sched_setscheduler(int(task.name), policy, parameters)
