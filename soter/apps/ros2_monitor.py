@@ -10,14 +10,17 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
 from soter.config import Mission
-from soter.rta import Report, RobotSupervisor, SwitchRecord
-from soter.sdk import Fleet
+from soter.rta import Mode, Report, Request, RobotSupervisor, SwitchRecord
+from soter.sdk import Fleet, Waypoint
+from soter.stack.actuator import RobotActuator
 from soter.stack.assembly import SafetySide, assemble
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 
 AC: Final = "AC"
+
+_ANYWHERE: Final = Waypoint(0.0, 0.0)
 
 
 class Telling(Protocol):
@@ -69,7 +72,14 @@ class Watcher:
         self._jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
         self.disengagements: Final = {robot.id: 0 for robot in fleet.robots}
         self.late_ticks = 0
-        self._safety: Final[SafetySide] = assemble(mission, workspace, fleet.robots, _ignore, [self])
+        self._safety: Final[SafetySide] = assemble(
+            mission,
+            workspace,
+            fleet.robots,
+            _ignore,
+            [self],
+            tap=lambda _id, actuator: _Elsewhere(actuator.robot, actuator.port),
+        )
 
     def run(self, stop: Callable[[], bool], duration_s: float | None = None) -> None:
         """Judge at every tick until told to stop, or for so long.
@@ -78,11 +88,15 @@ class Watcher:
             stop: asked at every tick.
             duration_s: in fleet time; None for as long as it takes.
         """
-        clock, supervisor = self._fleet.clock, self._safety.supervisor
+        clock, supervisor, ports = self._fleet.clock, self._safety.supervisor, self._safety.ports.values()
         began_s, tick = clock.now(), 0
         while not stop() and (duration_s is None or tick * self._tick_s < duration_s):
             now_s = clock.now()
             self.late_ticks += now_s - (began_s + tick * self._tick_s) > self._jitter_s
+            for port in ports:
+                if port.engaged:
+                    # Wherever it is that its AC goes: a robot that may drive is not expected to rest.
+                    port.goto(_ANYWHERE)
             supervisor.tick(now_s)
             for robot in supervisor.robots.values():
                 driver, cause = (AC, "") if robot.driver is None else (robot.driver.name, robot.driver.cause)
@@ -98,6 +112,14 @@ class Watcher:
         if before != after:
             logger.info("robot %d: %s -> %s (%s: %s)", record.robot_id, before, after, record.module, record.cause)
             self._telling.switched(record.robot_id, before, after, record.module, record.cause)
+
+
+class _Elsewhere(RobotActuator):
+    """A robot whose AC commands it past SOTER: what is sent in the AC's name goes nowhere."""
+
+    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Mode) -> None:
+        if not isinstance(command, Request):
+            super().drive(command, mode)
 
 
 def _ignore(_report: Report) -> None:

@@ -65,6 +65,7 @@ def ros2_monitor(
     duration: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time; until Ctrl-C if not given.")
     ] = None,
+    no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
@@ -80,9 +81,10 @@ def ros2_monitor(
         from soter.adapters.ros2.telemetry import Telemetry
         from soter.apps.ros2_monitor import Watcher
         from soter.cli.overrides import load_with_engine, merge
-        from soter.stack.assembly import enabled
+        from soter.stack.declaration import enabled
 
-        loaded = load_with_engine(mission, merge({"backend": "ros2", "duration_s": duration}, settings or []), None)
+        options = {"backend": "ros2", "duration_s": duration, "rta.enabled": False if no_rta else None}
+        loaded = load_with_engine(mission, merge(options, settings or []), None)
         with _open(loaded) as fleet:
             for robot in fleet.robots:
                 robot.init(_INIT_TIMEOUT_S)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import sys
+import threading
 
 from pydantic import TypeAdapter
 
@@ -29,14 +31,15 @@ def main() -> None:
         int(number): name for number, _, name in (each.partition("=") for each in given.namespaces.split(","))
     }
     workspace, robots = TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).validate_json(sys.stdin.buffer.read())
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    ended = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        # Not an exception: it could come where rclpy ignores it.
+        signal.signal(number, lambda *_: ended.set())
     face = Face(workspace, robots, namespaces, stamped=given.stamped, truth_port=given.truth_port)
     try:
         sys.stdout.write(json.dumps({"truth": face.truth.address}) + "\n")
         sys.stdout.flush()
-        face.run(given.parent)
-    except KeyboardInterrupt:
-        return
+        face.run(lambda: ended.is_set() or (given.parent is not None and os.getppid() != given.parent))
     finally:
         face.close()
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import rclpy
@@ -70,15 +69,15 @@ class Face:
             self._executor.add_node(node)
             self._bases.append(Base(node, self.world, robot.id, self._stamp, stamped=stamped))
 
-    def run(self, parent: int | None) -> None:
-        """Keep pace with the host's clock until the parent, if there is one, is gone.
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Keep pace with the host's clock until told to stop.
 
         A host that was busy is caught up with: the world first lives through what it has missed, with the velocities
         that it had then.
         """
         world, began_s = self.world, time.perf_counter()
         steps = told = 0
-        while parent is None or os.getppid() == parent:
+        while not stop():
             due_s = began_s + (steps + 1) * STEP_S
             self._executor.spin_once(timeout_sec=max(0.0, due_s - time.perf_counter()))
             while began_s + (steps + 1) * STEP_S <= time.perf_counter():

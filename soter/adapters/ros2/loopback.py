@@ -25,7 +25,7 @@ _UNSET: Final = "ROS_LOCALHOST_ONLY"
 
 def environment() -> dict[str, str]:
     """Return the environment of a program whose participants are to stay on this host."""
-    return {name: value for name, value in os.environ.items() if name != _UNSET} | SETTINGS
+    return {name: value for name, value in os.environ.items() if name != _UNSET} | {**SETTINGS}
 
 
 @contextmanager

@@ -15,6 +15,7 @@ import argparse
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from typing import Any, Final
@@ -133,13 +134,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     known = parser.parse_args(given[:cut])
     # Its own handlers: by the time that rclpy's have run, nothing can be published any more.
     rclpy.init(args=given[cut:], signal_handler_options=SignalHandlerOptions.NO)
+    ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: sys.exit(0))
+        # Not an exception: it could come where rclpy ignores it.
+        signal.signal(number, lambda *_: ended.set())
     node = MuxNode(known.robot)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        while known.parent is None or os.getppid() == known.parent:
+        while not ended.is_set() and (known.parent is None or os.getppid() == known.parent):
             executor.spin_once(timeout_sec=0.5)
     except ExternalShutdownException:
         return

@@ -1,0 +1,4 @@
+class Duration:
+    nanoseconds: int
+
+Infinite: Duration

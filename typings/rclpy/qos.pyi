@@ -1,0 +1,29 @@
+from enum import Enum
+
+from rclpy.duration import Duration
+
+class ReliabilityPolicy(Enum):
+    BEST_EFFORT = ...
+    RELIABLE = ...
+
+class DurabilityPolicy(Enum):
+    VOLATILE = ...
+    TRANSIENT_LOCAL = ...
+
+class QoSCompatibility(Enum):
+    OK = ...
+    WARNING = ...
+    ERROR = ...
+
+class QoSProfile:
+    def __init__(
+        self,
+        *,
+        depth: int = ...,
+        reliability: ReliabilityPolicy = ...,
+        durability: DurabilityPolicy = ...,
+        deadline: Duration = ...,
+        liveliness_lease_duration: Duration = ...,
+    ) -> None: ...
+
+def qos_check_compatible(publisher_qos: QoSProfile, subscription_qos: QoSProfile) -> tuple[QoSCompatibility, str]: ...

@@ -1,0 +1,6 @@
+from std_msgs.msg import Header
+
+class BatteryState:
+    header: Header
+    percentage: float
+    present: bool
