@@ -5,7 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Final
 
 from soter.config import load_mission
 from soter.config_tables import MODULES
-from soter.errors import ConfigError, IllFormedModule, SoterError
+from soter.errors import ConfigError, IllFormedModule, RunFailed, SoterError
 from soter.runner.result import RunResult
 from soter.runner.run import Study, run_mission
 from soter.stack.adversaries import BUILT_IN, PREFIX
@@ -52,6 +53,8 @@ ALONE_S: Final[Mapping[str, tuple[float, ...]]] = {
 
 AHEAD: Final = (2.0, 1.0, 0.5, 0.0)
 """How many Delta the switching test looks ahead, whatever the lease."""
+
+_POLL_S: Final = 0.2
 
 Overrides = Mapping[str, object]
 
@@ -198,17 +201,26 @@ def run_all(
         plan: how.
         chosen: which.
         jobs: so many at a time.
-        stop: asked after every outcome; runs under way then end early, and nothing more is yielded.
+        stop: asked again and again; runs under way then end early, and nothing more is yielded.
+
+    Raises:
+        RunFailed: a process died.
     """
     context = multiprocessing.get_context("spawn")
     ended = context.Event()
     with ProcessPoolExecutor(jobs, context, _begin, (ended,)) as pool:
-        waiting = [pool.submit(_work, plan, variant, seed) for variant in chosen for seed in plan.seeds]
+        waiting: set[Future[Outcome]] = {
+            pool.submit(_work, plan, variant, seed) for variant in chosen for seed in plan.seeds
+        }
         try:
-            for future in as_completed(waiting):
-                if stop():
-                    return
-                yield future.result()
+            while waiting and not stop():
+                done, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        except BrokenProcessPool as death:
+            # Ctrl-C reaches workers too, and those that have just begun do not know yet that it is not for them.
+            if not stop():
+                raise RunFailed("a process of variants has died; the machine may have run out of memory") from death
         finally:
             ended.set()
             pool.shutdown(cancel_futures=True)
