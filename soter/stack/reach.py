@@ -33,6 +33,7 @@ class Limits:
         accel_m_s2: how fast the speed grows, at most; None where that is not promised.
         speed_noise_m_s: error of a reported velocity, or None, likewise.
         heading_noise_rad: error of a reported heading, or None, likewise.
+        period_s: control period.
     """
 
     v_max_m_s: float
@@ -42,6 +43,7 @@ class Limits:
     accel_m_s2: float | None
     speed_noise_m_s: float | None
     heading_noise_rad: float | None
+    period_s: float
 
     @classmethod
     def of(cls, *robots: Capabilities) -> Self:
@@ -54,6 +56,7 @@ class Limits:
             _worst([each.accel_m_s2 for each in robots]),
             _worst([each.speed_noise_m_s for each in robots]),
             _worst([each.heading_noise_rad for each in robots]),
+            max(each.setpoint_period_s for each in robots),
         )
 
     def motion(self, module: str, model: MotionModel) -> Motion:
@@ -73,7 +76,7 @@ class Limits:
             raise _unpromised(module, model, "heading_noise_rad")
         return UnicycleBound(
             self.v_max_m_s, accel_m_s2, self.brake_m_s2, self.yaw_rate_max_rad_s, self.reverse_m_s, speed_noise_m_s,
-            self.heading_noise_rad,
+            self.heading_noise_rad, self.period_s,
         )  # fmt: skip
 
 

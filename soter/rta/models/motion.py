@@ -113,8 +113,8 @@ class UnicycleBound(SpeedAccelerationBound):
     - the sum of the integrals of f c and of f' c', where they are positive;
     - the integral of the larger speed times c of the end that lies nearer to u, which c' never exceeds.
 
-    When it is told to stop at T, at speed f(T), it rests within f(T) / brake and a way of f(T)^2 / (2 brake), and
-    lies along u by no more than c(T + f(T) / brake) meanwhile, which is added to each integral.
+    It is told to stop at T: the integrals go on from there, with speeds that fall by `brake` to 0, and with c a period
+    later, because a vehicle may make up to all of the way of a control period at its end.
 
     Reported positions are those of the point between the wheels, about which it turns.
 
@@ -126,6 +126,7 @@ class UnicycleBound(SpeedAccelerationBound):
         reverse_m_s: top speed backwards; 0 for a robot that cannot reverse.
         speed_noise_m_s: error of a reported speed, at most.
         heading_noise_rad: error of a reported heading, at most.
+        period_s: control period of the vehicle: when within it the speed falls is not promised, only by how much.
     """
 
     def __init__(
@@ -137,6 +138,7 @@ class UnicycleBound(SpeedAccelerationBound):
         reverse_m_s: float,
         speed_noise_m_s: float = 0.0,
         heading_noise_rad: float = 0.0,
+        period_s: float = 0.0,
     ) -> None:
         positive("v_max_m_s", v_max_m_s)
         super().__init__(
@@ -146,6 +148,7 @@ class UnicycleBound(SpeedAccelerationBound):
         self.reverse_m_s: Final = reverse_m_s
         self.yaw_rate_max_rad_s: Final = positive("yaw_rate_max_rad_s", yaw_rate_max_rad_s)
         self.heading_noise_rad: Final = not_negative("heading_noise_rad", heading_noise_rad)
+        self.period_s: Final = not_negative("period_s", period_s)
 
     def extent(self, sample: Sample, time_s: float, ux: float, uy: float, uz: float = 0.0) -> float:
         return self._along(sample, time_s, ux, uy, self.brake_m_s2)
@@ -177,44 +180,52 @@ class UnicycleBound(SpeedAccelerationBound):
         return min(total + other, nearer)
 
     def _swept(self, speed: float, most: float, angle: float, time_s: float, brake: float) -> float:
-        """Return the integral of speed times alignment over [0, T], and what stopping adds."""
+        """Return the integral of speed times alignment over [0, T], and over the time that stopping takes."""
         if most == 0.0:
             return 0.0
         if speed > most:
             speed = most
         accel, turn = self.accel_m_s2, self.yaw_rate_max_rad_s
-        reached = min(most, speed + accel * time_s)
+        rising_s = min((most - speed) / accel, time_s)
+        reached = speed + accel * rising_s
         rests_s = time_s + reached / brake
-        last = angle - turn * rests_s
+        swung = angle - turn * self.period_s
+        last = swung - turn * rests_s
         if last >= 0.5 * pi:
             return 0.0
-        stop_m = reached * reached / (2.0 * brake) * (cos(last) if last > 0.0 else 1.0)
-        if turn * time_s < _SLOW_TURN_RAD:
+        if turn * rests_s < _SLOW_TURN_RAD:
             # The closed form divides by the turn rate twice; as if it had turned before it starts is no less.
-            last = angle - turn * time_s
-            return stop_m + max(0.0, cos(max(0.0, last))) * way_m(speed, most, accel, time_s)
-        start_s = (angle - 0.5 * pi) / turn if angle > 0.5 * pi else 0.0
-        aligned_s = min(angle / turn, time_s)
-        rising_s = (most - speed) / accel
+            way = way_m(speed, most, accel, time_s) + reached * reached / (2.0 * brake)
+            return way * (cos(last) if last > 0.0 else 1.0)
+        return (
+            self._piece(speed, accel, angle, 0.0, rising_s)
+            + self._piece(reached, 0.0, angle, rising_s, time_s)
+            + self._piece(reached, -brake, swung, time_s, rests_s)
+        )
+
+    def _piece(self, speed: float, slope: float, angle: float, start_s: float, end_s: float) -> float:
+        """Return the integral of max(0, cos(max(0, angle - turn t))) times a speed that changes at a constant rate."""
+        turn = self.yaw_rate_max_rad_s
+        begins_s = (angle - 0.5 * pi) / turn
+        if begins_s >= end_s or start_s >= end_s:
+            return 0.0
+        if begins_s > start_s:
+            speed += slope * (begins_s - start_s)
+            start_s = begins_s
+        aligned_s = angle / turn
         swept_m = 0.0
         if start_s < aligned_s:
-            # Until the robot points along u, with the speed rising first and constant then.
-            if rising_s > start_s:
-                until_s = min(rising_s, aligned_s)
-                swept_m += self._turning(speed, accel, angle, start_s, until_s)
-                start_s = until_s
-            if start_s < aligned_s:
-                swept_m += most * (sin(angle - turn * start_s) - sin(angle - turn * aligned_s)) / turn
-        if aligned_s < time_s:
-            swept_m += way_m(speed, most, accel, time_s) - way_m(speed, most, accel, aligned_s)
-        return stop_m + swept_m
-
-    def _turning(self, speed: float, accel: float, angle: float, start_s: float, end_s: float) -> float:
-        """Return the integral of (speed + accel t) cos(angle - turn t)."""
-        turn = self.yaw_rate_max_rad_s
-        at_start, at_end = angle - turn * start_s, angle - turn * end_s
-        whole = (speed + accel * start_s) * sin(at_start) - (speed + accel * end_s) * sin(at_end)
-        return whole / turn + accel * (cos(at_end) - cos(at_start)) / (turn * turn)
+            until_s = min(aligned_s, end_s)
+            after = speed + slope * (until_s - start_s)
+            first, last = angle - turn * start_s, angle - turn * until_s
+            swept_m = (speed * sin(first) - after * sin(last)) / turn
+            if slope != 0.0:
+                swept_m += slope * (cos(last) - cos(first)) / (turn * turn)
+            speed, start_s = after, until_s
+        if start_s < end_s:
+            rest_s = end_s - start_s
+            swept_m += (speed + 0.5 * slope * rest_s) * rest_s
+        return swept_m
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         elapsed_s = after.stamp_s - before.stamp_s
