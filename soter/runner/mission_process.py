@@ -104,6 +104,9 @@ class _Host:
                     self._attempt(partial(side.run, last.now_s))
                     self._end.answer(self._turn(side))
                 self._turns += 1
+        except (BrokenPipeError, ConnectionResetError):
+            # The run has ended while this was answered.
+            logger.debug("the supervisor is gone")
         finally:
             side.close()
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.common import ROOT, in_turns
 
-HELPERS = {"common", "replay"}
+HELPERS = {"common", "replay", "wall_clock"}
 NAMES = sorted({path.stem for path in (ROOT / "benchmarks").glob("*.py")} - HELPERS)
 NEEDS = {
     "stack_cost": (pytest.mark.pybullet, pytest.mark.ompl),

@@ -1,0 +1,137 @@
+"""How late the supervisor's ticks come while missions misbehave, against a loop that does nothing but sleep.
+
+The missions are those of the tests in `tests/runner/hostile.py`, which turn after a second and a half. They count as
+hung only after a minute here, so that they go on doing what they do. The loop has the same period and runs beside each
+of them in a process of its own, so that what the host delays it delays for both. With load, as many more processes
+spin as there are cores.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.common import SURVEILLANCE, Row, arguments, show
+from benchmarks.wall_clock import JITTER_S
+from soter.config import load_mission
+from soter.runner import run_mission
+
+TICK_S = 0.05
+HOSTILE = ("Spins", "EatsMemory", "Chatters", "FloodsWithTurns", "FloodsWithGarbage", "Crashes")
+SPIN = "while True: pass"
+LOOP = f"""
+import json, select, sys, time
+start_s, late_ms = time.perf_counter(), []
+while not select.select([sys.stdin], [], [], 0.0)[0]:
+    due_s = start_s + len(late_ms) * {TICK_S}
+    while (left_s := due_s - time.perf_counter()) > 0.0:
+        time.sleep(left_s)
+    late_ms.append(1e3 * (time.perf_counter() - due_s))
+print(json.dumps(late_ms))
+"""
+
+
+class Lateness(NamedTuple):
+    """How late ticks came, in milliseconds, and how many later than the robots allow."""
+
+    p50: float
+    p99: float
+    max: float
+    missed: int
+
+    def __str__(self) -> str:
+        return f"{self.p50:.2f} / {self.p99:.2f} / {self.max:.1f}, {self.missed}"
+
+
+def lateness(late_ms: Sequence[float]) -> Lateness:
+    """Sum up."""
+    p50, p99 = np.percentile(late_ms, (50, 99))
+    return Lateness(float(p50), float(p99), max(late_ms), sum(late > 1e3 * JITTER_S for late in late_ms))
+
+
+@contextmanager
+def beside() -> Iterator[list[float]]:
+    """Run the loop; yield a list that holds its lateness when it is over."""
+    found: list[float] = []
+    loop = subprocess.Popen([sys.executable, "-c", LOOP], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        yield found
+    finally:
+        # The end of its input ends it.
+        said, _ = loop.communicate()
+        found += json.loads(said)
+
+
+class Pair(NamedTuple):
+    """The ticks of a run, and the loop beside it."""
+
+    ticks: Lateness
+    loop: Lateness
+
+
+def mission(ac: str, duration_s: float, *, real_time: bool = False) -> Pair:
+    """Run a mission on a wall clock."""
+    overrides = {
+        "backend": "benchmarks.wall_clock:WallClockBackend", "planner": "straight-line", "targets": "uniform",
+        "duration_s": duration_s, "ac": ac, "base_tick_s": TICK_S,
+        "isolation.silent_s": 60.0, "isolation.real_time": real_time,
+    }  # fmt: skip
+    with beside() as loop_ms:
+        result = run_mission(load_mission(SURVEILLANCE, overrides)).result
+    late = result.tick_late_ms
+    assert late is not None
+    return Pair(Lateness(late.p50, late.p99, late.max, result.missed_ticks), lateness(loop_ms))
+
+
+@contextmanager
+def load(processes: int) -> Iterator[None]:
+    """Keep so many cores busy."""
+    spinning = [subprocess.Popen([sys.executable, "-c", SPIN]) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for process in spinning:
+            process.kill()
+            process.wait()
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Pair]:
+    """Measure and print; return the lateness by what was measured."""
+    quick = arguments(__doc__ or "", argv).quick
+    duration_s, hostile = (0.5, HOSTILE[:1]) if quick else (15.0, HOSTILE)
+    sides: dict[str, Callable[[], Pair]] = {"mission": partial(mission, "mission", duration_s)}
+    sides |= {name: partial(mission, f"tests.runner.hostile:{name}", duration_s) for name in hostile}
+    if os.geteuid() == 0 and not quick:
+        sides["Spins, real_time"] = partial(mission, "tests.runner.hostile:Spins", duration_s, real_time=True)
+    found: dict[str, Pair] = {}
+    logging.disable(logging.ERROR)  # what missions print and fail by is not of interest here
+    try:
+        for cores, suffix in ((0, ""),) if quick else ((0, ""), (os.cpu_count() or 1, ", load")):
+            with load(cores):
+                found |= {f"{name}{suffix}": run() for name, run in sides.items()}
+    finally:
+        logging.disable(logging.NOTSET)
+    goal = f"p99 <= {1e3 * JITTER_S:g} ms"
+    rows = [
+        Row(name, f"{ticks} | {loop}", ticks.p99 / loop.p99, goal, ticks.p99 <= 1e3 * JITTER_S)
+        for name, (ticks, loop) in found.items()
+    ]
+    remark = (
+        f"Milliseconds: p50 / p99 / max, and how many were later than {1e3 * JITTER_S:g}; the ticks | the loop beside "
+        "them. The ratio is that of the 99th percentiles."
+    )
+    show("Lateness of the supervisor's ticks", rows, remark)
+    return found
+
+
+if __name__ == "__main__":
+    main()
