@@ -17,7 +17,12 @@ import msgspec
 from soter.record.outcome import Outcome
 
 CAPACITY_BYTES: Final = 1 << 20
-"""What is asked for: more than a minute of two robots at 20 ticks a second. The system may give less."""
+"""What is asked for on a wall clock: more than a minute of two robots at 20 Hz. The system may give less."""
+
+BUSY_CAPACITY_BYTES: Final = 1 << 18
+"""The same in virtual time: what is in the pipe is not in the file yet."""
+
+_KILLED: Final = "its writer was killed"
 
 CLOSE_S: Final = 30.0
 """Host time that the writer is given at the end for what is still in the pipe."""
@@ -47,7 +52,7 @@ class WriterPipe:
         except OSError:
             os.close(file_fd)
             raise
-        capacity = _grow(self._sink)
+        capacity = _resized(self._sink, BUSY_CAPACITY_BYTES if waits else CAPACITY_BYTES)
         # The writer is found where this module was, whatever made it importable.
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)}
         how = [] if waits else ["nice"]
@@ -111,7 +116,7 @@ class WriterPipe:
         try:
             return msgspec.json.decode(said, type=Outcome)
         except msgspec.DecodeError:
-            return Outcome(f"its writer ended with code {self._process.returncode}")
+            return Outcome(_KILLED)
 
     def _push(self) -> None:
         while len(self._rest):
@@ -132,7 +137,7 @@ class WriterPipe:
 
     def _gone(self) -> None:
         """Learn why the writer has ended; it says so before it lets go of the pipe."""
-        self.failure = "its writer was killed"
+        self.failure = _KILLED
         if self._process.stdout is None:
             return
         os.set_blocking(self._process.stdout.fileno(), False)
@@ -142,8 +147,8 @@ class WriterPipe:
                 self.failure = msgspec.json.decode(said, type=Outcome).failure or "its writer has ended"
 
 
-def _grow(fd: int) -> int:
-    """Let a pipe hold `CAPACITY_BYTES`; return what it does hold."""
+def _resized(fd: int, capacity_bytes: int) -> int:
+    """Let a pipe hold so much; return what it does hold."""
     with contextlib.suppress(OSError):
-        fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, CAPACITY_BYTES)
+        fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, capacity_bytes)
     return fcntl.fcntl(fd, fcntl.F_GETPIPE_SZ)

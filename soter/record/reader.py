@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import IO, Any, Final, NamedTuple, TypeVar
 
 import msgspec
 from mcap.exceptions import EndOfFile, McapError
@@ -147,7 +147,7 @@ class Recording:
 
     Attributes:
         about: the run, its robots and their modules.
-        attachments: the mission file, the workspace file and others, by name, as far as they stand at the beginning.
+        attachments: the mission file, the workspace file and others, by name, as far as they were read.
 
     Raises:
         BadRecording: it is none, or it was cut off before anything was said.
@@ -157,9 +157,8 @@ class Recording:
         self.path: Final = path
         self.attachments: Final[dict[str, bytes]] = {}
         self._truncated: bool | None = None
-        for record in self._records(head_only=True):
-            if isinstance(record, Attachment):
-                self.attachments[record.name] = record.data
+        for _ in self._records(head_only=True):
+            pass
         about = self.attachments.get(ABOUT_JSON)
         if about is None:
             raise BadRecording(f"{path}: it does not say what was run; it was cut off, or SOTER did not record it")
@@ -201,8 +200,6 @@ class Recording:
                 known = ticks if name == _TICK else _EVENTS.get(name)
                 if known is not None:
                     kinds[record.id] = known
-            elif isinstance(record, Attachment):
-                self.attachments[record.name] = record.data
 
     def ticks(self) -> Iterator[Tick]:
         """Yield every tick of which all robots are there; the last of a file that was cut off may not be.
@@ -235,11 +232,7 @@ class Recording:
     @property
     def result(self) -> dict[str, Any] | None:
         """The result of the run, as `soter run --json` writes it; None if the run did not come to an end."""
-        if RESULT_JSON not in self.attachments and self._truncated is None:
-            for record in self._records():
-                if isinstance(record, Attachment):
-                    self.attachments[record.name] = record.data
-        data = self.attachments.get(RESULT_JSON)
+        data = None if self.truncated else self.attachments.get(RESULT_JSON)
         return None if data is None else self._decoded(data, dict[str, Any], RESULT_JSON)
 
     def workspace(self) -> Workspace:
@@ -318,12 +311,13 @@ class Recording:
                 reader = StreamReader(
                     stream, validate_crcs=not head_only, record_size_limit=MAX_RECORD_BYTES, emit_chunks=head_only
                 )
-                yield from self._checked(reader, head_only=head_only)
+                yield from self._checked(reader, stream, head_only=head_only)
         except OSError as failure:
             raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
 
-    def _checked(self, reader: StreamReader, *, head_only: bool) -> Iterator[Any]:
+    def _checked(self, reader: StreamReader, stream: IO[bytes], *, head_only: bool) -> Iterator[Any]:
         records = iter(reader.records)
+        begun = False
         while True:
             try:
                 record = next(records)
@@ -336,11 +330,18 @@ class Recording:
             except CRCValidationError as failure:
                 raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
             except (McapError, ZstdError, struct.error, UnicodeDecodeError, ValueError) as failure:
+                if begun and isinstance(failure, struct.error) and not stream.read(1):
+                    # Cut off within the mark at the end, which the reader takes for damage.
+                    self._truncated = True
+                    return
                 raise BadRecording(f"{self.path}: it is no MCAP file, or a damaged one: {failure}") from failure
+            begun = True
             if isinstance(record, Header) and record.profile != PROFILE:
                 raise BadRecording(f"{self.path}: SOTER did not record it; its profile is '{record.profile}'")
             if head_only and type(record).__name__ == "Chunk":
                 return
+            if isinstance(record, Attachment):
+                self.attachments[record.name] = record.data
             yield record
 
     def _decode(self, decoder: msgspec.json.Decoder[Any], record: Message) -> Any:

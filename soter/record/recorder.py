@@ -223,7 +223,7 @@ class Recorder:
         if self._report is None:
             outcome = Outcome() if self._pipe is None else self._pipe.close(self._last)
             self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes)
-            self._say(outcome.failure)
+            self._say(outcome.failure, "")
         return self._report
 
     def __enter__(self) -> Recorder:
@@ -241,15 +241,15 @@ class Recorder:
         if pipe.send(frame):
             return True
         if pipe.failure:
-            self._say(pipe.failure)
+            self._say(pipe.failure, "; the run goes on")
         elif not self._dropped:
             logger.warning("the recording's writer does not follow: ticks from %.2f s on are not recorded", self._now_s)
         return False
 
-    def _say(self, failure: str) -> None:
+    def _say(self, failure: str, consequence: str) -> None:
         if failure and not self._said:
             self._said = True
-            logger.error("the recording %s ends at %.2f s: %s; the run goes on", self.path, self._now_s, failure)
+            logger.error("the recording %s is not complete: %s%s", self.path, failure, consequence)
 
     def _look(self, now_s: float) -> None:
         """Note what ground truth and the faults have to say that was not known before."""

@@ -39,7 +39,10 @@ from soter.record.samples import state_of
 from soter.record.wire import WAY, Begin, Finish, Frame, Intake, Row, Tick, Way
 
 CHUNK_S: Final = 0.5
-"""Host time after which a chunk is closed at the latest."""
+"""Host time after which a chunk is closed at the latest; what is in it is lost when this process is killed."""
+
+BUSY_CHUNK_S: Final = 0.2
+"""The same in virtual time: there is so much to write that this process may be late with it."""
 
 LOOK_S: Final = 0.02
 """How often the pipe is emptied. It is not waited on: being woken up at every tick would cost the run a system call
@@ -186,13 +189,14 @@ def _line(event: messages.Event) -> tuple[int, str, str] | None:
 # --- the process -------------------------------------------------------------------------------------------
 
 
-def record(source_fd: int, stream: IO[bytes], capacity_bytes: int) -> None:
+def record(source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: float) -> None:
     """Write everything that comes through a pipe, until its other end is closed.
 
     Args:
         source_fd: the pipe.
         stream: the file.
         capacity_bytes: what the pipe holds.
+        chunk_s: host time after which a chunk is closed.
 
     Raises:
         OSError: the file cannot be written.
@@ -211,27 +215,36 @@ def record(source_fd: int, stream: IO[bytes], capacity_bytes: int) -> None:
                 break
             for frame in intake.take(data):
                 scribe.take(frame)
-        if time.monotonic() - flushed_s >= CHUNK_S:
-            file.flush()
-            flushed_s = time.monotonic()
+                flushed_s = _flushed(file, flushed_s, chunk_s)
+        flushed_s = _flushed(file, flushed_s, chunk_s)
         # A run that has filled much of the pipe in this time is about to wait for it.
         if data is None or len(data) < capacity_bytes // 4:
             time.sleep(LOOK_S)
     file.finish()
 
 
+def _flushed(file: RecordingFile, flushed_s: float, chunk_s: float) -> float:
+    """Close the chunk if it is time to; return when that was done last."""
+    now_s = time.monotonic()
+    if now_s - flushed_s < chunk_s:
+        return flushed_s
+    file.flush()
+    return now_s
+
+
 def main() -> None:
-    """Record; arguments: the file's descriptor, the pipe's capacity, and `nice` where the run must not be delayed."""
+    """Record; arguments: the file's descriptor, the pipe's capacity, and `nice` where the run does not wait."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     file_fd, capacity_bytes = int(sys.argv[1]), int(sys.argv[2])
-    if "nice" in sys.argv[3:]:
+    nice = "nice" in sys.argv[3:]
+    if nice:
         with contextlib.suppress(OSError):
             os.nice(NICENESS)
     outcome = Outcome()
     stream = os.fdopen(file_fd, "wb")
     try:
-        record(sys.stdin.fileno(), stream, capacity_bytes)
+        record(sys.stdin.fileno(), stream, capacity_bytes, CHUNK_S if nice else BUSY_CHUNK_S)
     except OSError as failure:
         outcome.failure = failure.strerror or str(failure)
     except Exception as failure:  # noqa: BLE001 - whatever it is, the run is told before this process ends

@@ -1,0 +1,124 @@
+"""Recordings to look at: made by real runs, and changed afterwards."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from soter.config import Mission, load_mission
+from soter.runner import Run, run_mission
+from tests.project.source import ROOT
+
+SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
+QUICK: dict[str, object] = {"backend": "kinematic", "planner": "straight-line"}
+WAIT_S = 60.0
+
+
+def mission(**overrides: object) -> Mission:
+    """A mission on the kinematic engine; double underscores in names stand for dots."""
+    given = {name.replace("__", "."): value for name, value in overrides.items()}
+    return load_mission(SURVEILLANCE, {**QUICK, **given})
+
+
+def recorded(path: Path, **overrides: object) -> Run:
+    """Run a mission and record it."""
+    return run_mission(mission(**overrides), record=path)
+
+
+def rewrite(source: Path, target: Path, change: Callable[[str, bytes], bytes | None]) -> None:
+    """Copy a recording message by message; what `change(topic, data)` returns takes a message's place, None removes it.
+
+    The checksums of the copy are right: this is what a faulty tool does, not a faulty disk.
+    """
+    with source.open("rb") as stream, target.open("wb") as out:
+        writer = Writer(out)
+        writer.start(profile="soter", library="test")
+        schemas: dict[int, int] = {}
+        channels: dict[int, tuple[int, str]] = {}
+        for record in StreamReader(stream).records:
+            if isinstance(record, Schema) and record.id not in schemas:
+                schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+            elif isinstance(record, Channel) and record.id not in channels:
+                number = writer.register_channel(record.topic, record.message_encoding, schemas[record.schema_id])
+                channels[record.id] = (number, record.topic)
+            elif isinstance(record, Attachment):
+                writer.add_attachment(0, 0, record.name, record.media_type, record.data)
+            elif isinstance(record, Metadata):
+                writer.add_metadata(record.name, record.metadata)
+            elif isinstance(record, Message):
+                number, topic = channels[record.channel_id]
+                data = change(topic, record.data)
+                if data is not None:
+                    writer.add_message(number, record.log_time, data, record.publish_time, record.sequence)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def every_message(path: Path) -> Iterator[tuple[str, str, bytes, bytes]]:
+    """Topic, schema's name, schema and data of every message of a file."""
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Any] = {}
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, validate_crcs=True).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                schema = schemas[channel.schema_id]
+                yield channel.topic, schema.name, schema.data, record.data
+
+
+# --- a run as a process --------------------------------------------------------------------------------------
+
+
+@contextmanager
+def started(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """`soter run` as a process that records to a file, from the moment on in which something stands there."""
+    command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--record", str(path), "--quiet"]
+    command += [*arguments]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        try:
+            wait_until(lambda: path.exists() and path.stat().st_size > 0)
+            yield process
+        finally:
+            with suppress(ProcessLookupError):
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGKILL)
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    """Wait until something is so."""
+    until_s = time.monotonic() + WAIT_S
+    while not true():
+        assert time.monotonic() < until_s, "it did not happen"
+        time.sleep(0.005)
+
+
+def writer_of(pid: int) -> int:
+    """The process that writes a run's recording."""
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        if "soter.record.writer" in Path(f"/proc/{child}/cmdline").read_text():
+            return int(child)
+    raise AssertionError("it has no writer")
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended; one that nobody has waited for yet counts."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
