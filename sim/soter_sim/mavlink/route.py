@@ -124,7 +124,8 @@ class Touring:
             item = self._mission.item(max(self._mission.current, 1))
             if item is None:
                 self.done = True
-                return self._place
+                # The last place may not be quite reached; of a mission that was taken away, nothing is left to do.
+                return self._place if self._mission.items else None
             self.done = False
             if item is not self._doing:
                 self._begin(item, sample)
@@ -151,8 +152,9 @@ class Touring:
         manners = self._manners()
         self._doing, self._since_s, self._route, self.lands = item, None, None, False
         self._mission.current = max(self._mission.current, 1)
-        x_m, y_m = sample.x_m, sample.y_m
-        z_m = sample.z_m if self._kind.flies else 0.0
+        before = self._place
+        # What names no place is done on the way to the last one, or where the vehicle is.
+        x_m, y_m, z_m = (sample.x_m, sample.y_m, sample.z_m) if before is None else (before.x_m, before.y_m, before.z_m)
         if item.command == mav.MAV_CMD_NAV_TAKEOFF:
             z_m = item.place(self._origin)[2]
         elif item.command == mav.MAV_CMD_NAV_RETURN_TO_LAUNCH:

@@ -14,28 +14,22 @@ HOST: Final = "127.0.0.1"
 """The only address that is used."""
 
 _LARGEST: Final = 65536
-_PENDING_MOST: Final = 1 << 18
+_BUFFERED: Final = 1 << 16
+_PENDING_MOST: Final = 1 << 16
 
 
 class Connection:
-    """One peer of a `Server`.
-
-    Attributes:
-        idle: all that was written has gone out.
-    """
+    """One peer of a `Server`."""
 
     def __init__(self, server: Server, accepted: socket.socket) -> None:
         self._server = server
         self._socket = accepted
-        self._pending = b""
+        self._pending = bytearray()
         accepted.setblocking(False)
+        # A reader that is slow shall not have much to catch up with.
+        accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFERED)
         accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         server.selector.register(accepted, selectors.EVENT_READ, self._ready)
-
-    @property
-    def idle(self) -> bool:
-        """Whether all that was written has gone out."""
-        return not self._pending
 
     def write(self, data: bytes) -> None:
         """Send all of `data`, now or when there is room; drop all of it if the peer has not read for long."""
@@ -78,7 +72,7 @@ class Connection:
             logger.debug("a peer is gone: %s", failure)
             self.close()
             return
-        self._pending = self._pending[sent:]
+        del self._pending[:sent]
         events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._pending else 0)
         self._server.selector.modify(self._socket, events, self._ready)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Self
 
@@ -26,6 +27,11 @@ UNSUPPORTED: Final = mav.MAV_RESULT_UNSUPPORTED
 FAILED: Final = mav.MAV_RESULT_FAILED
 
 Message = mav.MAVLink_message
+
+
+def signing_time() -> int:
+    """The time as signatures have it: units of 10 microseconds from the start of 2015."""
+    return int((time.time() - 1_420_070_400) * 100_000)
 
 
 class Client:
@@ -60,8 +66,7 @@ class Client:
         if key is not None:
             self._mav.signing.secret_key = key
             self._mav.signing.sign_outgoing = True
-            # A time far ahead, which nobody has used.
-            self._mav.signing.timestamp = 1 << 46
+            self._mav.signing.timestamp = signing_time()
 
     def close(self) -> None:
         """Close the connection."""
