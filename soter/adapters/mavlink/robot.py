@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar, Final
@@ -88,7 +87,7 @@ class MavlinkRobot(Robot):
                     f"{self._preparation.why_not()}"
                 )
             self._keep_in_touch()
-            time.sleep(_LOOK_S)
+            self.clock.sleep_until(self.clock.now() + _LOOK_S)
         sample = self._sample()
         if sample is None:
             raise RobotUnavailable(f"robot {self.id}: it is ready, but does not say where it is")
@@ -248,4 +247,4 @@ class MavlinkRobot(Robot):
             if self.clock.steady_s() - asked_s >= _REPEAT_S:
                 asked_s = self.clock.steady_s()
                 ask()
-            time.sleep(_LOOK_S)
+            self.clock.sleep_until(self.clock.now() + _LOOK_S)

@@ -1,0 +1,139 @@
+"""A vehicle of strings for tests without a wire: it answers as an autopilot does, and remembers what it was told."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.link import Fields, Inbox, Link
+from soter.clock import VehicleClock
+
+OURS = 255
+ROVER_GUIDED = 15
+ROVER_HOLD = 4
+ARMED = mav.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+class HostTime:
+    """Steady time that a test moves."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+        self.slept(seconds)
+
+    def slept(self, seconds: float) -> None:
+        """To be replaced by what happens while somebody sleeps."""
+
+
+class Puppet(Link):
+    """A link with one vehicle on it, whose clock was 1000 s ahead of the host's when it began."""
+
+    def __init__(self, time: HostTime, system: int = 1) -> None:
+        super().__init__(VehicleClock(steady=time, sleep=time.sleep), OURS)
+        self.time = time
+        time.slept = self.speak  # type: ignore[method-assign]
+        self.vehicle = system
+        self.inboxes[system] = Inbox()
+        self.sent: list[tuple[int, str, dict[str, Any]]] = []
+        self.kind = (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+        self.mode, self.armed, self.ekf = 0, False, 831
+        self.gate = True
+        self.most_hz = 50.0
+        self.refuses_to_arm = ""
+        self.silent = False
+        self.answers_time = True
+        self.streams: dict[int, float] = {}
+        self.parameters: dict[str, float] = {}
+        self.master = 0
+        self.x_m = self.y_m = 0.0
+        self.clock_s = 1000.0
+        self.percent = 80
+
+    # --- what the link does --------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """There is nothing to open."""
+
+    def beat(self, system: int) -> None:
+        self.sent.append((0, "HEARTBEAT", {}))
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+    def _send(self, system: int, component: int, name: str, fields: Fields) -> None:
+        self.sent.append((component, name, dict(fields)))
+        if self.silent:
+            return
+        if name in ("COMMAND_LONG", "COMMAND_INT"):
+            result = self._obey(component, dict(fields))
+            self.say("COMMAND_ACK", command=fields["command"], result=result, target_system=OURS)
+        elif name == "TIMESYNC" and self.answers_time:
+            self.say("TIMESYNC", tc1=int(self.clock_s * 1e9), ts1=fields["ts1"])
+        elif name == "PARAM_SET" and self.gate:
+            self.parameters[fields["param_id"]] = fields["param_value"]
+            self.say("PARAM_VALUE", param_id=fields["param_id"], param_value=fields["param_value"])
+
+    # --- what the vehicle does -----------------------------------------------------------------------------
+
+    def say(self, message: str, /, **fields: Any) -> None:
+        """Let the vehicle say something."""
+        self.inboxes[self.vehicle].put(message, SimpleNamespace(**fields), self.time())
+
+    def live(self, seconds: float = 0.02) -> None:
+        """Let time pass, and the vehicle say all that it says."""
+        self.time.now_s += seconds
+        self.speak(seconds)
+
+    def speak(self, seconds: float) -> None:
+        """Let the vehicle say all that it says after some time that has passed."""
+        self.clock_s += seconds
+        if self.silent:
+            return
+        stamp = {"time_boot_ms": round(self.clock_s * 1e3)}
+        self.say(
+            "HEARTBEAT", type=self.kind[0], autopilot=self.kind[1], base_mode=ARMED * self.armed, custom_mode=self.mode
+        )
+        self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=0.0, vx=0.0, vy=0.0, vz=0.0)
+        self.say("ATTITUDE", **stamp, yaw=0.5, yawspeed=0.0)
+        self.say("SYS_STATUS", battery_remaining=self.percent, voltage_battery=11_000)
+        self.say("EKF_STATUS_REPORT", flags=self.ekf)
+        if self.gate:
+            self.say("NAMED_VALUE_INT", name="GMASTER", value=256 * OURS + self.master, **stamp)
+
+    def targets(self) -> list[tuple[int, dict[str, Any]]]:
+        """Return the targets that it was sent, with who sent them."""
+        return [(component, fields) for component, name, fields in self.sent if name.startswith("SET_POSITION")]
+
+    def commands(self, number: int) -> list[dict[str, Any]]:
+        """Return the commands of a kind that it was sent."""
+        return [fields for _, name, fields in self.sent if name.startswith("COMMAND") and fields["command"] == number]
+
+    def _obey(self, component: int, fields: dict[str, Any]) -> int:
+        number = fields["command"]
+        if number == mav.MAV_CMD_SET_MESSAGE_INTERVAL:
+            hz = 1e6 / fields["param2"]
+            if hz > self.most_hz + 1e-6:
+                return int(mav.MAV_RESULT_DENIED)
+            self.streams[int(fields["param1"])] = hz
+        elif number == mav.MAV_CMD_REQUEST_MESSAGE and fields["param1"] == mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            self.say("GPS_GLOBAL_ORIGIN", latitude=473977420, longitude=85455940, altitude=488_000)
+        elif number == mav.MAV_CMD_DO_SET_MODE:
+            self.mode = int(fields["param2"])
+        elif number == mav.MAV_CMD_COMPONENT_ARM_DISARM:
+            if self.refuses_to_arm:
+                self.say("STATUSTEXT", severity=mav.MAV_SEVERITY_CRITICAL, text=self.refuses_to_arm)
+                return int(mav.MAV_RESULT_FAILED)
+            self.armed = True
+        elif number == mav.MAV_CMD_DO_GUIDED_MASTER:
+            if not self.gate:
+                return int(mav.MAV_RESULT_UNSUPPORTED)
+            self.master = int(fields["param2"])
+        return int(mav.MAV_RESULT_ACCEPTED)

@@ -1,0 +1,308 @@
+"""One robot over a vehicle of strings: getting ready, authority, the dead man, reboots. No wire, no waiting."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.components import KEEPER, SENDERS
+from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.robot import MavlinkRobot
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable, Unsupported
+from soter.sdk import Controller, GoalStatus, Link, RobotSpec, Waypoint
+from soter.workspace import Box, RobotPlace, Workspace
+from tests.adapters.mavlink.puppet import ROVER_GUIDED, ROVER_HOLD, HostTime, Puppet
+
+AC, SC = Controller.AC, Controller.SC
+ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
+FAR = Waypoint(3.0, 0.0)
+STANDS = 0x0DC7
+
+
+@pytest.fixture
+def puppet() -> Puppet:
+    """A vehicle that lives while the adapter sleeps."""
+    return Puppet(HostTime())
+
+
+def robot_of(puppet: Puppet, **options: object) -> MavlinkRobot:
+    assert isinstance(puppet.clock, VehicleClock)
+    config = MavlinkConfig.model_validate({"workspace": ROOM, **options})
+    return MavlinkRobot(RobotSpec(1, 0.0, 0.0, 0.0), puppet.clock, puppet, config)
+
+
+def ready(puppet: Puppet, **options: object) -> MavlinkRobot:
+    robot = robot_of(puppet, **options)
+    robot.init(20.0)
+    puppet.sent.clear()
+    return robot
+
+
+def tick(puppet: Puppet, robot: MavlinkRobot, times: int = 1) -> None:
+    for _ in range(times):
+        puppet.live(0.025)
+        puppet.live(0.025)
+        robot.read_state()
+        robot.renew_lease()
+
+
+# --- getting ready -------------------------------------------------------------------------------------------
+
+
+def test_a_vehicle_gets_ready_and_reports_who_is_in_charge(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    assert (puppet.mode, puppet.armed, puppet.master) == (ROVER_GUIDED, True, SENDERS[SC])
+    assert robot.capabilities == robot.declared
+    puppet.live()
+    state = robot.read_state()
+    assert (state.controller, state.battery, state.link) == (SC, 0.8, Link.UP)
+    assert puppet.parameters["SOTER_LEASE_MS"] == round(1e3 * robot.declared.lease_s)
+
+
+def test_a_rate_that_is_denied_is_lowered(puppet: Puppet) -> None:
+    puppet.most_hz = 30.0
+    ready(puppet, stream_hz=20.0)
+    assert 20.0 <= puppet.streams[mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED] <= 30.0
+
+
+def test_a_rate_below_what_is_promised_is_refused(puppet: Puppet) -> None:
+    puppet.most_hz = 30.0
+    with pytest.raises(
+        RobotUnavailable, match=r"LOCAL_POSITION_NED 50 times a second \(DENIED\); set a lower stream_hz"
+    ):
+        robot_of(puppet).init(20.0)
+
+
+def test_it_waits_for_the_ekf_and_not_for_the_first_position(puppet: Puppet) -> None:
+    puppet.ekf = 167
+    with pytest.raises(RobotUnavailable, match="EKF to know where it is"):
+        robot_of(puppet).init(5.0)
+    assert not puppet.commands(mav.MAV_CMD_COMPONENT_ARM_DISARM)
+
+
+def test_a_vehicle_that_refuses_to_arm_says_why(puppet: Puppet) -> None:
+    puppet.refuses_to_arm = "PreArm: Compass not \x1b[2Jcalibrated"
+    with pytest.raises(RobotUnavailable, match=r"it to arm; it says: PreArm: Compass not \?\[2Jcalibrated"):
+        robot_of(puppet).init(10.0)
+
+
+def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(puppet: Puppet) -> None:
+    puppet.silent = True
+    puppet.strangers.update({7, 3})
+    began_s = puppet.time()
+    with pytest.raises(RobotUnavailable, match=r"lacks a heartbeat; heard are the systems \[3, 7\]"):
+        robot_of(puppet).init(2.0)
+    assert puppet.time() - began_s < 2.5
+
+
+def test_another_kind_of_vehicle_than_promised_is_refused(puppet: Puppet) -> None:
+    with pytest.raises(RobotUnavailable, match="it is a rover, and a copter was expected; set vehicle = 'rover'"):
+        robot_of(puppet, vehicle="copter").init(5.0)
+
+
+def test_what_it_was_on_its_way_to_is_dropped_first(puppet: Puppet) -> None:
+    puppet.mode, puppet.armed = ROVER_GUIDED, True
+    robot_of(puppet).init(20.0)
+    modes = [fields["param2"] for fields in puppet.commands(mav.MAV_CMD_DO_SET_MODE)]
+    assert modes[0] == ROVER_HOLD
+    assert modes[-1] == ROVER_GUIDED
+
+
+def test_without_a_gate_it_promises_less(puppet: Puppet) -> None:
+    puppet.gate, puppet.percent = False, -1
+    robot = ready(puppet)
+    found = robot.capabilities
+    assert (found.reports_controller, found.reverses, found.reports_battery) == (False, False, False)
+    puppet.live()
+    assert robot.read_state().controller is None
+
+
+def test_a_vehicle_that_does_not_answer_timesync_is_timed_by_its_samples(puppet: Puppet) -> None:
+    puppet.answers_time = False
+    robot = ready(puppet)
+    puppet.live()
+    assert 0.0 <= robot.read_state().age_s(robot.clock.now()) < 0.05
+
+
+# --- authority -----------------------------------------------------------------------------------------------
+
+
+def test_targets_come_from_the_component_in_charge(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    robot.switch_ac_sc(AC, "test")
+    assert puppet.master == SENDERS[AC]
+    robot.goto(FAR, AC)
+    senders = [component for component, fields in puppet.targets() if fields["type_mask"] != STANDS]
+    assert senders == [SENDERS[SC], SENDERS[AC]]
+    assert all(component == KEEPER for component, name, _ in puppet.sent if name == "COMMAND_INT")
+
+
+def test_after_a_switch_the_old_target_is_never_sent_again(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.switch_ac_sc(AC, "test")
+    goal = robot.goto(FAR, AC)
+    robot.switch_ac_sc(SC, "test")
+    puppet.sent.clear()
+    tick(puppet, robot, 5)
+    assert goal.status is GoalStatus.PREEMPTED
+    assert {(component, fields["type_mask"]) for component, fields in puppet.targets()} == {(SENDERS[SC], STANDS)}
+
+
+def test_frames_are_those_of_the_autopilot(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.goto(Waypoint(3.0, 2.0, heading_rad=0.0, speed_m_s=0.1), SC)
+    fields = puppet.targets()[-1][1]
+    assert (fields["x"], fields["y"], fields["z"]) == (2.0, 3.0, 0.0)
+    assert fields["yaw"] == pytest.approx(1.5708, abs=1e-4)
+    assert (fields["vx"] ** 2 + fields["vy"] ** 2) ** 0.5 == pytest.approx(0.1)
+    assert fields["type_mask"] == 0x0DF8 & ~0x0400 & ~0x0038
+
+
+def test_a_place_in_the_air_is_refused_by_what_stays_on_the_ground(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    with pytest.raises(Unsupported, match="stays on the ground"):
+        robot.goto(Waypoint(1.0, 1.0, z_m=1.0), SC)
+    assert all(fields["type_mask"] == STANDS for _, fields in puppet.targets())
+
+
+def test_a_switch_is_never_older_than_what_was_sent_before(puppet: Puppet) -> None:
+    """A clock that is learned better may put a moment earlier; the vehicle would take the switch for overtaken."""
+    robot = ready(puppet)
+    tick(puppet, robot, 3)
+    for turn in range(6):
+        puppet.clock_s -= 0.004
+        puppet.live(0.001)
+        robot.switch_ac_sc((AC, SC)[turn % 2], "test")
+    stamps = [fields["x"] for fields in puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)]
+    assert stamps == sorted(stamps)
+
+
+# --- the dead man --------------------------------------------------------------------------------------------
+
+
+def test_only_a_renewal_renews(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    tick(puppet, robot)
+    renewed = puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)[-1]["x"]
+    puppet.sent.clear()
+    for _ in range(10):
+        puppet.live(0.05)
+        robot.read_state()
+        robot.goto(FAR, SC)
+    # A switch that changes something is followed by a renewal of its own; gotos and reading are followed by nothing.
+    assert not puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)
+    assert "HEARTBEAT" not in [name for _, name, _ in puppet.sent]
+    tick(puppet, robot)
+    assert puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)[-1]["x"] > renewed + 400
+
+
+def test_without_a_lease_of_its_own_the_vehicle_is_never_sent_further_than_ours_covers(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot)
+    robot.goto(FAR, SC)
+    promised = robot.declared
+    full_m = promised.v_max_m_s * promised.lease_s + promised.v_max_m_s**2 / (2.0 * promised.brake_m_s2)
+    assert puppet.targets()[-1][1]["y"] == pytest.approx(full_m)
+    for _ in range(4):
+        puppet.live(0.05)
+        robot.goto(FAR, SC)
+    last = puppet.targets()[-1][1]
+    # The lease is over: the vehicle is told to stand, however many gotos come.
+    assert last["type_mask"] == STANDS
+    tick(puppet, robot)
+    assert puppet.targets()[-1][1]["y"] == pytest.approx(full_m)
+
+
+def test_without_a_gate_a_speed_cap_is_asked_for_once(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot)
+    robot.goto(FAR._replace(speed_m_s=0.1), SC)
+    tick(puppet, robot, 4)
+    caps = [fields["param2"] for fields in puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)]
+    assert caps[0] == 0.1
+    assert set(caps) == {0.1}
+    assert len(caps) <= 2
+
+
+def test_what_it_lacks_it_refuses_without_a_gate(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    with pytest.raises(Unsupported, match="takes no heading"):
+        robot.goto(FAR._replace(heading_rad=1.0), SC)
+
+
+# --- reboots, silence, pilots --------------------------------------------------------------------------------
+
+
+def reboot(puppet: Puppet) -> None:
+    puppet.clock_s = 0.5
+    puppet.mode, puppet.armed, puppet.master, puppet.streams = 0, False, 0, {}
+
+
+def test_after_a_reboot_it_is_made_ready_again_without_being_opened_anew(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    tick(puppet, robot, 2)
+    reboot(puppet)
+    tick(puppet, robot, 120)
+    assert (puppet.mode, puppet.armed, puppet.master) == (ROVER_GUIDED, True, SENDERS[SC])
+    state = robot.read_state()
+    assert state.age_s(robot.clock.now()) < 0.1
+    assert state.vehicle_stamp_s < 10.0
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+
+
+def test_silence_is_seen_as_age_and_what_comes_after_it_is_obeyed(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.silent = True
+    tick(puppet, robot, 80)
+    assert robot.read_state().link is Link.DOWN
+    puppet.silent = False
+    # Its fail-safe has acted.
+    puppet.mode = ROVER_HOLD
+    tick(puppet, robot, 120)
+    assert robot.read_state().link is Link.UP
+    assert puppet.mode == ROVER_GUIDED
+
+
+def test_a_pilot_who_takes_it_out_of_guided_keeps_it(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.mode = 0
+    tick(puppet, robot, 40)
+    assert puppet.mode == 0
+    assert not puppet.commands(mav.MAV_CMD_DO_SET_MODE)
+    assert robot.read_state().controller is None
+
+
+# --- the end -------------------------------------------------------------------------------------------------
+
+
+def test_closing_stops_it_and_gives_it_back(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    robot.close(2.0)
+    assert puppet.mode == ROVER_HOLD
+    assert puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)[-1]["param2"] == 0.0
+
+
+def test_closing_waits_no_longer_than_it_may_for_one_that_is_gone(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.silent = True
+    puppet.live(0.1)
+    began_s = puppet.time()
+    robot.close(3.0)
+    assert puppet.time() - began_s <= 3.2
+
+
+def test_one_that_was_never_ready_can_be_closed(puppet: Puppet) -> None:
+    robot_of(puppet).close(1.0)
+    assert not puppet.sent
+
+
+def test_a_number_that_is_none_is_never_sent(puppet: Puppet) -> None:
+    with pytest.raises(ValueError, match=r"SET_POSITION_TARGET_LOCAL_NED\.x is nan"):
+        puppet.send(1, SENDERS[SC], "SET_POSITION_TARGET_LOCAL_NED", {"x": float("nan")})
