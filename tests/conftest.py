@@ -11,7 +11,7 @@ from hypothesis import settings
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-OPTIONAL_LIBRARIES = ("pybullet", "ompl")
+OPTIONAL_LIBRARIES = ("pybullet", "ompl", "rclpy")
 
 
 def is_installed(library: str) -> bool:
