@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import importlib
 import inspect
+import math
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,6 +23,12 @@ from soter.stack.refuge import RefugeFinder
 from soter.stack.safe_controller import SafeController
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
+
+BLOCKED_S: Final = 5.0
+"""A robot that has stood still for so long beside another is blocked by it."""
+
+RETREAT_M: Final = 0.75
+_MOVING_M_S: Final = 0.02
 
 
 @dataclass(frozen=True)
@@ -77,12 +84,16 @@ class CertifiedController(SafeController):
         self.inner: Final = inner
         self._wanted: Final = wanted
         self._engaged = False
+        self._moved_s = 0.0
+        self._yields = False
 
     def engage(self, situation: Situation) -> None:
         super().engage(situation)
         # What the inner node wanted when it was last in charge is no concern of now.
         self._wanted.value = None
         self._engaged = True
+        self._moved_s = situation.now_s
+        self._yields = False
         self.inner.engage(situation)
 
     def motion(self, situation: Situation) -> Waypoint | None:
@@ -96,8 +107,27 @@ class CertifiedController(SafeController):
         if not isinstance(wanted, Waypoint):
             raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
         wanted.check()
-        leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
+        leg = self._out_of_the_way(situation) or self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
         return leg if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
+
+    def _out_of_the_way(self, situation: Situation) -> Waypoint | None:
+        """Return a leg away from a near peer with a lower id, if this robot has stood still for long; None otherwise.
+
+        Two robots whose ways are blocked by each other would stand there for ever. One of them gives way; safety does
+        not rest on it, since the leg is certified like any other.
+        """
+        own, now_s = situation.own, situation.now_s
+        if own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > _MOVING_M_S * _MOVING_M_S:
+            self._moved_s = now_s
+        near = min(situation.peers, key=lambda p: math.hypot(p.x_m - own.x_m, p.y_m - own.y_m), default=None)
+        if near is None or near.robot_id > own.robot_id:
+            return None
+        away_x, away_y = own.x_m - near.x_m, own.y_m - near.y_m
+        if now_s - self._moved_s > BLOCKED_S:
+            self._yields = True
+        if math.hypot(away_x, away_y) > RETREAT_M:
+            self._yields = False
+        return self.recovery.away(situation, away_x, away_y) if self._yields else None
 
 
 def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
