@@ -107,7 +107,7 @@ class ModuleMonitor:
             if -math.inf < margin < -self._noise:
                 first = math.isnan(self._last_margin)
                 self.found = Finding(Assumption.START if first else Assumption.RECOVERY, f"margin {margin:.3f}")
-        elif math.inf > fall > model.bound(elapsed_s + self._sample_age_s) + 2.0 * self._noise:
+        elif math.inf > fall > model.bound(max(0.0, elapsed_s) + self._sample_age_s) + 2.0 * self._noise:
             self.surprises += 1
             self._note(now_s)
             if not model.of_pairs:
@@ -262,7 +262,7 @@ class PeerMonitor:
                     found[robot_id] = Finding(Assumption.PEERS, cause)
                     continue
             silent_s = now_s - sample.stamp_s
-            if silent_s > self._silent_s:
+            if silent_s > self._silent_s + _ROUNDING_S:
                 found[robot_id] = Finding(Assumption.PEERS, f"robot {robot_id}: not heard of for {silent_s:.3f} s")
         return found
 

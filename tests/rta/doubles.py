@@ -12,6 +12,7 @@ from soter.rta import (
     Mode,
     Node,
     PairBound,
+    ReachModel,
     Region,
     RobotSupervisor,
     RTAModule,
@@ -186,7 +187,12 @@ class Rig:
     """
 
     def __init__(
-        self, *names: str, deltas: Sequence[float] = (), timing: Timing | None = None, robot_id: int = 1
+        self,
+        *names: str,
+        deltas: Sequence[float] = (),
+        timing: Timing | None = None,
+        robot_id: int = 1,
+        models: Sequence[ReachModel] = (SPEED,),
     ) -> None:
         self.actuator = FakeActuator(robot_id)
         self.watch = Watcher()
@@ -205,7 +211,7 @@ class Rig:
         ]  # fmt: skip
         self.modules = {each.name: DecisionModule(each, timing, TICK_S) for each in declared}
         self.robot = RobotSupervisor(
-            robot_id, self.actuator, list(self.modules.values()), self.ac, self.topic, [SPEED], timing, [self.watch]
+            robot_id, self.actuator, list(self.modules.values()), self.ac, self.topic, models, timing, [self.watch]
         )
         self.ticks = 0
         self.fresh = True

@@ -1,0 +1,450 @@
+"""Every assumption is attacked: its monitor says so by number, and the robot goes to its safe controller."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import pytest
+
+from soter.rta import SUPERVISOR, Assumption, AssumptionLog, DischargeBound, Mode, PeerMonitor, SpeedBound, Timing
+from soter.rta.fleet import Supervisor
+from soter.rta.supervisor import ALARM_S
+from tests.rta.doubles import SPEED, TICK_S, At, Rig
+
+ALARM_TICKS = round(ALARM_S / TICK_S)
+V_MAX = 0.22
+SILENT_S = 0.5
+
+
+def started(*names: str, timing: Timing | None = None, **values: float) -> Rig:
+    """Return a rig whose AC has control and for which every assumption has held."""
+    rig = Rig(*(names or ("a",)), timing=timing or Timing(latency_s=0.05, **values))
+    rig.start()
+    assert rig.robot.log.breaches == {}
+    return rig
+
+
+def put(rig: Rig, x_m: float = 10.0, **values: Any) -> None:
+    rig.actuator.sample = At(x_m, stamp_s=rig.now_s)._replace(**values)
+
+
+def found(rig: Rig, assumption: Assumption) -> str:
+    """Check that this assumption alone was found not to hold, and that it cost the AC control; return the cause."""
+    assert list(rig.robot.log.breaches) == [assumption]
+    assert rig.robot.mode is Mode.SC
+    record = rig.watch.records[0]
+    assert (record.before, record.module) == (None, SUPERVISOR)
+    cause = rig.robot.log.breaches[assumption].cause
+    assert record.cause == f"{assumption.id}: {cause}"
+    assert record.time_s == rig.robot.log.breaches[assumption].first_s
+    return cause
+
+
+def recovers(rig: Rig) -> None:
+    """Check that the AC gets control back once the assumption holds again."""
+    rig.tick(ALARM_TICKS + 3)
+    assert rig.robot.mode is Mode.AC
+
+
+# --- the table ---------------------------------------------------------------------------------------------
+
+
+def test_the_numbers_are_stable_and_every_assumption_says_what_it_is_and_what_watches_it() -> None:
+    assert [each.id for each in Assumption] == [f"A{number}" for number in range(1, 16)]
+    for assumption in Assumption:
+        assert Assumption[assumption.name] is assumption
+        assert str(assumption) == assumption.id
+        for text in (assumption.statement, assumption.monitor):
+            assert re.fullmatch(r"[A-Z].*[a-z0-9)]\.", text), text
+            assert len(text) > 30
+
+
+def test_a_log_counts_and_keeps_the_first_cause() -> None:
+    log = AssumptionLog()
+    log.note(Assumption.BRAKING, 3.0, "first")
+    log.note(Assumption.MOTION, 4.0, "other")
+    log.note(Assumption.BRAKING, 5.0, "second")
+    assert list(log.breaches) == [Assumption.BRAKING, Assumption.MOTION]
+    assert log.breaches[Assumption.BRAKING] == (2, 3.0, "first")
+
+
+# --- A1, A6: where the robot is ----------------------------------------------------------------------------
+
+
+def test_a1_a_robot_that_is_faster_than_its_model() -> None:
+    rig = started()
+    for step in range(1, 4):
+        put(rig, 10.0 + 0.3 * step * TICK_S, vx_m_s=0.3)
+        rig.tick()
+    cause = found(rig, Assumption.MOTION)
+    assert "outside the reach set of SpeedBound: 0.015 m in 0.050 s at no more than 0.300 m/s" in cause
+    assert rig.robot.log.breaches[Assumption.MOTION].times == 3
+    recovers(rig)
+
+
+def test_a6_a_robot_that_is_elsewhere_at_once() -> None:
+    rig = started()
+    put(rig, 10.5, vx_m_s=0.2)
+    rig.tick()
+    assert "0.500 m in 0.050 s at no more than 0.200 m/s" in found(rig, Assumption.POSITION_NOISE)
+    recovers(rig)
+
+
+def test_a6_noise_as_declared_is_no_breach() -> None:
+    rig = started(noise_m=0.05)
+    for sign in (1.0, -1.0) * 20:
+        put(rig, 10.0 + sign * 0.05)
+        rig.tick()
+        assert rig.robot.mode is Mode.AC
+    put(rig, 10.2)
+    rig.tick()
+    found(rig, Assumption.POSITION_NOISE)
+
+
+# --- A2, A3, A10: coming to rest ---------------------------------------------------------------------------
+
+WITHIN_M = SPEED.bound(0.05)
+
+
+def rolling(rig: Rig, speed: float, x_m: float) -> None:
+    """Tick with the robot at a place, at a speed."""
+    put(rig, x_m, vx_m_s=speed)
+    rig.tick()
+
+
+def disengaged_at_speed(timing: Timing | None = None) -> Rig:
+    """Return a rig whose robot has just been told to stop, at top speed, by a safe controller that holds."""
+    rig = started(timing=timing)
+    rig.scs["a"].silent = True
+    rig.rules["a"].value = 0.0
+    rolling(rig, V_MAX, 10.0)
+    assert rig.robot.mode is Mode.SC
+    rig.robot.log.breaches.clear()
+    return rig
+
+
+def test_a2_a_robot_that_brakes_too_weakly() -> None:
+    rig = disengaged_at_speed()
+    speed, x_m = V_MAX, 10.0
+    while x_m - 10.0 <= WITHIN_M:
+        assert rig.robot.log.breaches == {}
+        x_m += speed * TICK_S
+        speed -= 0.4 * TICK_S
+        rolling(rig, speed, x_m)
+    (assumption,) = rig.robot.log.breaches
+    assert assumption is Assumption.BRAKING
+    cause = rig.robot.log.breaches[assumption].cause
+    assert f"at most {WITHIN_M:.3f} m" in cause
+    assert cause.startswith("told to stop")
+
+
+def test_a2_a_robot_that_brakes_as_promised_is_no_breach() -> None:
+    rig = disengaged_at_speed()
+    # One period of latency, then 1.0 m/s2.
+    x_m, speed = 10.0 + V_MAX * TICK_S, V_MAX
+    rolling(rig, speed, x_m)
+    while speed > 0.0:
+        slower = max(0.0, speed - TICK_S)
+        x_m += (speed * speed - slower * slower) / 2.0
+        speed = slower
+        rolling(rig, speed, x_m)
+    rig.tick(100)
+    assert rig.robot.log.breaches == {}
+
+
+def test_a3_a_robot_that_does_not_act_on_a_command() -> None:
+    rig = disengaged_at_speed()
+    for step in range(1, 10):
+        rolling(rig, V_MAX, 10.0 + V_MAX * step * TICK_S)
+    (assumption,) = rig.robot.log.breaches
+    assert assumption is Assumption.LATENCY
+    assert rig.robot.log.breaches[assumption].times == 2, "it is judged anew from where it was found"
+
+
+def test_a3_a_robot_that_may_move_again_is_not_watched() -> None:
+    rig = disengaged_at_speed()
+    rig.scs["a"].silent = False
+    for step in range(1, 50):
+        rolling(rig, V_MAX, 10.0 + V_MAX * step * TICK_S)
+    assert rig.robot.log.breaches == {}
+
+
+@pytest.mark.parametrize("call", ["drive", "renew", "hand_over"])
+def test_a3_an_interface_that_raises(call: str) -> None:
+    rig = started()
+    rig.actuator.failing.add(call)
+    if call == "hand_over":
+        rig.rules["a"].value = 0.0
+    rig.tick(2)
+    assert "OSError" in rig.robot.log.breaches[Assumption.LATENCY].cause
+    assert rig.robot.mode is Mode.SC
+
+
+def test_a10_a_robot_that_drives_on_without_a_lease() -> None:
+    timing = Timing(latency_s=0.05, lease_s=0.1)
+    rig = started(timing=timing)
+    rig.actuator.failing.add("drive")
+    within_m = SPEED.bound(0.15)
+    for step in range(40):
+        rolling(rig, V_MAX, 10.0 + V_MAX * step * TICK_S)
+        if Assumption.LEASE in rig.robot.log.breaches:
+            break
+    assert "its lease was withheld" in rig.robot.log.breaches[Assumption.LEASE].cause
+    assert V_MAX * (step - 1) * TICK_S <= within_m < V_MAX * step * TICK_S
+
+
+def test_a10_a_robot_that_stops_without_a_lease_is_no_breach() -> None:
+    rig = started(timing=Timing(latency_s=0.05, lease_s=0.1))
+    rig.actuator.failing.add("drive")
+    for _ in range(40):
+        rolling(rig, 0.0, 10.0)
+    assert list(rig.robot.log.breaches) == [Assumption.LATENCY]
+
+
+# --- A4, A15: when it was ----------------------------------------------------------------------------------
+
+
+def test_a4_a_sample_that_is_too_old() -> None:
+    rig = started(timing=Timing(latency_s=0.05, sample_age_s=0.1))
+    rig.fresh = False
+    rig.tick(4)
+    assert "sample is 0.150 s old, declared at most 0.100 s" in found(rig, Assumption.SAMPLE_AGE)
+    rig.fresh = True
+    recovers(rig)
+
+
+@pytest.mark.parametrize("sample", [OSError("link lost"), At(math.nan), At(math.inf), At(10.0, stamp_s=math.nan)])
+def test_a4_no_sample_or_one_that_is_not_finite(sample: At | Exception) -> None:
+    rig = started()
+    rig.fresh = False
+    rig.actuator.sample = sample
+    rig.tick()
+    assert "no state" in found(rig, Assumption.SAMPLE_AGE)
+    put(rig)
+    rig.fresh = True
+    recovers(rig)
+
+
+def test_a15_a_clock_that_goes_back() -> None:
+    rig = started("a", "b")
+    rig.tick(40)
+    rig.ticks -= 20
+    rig.fresh = False
+    rig.actuator.sample = At(10.0, stamp_s=rig.now_s)
+    rig.tick()
+    # The clock and, with it, the stamps of the samples.
+    assert list(rig.robot.log.breaches) == [Assumption.CLOCK]
+    assert rig.robot.log.breaches[Assumption.CLOCK].cause == "fleet time went back by 0.950 s"
+    assert rig.robot.mode is Mode.SC
+    rig.fresh = True
+    recovers(rig)
+
+
+def test_a15_after_a_clock_went_back_a_dwell_begins_anew_instead_of_lasting_for_ever() -> None:
+    rig = started()
+    rig.tick(400)
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.rules["a"].value = 10.0
+    rig.ticks -= 300
+    rig.tick(ALARM_TICKS + 3)
+    assert rig.robot.mode is Mode.AC
+
+
+def test_a15_a_sample_from_the_future() -> None:
+    rig = started()
+    rig.fresh = False
+    put(rig, stamp_s=rig.now_s + 0.05)
+    rig.tick()
+    assert rig.robot.log.breaches == {}, "a clock that is a little fast is none that is wrong"
+    put(rig, stamp_s=rig.now_s + 5.0)
+    rig.tick()
+    assert "stamped 5.000 s ahead of the clock" in found(rig, Assumption.CLOCK)
+
+
+def test_a15_stamps_that_go_back() -> None:
+    rig = started(timing=Timing(latency_s=0.05, sample_age_s=10.0))
+    rig.fresh = False
+    put(rig, x_m=12.0, stamp_s=rig.now_s - 0.3)
+    rig.tick()
+    assert "stamps went back by 0.250 s" in found(rig, Assumption.CLOCK)
+
+
+@pytest.mark.parametrize(("missed", "assumption"), [(1, Assumption.JITTER), (5, Assumption.SCHEDULING)])
+def test_a5_a11_a_look_that_comes_late(missed: int, assumption: Assumption) -> None:
+    rig = started(timing=Timing(latency_s=0.05, jitter_s=0.02, lease_s=0.1))
+    rig.ticks += missed
+    rig.tick()
+    assert f"'a' looked after {(missed + 1) * TICK_S:.3f} s, not 0.05 s" in found(rig, assumption)
+    recovers(rig)
+
+
+def test_a5_a_tick_that_is_as_late_as_declared_is_no_breach() -> None:
+    rig = started(timing=Timing(latency_s=0.05, jitter_s=TICK_S))
+    for _ in range(20):
+        rig.ticks += 1
+        rig.tick()
+        assert rig.robot.mode is Mode.AC
+
+
+# --- A7: peers ---------------------------------------------------------------------------------------------
+
+
+def fleet() -> tuple[Supervisor, list[Rig]]:
+    """Return three robots under one supervisor, the first two near each other, with their ACs in control."""
+    rigs = [Rig("a", robot_id=number) for number in (1, 2, 3)]
+    supervisor = Supervisor(
+        [rig.robot for rig in rigs], TICK_S, 2.5, peers=PeerMonitor(SpeedBound(V_MAX, 1.0), 0.0, SILENT_S)
+    )
+    for tick in range(20):
+        report(rigs, tick)
+        supervisor.tick(tick * TICK_S)
+    assert [rig.driver() for rig in rigs] == [None, None, None]
+    for rig in rigs:
+        # They were put there after they had been made.
+        rig.robot.log.breaches.clear()
+    return supervisor, rigs
+
+
+def report(rigs: list[Rig], tick: int, **places: float) -> None:
+    for rig in rigs:
+        number = rig.robot.robot_id
+        rig.actuator.sample = At(places.get(f"r{number}", 10.0 + number), stamp_s=tick * TICK_S, robot_id=number)
+
+
+def test_a7_a_peer_that_breaks_its_bound_costs_those_who_hear_it_control_and_is_named() -> None:
+    supervisor, rigs = fleet()
+    report(rigs, 20, r2=12.5)
+    supervisor.tick(20 * TICK_S)
+    for rig in (rigs[0], rigs[2]):
+        assert rig.robot.mode is Mode.SC
+        assert list(rig.robot.log.breaches) == [Assumption.PEERS]
+        assert rig.robot.log.breaches[Assumption.PEERS].cause.startswith("robot 2: sample outside the reach set")
+        assert rig.watch.records[-1].module == SUPERVISOR
+        assert "A7: robot 2" in rig.watch.records[-1].cause
+    assert list(rigs[1].robot.log.breaches) == [Assumption.POSITION_NOISE], "it is told apart by the robot itself"
+    for tick in range(21, 40):
+        report(rigs, tick, r2=12.5)
+        supervisor.tick(tick * TICK_S)
+    assert [rig.driver() for rig in rigs] == [None, None, None]
+
+
+def test_a7_a_peer_that_falls_silent_is_named() -> None:
+    supervisor, rigs = fleet()
+    for tick in range(20, 40):
+        report(rigs, tick)
+        rigs[2].actuator.sample = At(13.0, stamp_s=19 * TICK_S, robot_id=3)
+        supervisor.tick(tick * TICK_S)
+        silent_s = (tick - 19) * TICK_S
+        assert (rigs[0].robot.mode is Mode.SC) is (silent_s > SILENT_S + 1e-9)
+    assert "robot 3: not heard of for 0.5" in rigs[0].robot.log.breaches[Assumption.PEERS].cause
+
+
+def test_a7_peers_that_keep_to_their_bound_cost_nothing() -> None:
+    supervisor, rigs = fleet()
+    for tick in range(20, 100):
+        report(rigs, tick, r2=12.0 + V_MAX * (tick - 19) * TICK_S)
+        supervisor.tick(tick * TICK_S)
+        assert [rig.driver() for rig in rigs] == [None, None, None]
+
+
+def test_a7_a_robot_alone_distrusts_nobody() -> None:
+    monitor = PeerMonitor(SPEED, 0.0, SILENT_S)
+    assert monitor.look(0.0, []) == {}
+    assert monitor.look(0.0, [At()]) == {}
+    assert set(monitor.look(1.0, [At(x_m=5.0, stamp_s=1.0)])) == {1}
+
+
+# --- A8, A9, A13, A14: what margins are made of ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("battery", "holds"), [(0.99999, True), (0.9, False), (None, False)])
+def test_a8_a_charge_that_falls_faster_than_the_model(battery: float | None, holds: bool) -> None:
+    rig = Rig("a", models=[SPEED, DischargeBound(1.0 / 1800.0, V_MAX, 0.002)])
+    rig.start()
+    put(rig, battery=battery)
+    rig.tick()
+    if holds:
+        assert rig.robot.log.breaches == {}
+    else:
+        assert "reach set of DischargeBound" in found(rig, Assumption.DISCHARGE)
+
+
+def test_a9_a_margin_that_falls_although_the_robot_has_not_moved() -> None:
+    rig = started()
+    rig.rules["a"].value = 9.0
+    rig.tick()
+    assert "'a': the margin fell by 1.000 within 0.050 s" in found(rig, Assumption.WORKSPACE)
+    recovers(rig)
+
+
+def test_a9_a_margin_that_falls_as_fast_as_the_robot_moves_is_no_breach() -> None:
+    rig = started()
+    value = 10.0
+    for _ in range(40):
+        value -= SPEED.bound(TICK_S)
+        rig.rules["a"].value = value
+        rig.tick()
+    assert rig.robot.log.breaches == {}
+
+
+def test_a13_a_robot_that_starts_outside() -> None:
+    rig = Rig("a")
+    rig.rules["a"].value = -0.5
+    rig.tick(5)
+    assert rig.robot.mode is Mode.SC
+    assert rig.robot.log.breaches[Assumption.START] == (1, 0.0, "'a': margin -0.500")
+
+
+def test_a14_a_margin_that_is_used_up_under_the_safe_controller() -> None:
+    rig = started()
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.robot.log.breaches.clear()
+    rig.rules["a"].value = -0.001
+    rig.tick(3)
+    assert list(rig.robot.log.breaches) == [Assumption.RECOVERY]
+    assert rig.robot.log.breaches[Assumption.RECOVERY].times == 3
+    assert rig.driver() == "a"
+
+
+# --- A12: who is in charge ---------------------------------------------------------------------------------
+
+
+def test_a12_a_robot_that_obeys_somebody_else_loses_its_lease_and_is_told_again() -> None:
+    rig = started()
+    rig.actuator.report = Mode.AC
+    rig.tick(10)
+    assert rig.robot.log.breaches == {}
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.robot.log.breaches.clear()
+    rig.tick()
+    assert rig.robot.log.breaches == {}, "it has until the latency has passed"
+    for _ in range(5):
+        names = [str(call[0]) for call in rig.tick()]
+        assert "renew" not in names
+        assert names[0] == "insist"
+    assert list(rig.robot.log.breaches) == [Assumption.AUTHORITY]
+    assert rig.robot.log.breaches[Assumption.AUTHORITY].cause == "the robot reports AC in charge, not SC"
+    rig.actuator.report = Mode.SC
+    rig.tick()
+    assert rig.names()[-1] == "renew"
+
+
+def test_a12_a_robot_that_calls_itself_the_safe_controllers_while_the_ac_has_it() -> None:
+    rig = started()
+    rig.actuator.report = Mode.SC
+    rig.tick(2)
+    assert list(rig.robot.log.breaches) == [Assumption.AUTHORITY]
+    assert rig.robot.mode is Mode.SC
+    assert rig.watch.records[0].cause.startswith("A12: the robot reports SC in charge")
+
+
+def test_a12_a_robot_that_reports_nobody_is_not_judged() -> None:
+    rig = started()
+    rig.rules["a"].value = 0.0
+    rig.tick(20)
+    assert Assumption.AUTHORITY not in rig.robot.log.breaches
