@@ -12,6 +12,9 @@ from typing import NamedTuple
 MAX_COORDINATE_M = 10_000.0
 """A coordinate beyond this is a mistake, not a place."""
 
+MAX_HEADING_RAD = 1e6
+"""A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
+
 
 class Controller(Enum):
     """Who drives: the advanced controller or the safe controller."""
@@ -82,8 +85,9 @@ class Waypoint(NamedTuple):
             # Written so that NaN fails too.
             if not -max_coordinate_m <= value <= max_coordinate_m:
                 raise ValueError(f"Waypoint.{name} is {value}, allowed: finite, at most +-{max_coordinate_m:g} m")
-        if self.heading_rad is not None and not math.isfinite(self.heading_rad):
-            raise ValueError(f"Waypoint.heading_rad is {self.heading_rad}, allowed: finite, or None")
+        if self.heading_rad is not None and not -MAX_HEADING_RAD <= self.heading_rad <= MAX_HEADING_RAD:
+            allowed = f"finite, at most +-{MAX_HEADING_RAD:g}, or None"
+            raise ValueError(f"Waypoint.heading_rad is {self.heading_rad}, allowed: {allowed}")
         if self.speed_m_s is not None and not 0.0 < self.speed_m_s < math.inf:
             raise ValueError(f"Waypoint.speed_m_s is {self.speed_m_s}, allowed: above 0, or None")
         if not 0.0 < self.radius_m < math.inf:
