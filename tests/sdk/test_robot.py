@@ -264,7 +264,8 @@ def test_coordinates_that_are_not_finite_or_absurd_send_nothing(name: str, value
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("heading_rad", math.nan), ("heading_rad", math.inf), ("speed_m_s", 0.0), ("speed_m_s", -0.1),
+        ("heading_rad", math.nan), ("heading_rad", math.inf), ("heading_rad", 1e7), ("speed_m_s", 0.0),
+        ("speed_m_s", -0.1),
         ("speed_m_s", math.nan), ("speed_m_s", math.inf), ("radius_m", 0.0), ("radius_m", -1.0), ("radius_m", math.nan),
         ("radius_m", math.inf), ("timeout_s", 0.0), ("timeout_s", -1.0), ("timeout_s", math.nan),
         ("timeout_s", math.inf),
