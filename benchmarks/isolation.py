@@ -83,7 +83,7 @@ def mission(ac: str, duration_s: float, *, real_time: bool = False) -> Pair:
     overrides = {
         "backend": "benchmarks.wall_clock:WallClockBackend", "planner": "straight-line", "targets": "uniform",
         "duration_s": duration_s, "ac": ac, "base_tick_s": TICK_S,
-        "isolation.silent_s": 60.0, "isolation.real_time": real_time,
+        "isolation.silent_s": 60.0, "isolation.real_time": "always" if real_time else "never",
     }  # fmt: skip
     with beside() as loop_ms:
         result = run_mission(load_mission(SURVEILLANCE, overrides)).result

@@ -252,10 +252,10 @@ class IsolationTable(Table):
     Attributes:
         memory_mib: address space that the mission may add to what it starts with, in MiB.
         silent_s: host time for which the mission may be silent before it counts as hung.
-        real_time: the supervisor is scheduled in real time, before everything else that the host has to do; needs
-            the right to it.
+        real_time: whether the supervisor is scheduled in real time, before everything else that the host has to do;
+            `auto` is wherever the kernel allows it.
     """
 
     memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
     silent_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 2.0
-    real_time: bool = False
+    real_time: Literal["auto", "always", "never"] = "auto"

@@ -120,7 +120,8 @@ def _machinery(result: RunResult) -> Iterator[Row]:
     tick = result.dm_tick_us
     yield Row("decisions, a tick", f"p50 {tick.p50:.1f} us, p99 {tick.p99:.1f} us, max {tick.max:.0f} us")
     if (late := result.tick_late_ms) is not None:
-        yield Row("ticks late by", f"p50 {late.p50:.1f} ms, p99 {late.p99:.1f} ms, max {late.max:.1f} ms")
+        how = ", scheduled in real time" if result.real_time else ""
+        yield Row("ticks late by", f"p50 {late.p50:.1f} ms, p99 {late.p99:.1f} ms, max {late.max:.1f} ms{how}")
     if result.missed_ticks:
         yield Row("missed ticks", str(result.missed_ticks), style="yellow")
 

@@ -16,25 +16,34 @@ _NORMAL: Final = os.sched_param(0)
 
 
 @contextmanager
-def real_time() -> Iterator[None]:
+def real_time(*, required: bool) -> Iterator[bool]:
     """Schedule all threads that there are before anything that is not real-time, and as before when it is over.
 
     All of them, because they share the interpreter's lock: a tick would have to wait for a thread that holds it and is
     not let run. Threads and processes that they start meanwhile are scheduled as usual.
 
+    Args:
+        required: False to go on as before where the kernel does not allow it.
+
+    Yields:
+        Whether it is so.
+
     Raises:
-        ConfigError: the kernel does not allow it; says what to do.
+        ConfigError: it is required, and the kernel does not allow it; says what to do.
     """
     try:
         _schedule(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, _LOWEST)
     except PermissionError as refused:
+        if not required:
+            yield False
+            return
         raise ConfigError(
-            "it is true, but the kernel does not let this user have real-time scheduling; give the process the "
-            "capability CAP_SYS_NICE or a limit of real-time priority (ulimit -r 1), or leave the option out",
+            "it is 'always', but the kernel does not let this user have real-time scheduling; give the process the "
+            "capability CAP_SYS_NICE or a limit of real-time priority (ulimit -r 1), or set it to 'auto'",
             key="isolation.real_time",
         ) from refused
     try:
-        yield
+        yield True
     finally:
         _schedule(os.SCHED_OTHER, _NORMAL)
 

@@ -126,6 +126,7 @@ class RunResult(BaseModel):
         monitors: by module, what its spec monitors saw.
         dm_tick_us: host time that one robot's decision modules took at one tick, in microseconds.
         tick_late_ms: how late ticks came on a wall clock, in milliseconds; None in virtual time.
+        real_time: whether ticks were scheduled in real time, before everything else that the host had to do.
         missed_ticks: ticks that came later than the robots' declared jitter.
         deterministic: the same seed gives the same run; False where host time had a say.
         trace_sha256: over all states and decisions.
@@ -167,6 +168,7 @@ class RunResult(BaseModel):
     dm_tick_us: TickTimes
     missed_ticks: int
     tick_late_ms: TickTimes | None = None
+    real_time: bool = False
     truth_ended_s: float | None = None
     deterministic: bool
     nondeterminism: str

@@ -172,6 +172,7 @@ class _Loop:
         self.trace: Final = Trace()
         self.ticks = 0
         self.wall_clock: Final = isinstance(side, RemoteSide)
+        self.real_time = False
         self.jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
         self.wall_s = 0.0
         capabilities = fleet.robots[0].capabilities
@@ -215,8 +216,9 @@ class _Loop:
                 watchdog = stack.enter_context(HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks))
                 if on_progress is not None and self.wall_clock:
                     on_progress = stack.enter_context(Aside(on_progress)).put
-                if self.wall_clock and self.mission.isolation.real_time:
-                    stack.enter_context(real_time())
+                wanted = self.mission.isolation.real_time
+                if self.wall_clock and wanted != "never":
+                    self.real_time = stack.enter_context(real_time(required=wanted == "always"))
                 status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
             failure = self.side.failures.get(None)
             # The robots were brought home by their SCs, but what they were for was not done.
@@ -343,6 +345,7 @@ class _Loop:
             dm_tick_us=metrics.tick_times(),
             missed_ticks=metrics.missed_ticks(self.jitter_s),
             tick_late_ms=metrics.tick_lateness() if self.wall_clock else None,
+            real_time=self.real_time,
             deterministic=not self.side.incidents and status == "completed",
             nondeterminism="; ".join(self.side.incidents),
             trace_sha256=self.trace.hexdigest(),

@@ -10,7 +10,7 @@ from typing import Final
 
 logger = logging.getLogger(__name__)
 
-_READ_BYTES: Final = 1 << 16
+_READ_BYTES: Final = 1 << 14
 _PASSED_LINES: Final = 20
 _PASSED_CHARACTERS: Final = 300
 _PAUSE_S: Final = 0.1

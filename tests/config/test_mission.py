@@ -141,8 +141,8 @@ def test_a_wrong_override_is_blamed_on_the_command_line(overrides: dict[str, obj
 # --- what is wrong -----------------------------------------------------------------------------------------
 
 ALL_KEYS = (
-    "app, workspace, backend, duration_s, seed, targets, robots, planner, target_timeout_s, base_tick_s, battery, rta, "
-    "backends, planners, fault"
+    "app, workspace, backend, duration_s, seed, targets, robots, ac, planner, target_timeout_s, base_tick_s, battery, "
+    "rta, isolation, backends, planners, adversaries, fault"
 )
 WRONG: list[tuple[str, str]] = [
     # syntax
@@ -227,6 +227,12 @@ WRONG: list[tuple[str, str]] = [
     ("robots = 0\n", "m.toml:2: robots: it is 0, allowed: at least 1"),
     ("robots = 255\n", "m.toml:2: robots: it is 255, allowed: at most 254"),
     ("target_timeout_s = 0\n", "m.toml:2: target_timeout_s: it is 0, allowed: above 0"),
+    ("[isolation]\nsilent_s = 0.1\n", "m.toml:3: isolation.silent_s: it is 0.1, allowed: at least 0.5"),
+    ("[isolation]\nmemory_mib = 1\n", "m.toml:3: isolation.memory_mib: it is 1, allowed: at least 64"),
+    (
+        "[isolation]\nreal_time = true\n",
+        "m.toml:3: isolation.real_time: it is true, allowed: 'auto', 'always' or 'never'",
+    ),
     ("base_tick_s = 0.0\n", "m.toml:2: base_tick_s: it is 0.0, allowed: above 0"),
     ("[battery]\ndrive_s = 0\n", "m.toml:3: battery.drive_s: it is 0, allowed: above 0"),
     ("[battery]\nidle_s = -2\n", "m.toml:3: battery.idle_s: it is -2, allowed: above 0"),

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from soter.errors import ConfigError
 from soter.runner import Progress
 from soter.runner.aside import Aside
 from soter.runner.real_time import real_time
@@ -107,13 +108,24 @@ def test_every_thread_is_scheduled_in_real_time_and_as_before_afterwards(monkeyp
     done = threading.Event()
     thread = threading.Thread(target=done.wait)
     thread.start()
-    with real_time():
-        pass
+    with real_time(required=True) as so:
+        assert so
     done.set()
     thread.join()
     for task in (os.getpid(), thread.native_id):
         assert task is not None
         assert policies[task] == [os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.SCHED_OTHER]
+
+
+def test_where_it_is_not_allowed_all_goes_on_as_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr("os.sched_setscheduler", refuse)
+    with real_time(required=False) as so:
+        assert not so
+    with pytest.raises(ConfigError, match="CAP_SYS_NICE"), real_time(required=True):
+        pass
 
 
 @pytest.fixture(autouse=True)

@@ -144,7 +144,7 @@ def test_without_the_right_to_it_real_time_is_refused(sides: list[RemoteSide], m
 
     monkeypatch.setattr("os.sched_setscheduler", refuse)
     with pytest.raises(ConfigError, match=r"isolation.real_time: .*CAP_SYS_NICE"):
-        run_mission(mission(isolation__real_time=True))
+        run_mission(mission(isolation__real_time="always"))
 
 
 def test_a_mission_that_cannot_be_made_is_refused() -> None:
