@@ -1,0 +1,241 @@
+"""A replay takes every decision again: alike to the last bit, or it says when, of which robot and what."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from soter.config import load_mission
+from soter.errors import ConfigError
+from soter.record.reader import BadRecording, Recording
+from soter.runner import run_mission
+from soter.runner.replay import replay
+from tests.project.source import ROOT
+from tests.record.conftest import Recorded
+from tests.record.helpers import SURVEILLANCE, recorded, rewrite
+
+
+def test_a_replay_decides_the_same(kinematic: Recorded) -> None:
+    found = replay(kinematic.recording)
+    assert found.same
+    assert (found.ticks, found.differing, found.differences, found.spells) == (6000, 0, [], [])
+    assert found.before == found.after
+    assert found.before.total() == kinematic.run.result.disengagements_total > 5
+
+
+@pytest.mark.parametrize("name", ["gone", "late"])
+def test_runs_under_faults_are_replayed_too(tmp_path: Path, name: str) -> None:
+    mission = load_mission(
+        ROOT / "examples" / "faults" / f"{name}.toml",
+        {"backend": "kinematic", "planner": "straight-line", "duration_s": 180.0},
+    )
+    run_mission(mission, record=tmp_path / "run.mcap")
+    found = replay(Recording(tmp_path / "run.mcap"))
+    assert found.same, found.differences[:3]
+    assert found.ticks == 3600
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"rta__enabled": False},
+        {"rta__modules": ["geofence"]},
+        {"rta__path__enabled": True},
+        {"robots": 1},
+    ],
+)
+def test_other_missions_are_replayed_too(tmp_path: Path, overrides: dict[str, Any]) -> None:
+    recorded(tmp_path / "run.mcap", duration_s=120.0, targets="hostile", **overrides)
+    found = replay(Recording(tmp_path / "run.mcap"))
+    assert found.same, found.differences[:3]
+
+
+@pytest.mark.pybullet
+def test_a_run_on_rigid_bodies_is_replayed_too(tmp_path: Path) -> None:
+    recorded(tmp_path / "run.mcap", backend="pybullet", duration_s=60.0, targets="hostile")
+    found = replay(Recording(tmp_path / "run.mcap"))
+    assert found.same, found.differences[:3]
+    assert found.ticks == 1200
+
+
+def test_a_run_on_a_wall_clock_is_replayed_too(tmp_path: Path) -> None:
+    pytest.importorskip("zmq")
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--backend", "soter_zmq.adapter:ZmqBackend"]
+    command += ["--duration", "8", "--planner", "straight-line", "--record", str(path), "--quiet"]
+    done = subprocess.run(command, cwd=ROOT / "examples" / "adapter-zmq", capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    recording = Recording(path)
+    assert not recording.about.virtual_time
+    found = replay(recording)
+    assert found.same, found.differences[:3]
+    assert found.ticks == 160
+
+
+def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(kinematic: Recorded, tmp_path: Path) -> None:
+    data, part = kinematic.path.read_bytes(), tmp_path / "part.mcap"
+    part.write_bytes(data[: len(data) * 2 // 3])
+    found = replay(Recording(part))
+    assert found.same
+    assert found.truncated
+    assert 1000 < found.ticks < 6000
+
+
+# --- what is changed is found ------------------------------------------------------------------------------
+
+
+def changed(kinematic: Recorded, path: Path, robot_id: int, tick: int, change: Callable[[Any], None]) -> Recording:
+    """The recording with one record of one robot changed."""
+
+    def edit(topic: str, data: bytes) -> bytes:
+        if topic == f"/robots/{robot_id}/tick" and data.startswith(f'{{"tick":{tick},'.encode()):
+            record = json.loads(data)
+            change(record)
+            return json.dumps(record).encode()
+        return data
+
+    rewrite(kinematic.path, path, edit)
+    return Recording(path)
+
+
+def test_an_unchanged_copy_is_no_difference(kinematic: Recorded, tmp_path: Path) -> None:
+    rewrite(kinematic.path, tmp_path / "copy.mcap", lambda topic, data: data)
+    assert replay(Recording(tmp_path / "copy.mcap")).same
+
+
+@pytest.mark.parametrize("name", ["x_m", "y_m", "heading_rad", "vx_m_s", "stamp_s", "battery", "vehicle_stamp_s"])
+def test_a_flipped_bit_of_a_sample_is_named(kinematic: Recorded, tmp_path: Path, name: str) -> None:
+    def flip(record: Any) -> None:
+        value = float(record["state"][name])
+        record["state"][name] = _flipped(value)
+
+    found = replay(changed(kinematic, tmp_path / "run.mcap", 2, 2468, flip))
+    assert not found.same
+    (wrong,) = found.flaws
+    assert wrong.time_s == pytest.approx(123.4)
+    assert (wrong.robot_id, wrong.field) == (2, f"state.{name}")
+    assert float(wrong.was) == _flipped(float(wrong.reads))
+
+
+@pytest.mark.parametrize("name", ["margin", "reach"])
+def test_a_flipped_bit_of_a_decision_is_named_twice(kinematic: Recorded, tmp_path: Path, name: str) -> None:
+    def flip(record: Any) -> None:
+        record["modules"][1][name] = _flipped(record["modules"][1][name])
+
+    found = replay(changed(kinematic, tmp_path / "run.mcap", 1, 1000, flip))
+    (difference,) = found.differences
+    assert (difference.tick, difference.robot_id, difference.field) == (1000, 1, f"obstacle.{name}")
+    assert float(difference.recorded) == _flipped(float(difference.replayed))
+    (wrong,) = found.flaws
+    assert (wrong.robot_id, wrong.field) == (1, f"obstacle.{name}")
+
+
+def test_a_decision_that_was_never_taken_is_named_even_with_right_check_digits(
+    kinematic: Recorded, tmp_path: Path
+) -> None:
+    from soter.record.check import seal
+    from soter.record.messages import RobotTick
+
+    def forge(record: Any) -> None:
+        record["driver"] = "geofence" if record["driver"] != "geofence" else "AC"
+        record["check"] = seal(msgspec.convert(record, RobotTick))
+
+    found = replay(changed(kinematic, tmp_path / "run.mcap", 1, 1000, forge))
+    assert found.flaws == []
+    (difference,) = found.differences
+    assert (difference.tick, difference.robot_id, difference.field) == (1000, 1, "driver")
+    assert len(found.spells) == 1
+
+
+def test_a_changed_cause_and_a_missing_switch_are_named(kinematic: Recorded, tmp_path: Path) -> None:
+    first = kinematic.recording.content().disengagements[0]
+    for number, replacement in enumerate((b"margin of nothing", None)):
+
+        def edit(topic: str, data: bytes, replacement: bytes | None = replacement) -> bytes | None:
+            if topic != "/switches" or first.cause.encode() not in data:
+                return data
+            return replacement and data.replace(first.cause.encode(), replacement)
+
+        path = tmp_path / f"{number}.mcap"
+        rewrite(kinematic.path, path, edit)
+        found = replay(Recording(path))
+        assert found.differences[0].field == "switches"
+        assert found.differences[0].time_s == first.time_s
+        assert first.cause in found.differences[0].replayed
+
+
+def test_a_gap_ends_the_comparison(kinematic: Recorded, tmp_path: Path) -> None:
+    lost = tuple(f'{{"tick":{tick},'.encode() for tick in range(500, 510))
+    rewrite(kinematic.path, tmp_path / "run.mcap", lambda topic, data: None if data.startswith(lost) else data)
+    found = replay(Recording(tmp_path / "run.mcap"))
+    assert found.gap_s == pytest.approx(25.5)
+    assert (found.ticks, found.same) == (500, True)
+
+
+def test_a_lost_record_of_one_robot_is_damage(kinematic: Recorded, tmp_path: Path) -> None:
+    rewrite(
+        kinematic.path, tmp_path / "run.mcap",
+        lambda topic, data: None if topic == "/robots/2/tick" and data.startswith(b'{"tick":77,') else data,
+    )  # fmt: skip
+    with pytest.raises(BadRecording, match="lacks a robot"):
+        replay(Recording(tmp_path / "run.mcap"))
+
+
+def _flipped(value: float) -> float:
+    """The number with its last bit flipped."""
+    word = int.from_bytes(msgspec.msgpack.encode(value)[1:], "big") ^ 1
+    return msgspec.msgpack.decode(b"\xcb" + word.to_bytes(8, "big"), type=float)
+
+
+# --- what if -----------------------------------------------------------------------------------------------
+
+
+def test_other_settings_are_answered_in_open_loop(kinematic: Recorded) -> None:
+    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.25})
+    # A module that looks twice as often needs half the margin, so it fires later, or not at all.
+    assert found.after["geofence"] < found.before["geofence"]
+    assert found.before["geofence"] == kinematic.run.result.disengagements["geofence"]
+    assert found.spells
+    assert all(spell.end_s > spell.start_s and spell.recorded != spell.replayed for spell in found.spells)
+    assert found.after["supervisor"] == 0
+    assert found.ill_formed == []
+
+
+def test_the_same_settings_change_nothing(kinematic: Recorded) -> None:
+    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.5})
+    assert (found.spells, found.differing) == ([], 0)
+
+
+def test_settings_that_a_run_would_refuse_are_answered_with_a_word(kinematic: Recorded) -> None:
+    found = replay(kinematic.recording, {"rta.collision.delta_s": 0.4})
+    # The robots have promises of their own: robot 2 loses commands.
+    assert len(found.ill_formed) == 2
+    assert all("module 'collision' is ill-formed (P3)" in refusal for refusal in found.ill_formed)
+    assert found.after["collision"] > found.before["collision"]
+
+
+def test_a_module_that_is_switched_off_decides_nothing(kinematic: Recorded) -> None:
+    found = replay(kinematic.recording, {"rta.modules": ["collision", "obstacle", "battery"]})
+    assert found.before["geofence"] > 0
+    assert found.after["geofence"] == 0
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"seed": 3}, "only keys below rta and battery"),
+        ({"rta.colision.delta_s": 0.1}, "did you mean 'collision'?"),
+        ({"rta.collision.delta_s": 0.12}, "a multiple of base_tick_s"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(kinematic: Recorded, settings: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        replay(kinematic.recording, settings)
+    assert words in str(refused.value)
