@@ -230,8 +230,8 @@ WRONG: list[tuple[str, str]] = [
     ("[isolation]\nsilent_s = 0.1\n", "m.toml:3: isolation.silent_s: it is 0.1, allowed: at least 0.5"),
     ("[isolation]\nmemory_mib = 1\n", "m.toml:3: isolation.memory_mib: it is 1, allowed: at least 64"),
     (
-        "[isolation]\nreal_time = true\n",
-        "m.toml:3: isolation.real_time: it is true, allowed: 'auto', 'always' or 'never'",
+        "[isolation]\nreal_time = 1\n",
+        "m.toml:3: isolation.real_time: it is 1, allowed: 'auto', 'always' or 'never'",
     ),
     ("base_tick_s = 0.0\n", "m.toml:2: base_tick_s: it is 0.0, allowed: above 0"),
     ("[battery]\ndrive_s = 0\n", "m.toml:3: battery.drive_s: it is 0, allowed: above 0"),
