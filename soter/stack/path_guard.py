@@ -51,6 +51,9 @@ class PathClearance(Region):
         start = situation.request.start
         wanted = min(self.least_m, self.terrain.clearance_m(*start))
         places = [start, *situation.offered.path]
+        if not all(math.isfinite(x + y) for x, y in places):
+            # Comparisons with NaN are false: it would be near to nothing.
+            return -math.inf
         clear = min(
             (self.terrain.segment_clearance_m(*a, *b) for a, b in pairwise(places)),
             default=-math.inf,
