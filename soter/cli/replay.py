@@ -60,7 +60,6 @@ def replay(
     It is open loop: with other settings the robots still do what they did then, whatever the modules say.
     """
     with guard():
-        from dataclasses import asdict
         from json import dumps
 
         from soter.cli.console import make_console
@@ -70,7 +69,7 @@ def replay(
 
         found = play(Recording(recording), merge({}, settings or []))
         if json:
-            print(dumps({"same": found.same, **asdict(found)}, indent=2, default=str))
+            print(dumps(_plain(found), indent=2, default=str))
         else:
             _show(make_console(), recording, found)
         raise typer.Exit(_verdict(found))
@@ -80,6 +79,16 @@ def _verdict(found: Replay) -> Verdict:
     if not found.same:
         return Verdict.DIFFERENT
     return Verdict.UNKNOWN if found.gap_s is not None or not found.ticks else Verdict.SAME
+
+
+def _plain(found: Replay) -> dict[str, object]:
+    """Return what was found as JSON has it."""
+    values: dict[str, object] = {"same": found.same}
+    for name in found.__slots__:
+        value = getattr(found, name)
+        rows = isinstance(value, list) and value and isinstance(value[0], tuple)
+        values[name] = [each._asdict() for each in value] if rows else value
+    return values
 
 
 def _show(console: Console, file: Path, found: Replay) -> None:
