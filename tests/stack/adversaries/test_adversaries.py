@@ -46,7 +46,7 @@ def attacked(name: str, duration_s: float) -> RunResult:
 
 @pytest.mark.parametrize("name", sorted(set(BUILT_IN) - {"flood"}))
 def test_no_rule_is_broken(name: str) -> None:
-    result = attacked(name, 180.0)
+    result = attacked(name, 120.0)
     assert result.status == "completed"
     assert result.ac == PREFIX + name
     assert result.violations == dict.fromkeys(RULES, 0)
@@ -68,25 +68,25 @@ def test_no_rule_is_broken(name: str) -> None:
     ],
 )
 def test_it_comes_near_the_edges(name: str, rules: set[str]) -> None:
-    margins = attacked(name, 180.0).min_margin
+    margins = attacked(name, 120.0).min_margin
     assert margins is not None
     assert {rule for rule in rules if margins[rule] > 0.7 * REACH_M[rule]} == set()
 
 
 @pytest.mark.parametrize("name", ["chase", "fastest-to-boundary", "search", "pincer"])
 def test_it_never_stops_attacking(name: str) -> None:
-    result = attacked(name, 180.0)
+    result = attacked(name, 120.0)
     assert result.disengagements_total / (result.robots * result.duration_s) > 1.0 / 30.0
 
 
 def test_a_frozen_one_moves_nothing_and_keeps_control() -> None:
-    result = attacked("frozen", 180.0)
+    result = attacked("frozen", 120.0)
     assert result.disengagements_total == 0
     assert result.ac_share > 0.99
 
 
 def test_one_that_fails_leaves_its_robots_to_the_safe_controllers() -> None:
-    result = attacked("raises", 180.0)
+    result = attacked("raises", 120.0)
     assert result.ac_share == 0.0
     assert set(result.failed_robots) == {1, 2}
     assert "this adversary always fails" in result.failed_robots[1]
@@ -108,7 +108,7 @@ def test_a_flood_from_one_thread_repeats() -> None:
 @pytest.mark.parametrize("name", ["random", "fastest-to-boundary", "chase", "pincer", "search", "nan"])
 def test_the_seed_decides_all(name: str) -> None:
     def trace(seed: int) -> str:
-        return run_mission(mission(PREFIX + name, seed=seed, duration_s=40.0)).result.trace_sha256
+        return run_mission(mission(PREFIX + name, seed=seed, duration_s=30.0)).result.trace_sha256
 
     assert trace(3) == trace(3)
     if name != "fastest-to-boundary":
