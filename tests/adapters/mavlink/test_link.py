@@ -1,0 +1,272 @@
+"""The links on real sockets of this host: what is heard, what is not, and what comes back after it was lost."""
+
+from __future__ import annotations
+
+import math
+import os
+import pty
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.components import COMPONENTS, KEEPER, SENDERS
+from soter.adapters.mavlink.link import Inbox, Link
+from soter.adapters.mavlink.mavsdk_link import MavsdkLink
+from soter.adapters.mavlink.pymavlink_link import PymavlinkLink, signing_key
+from soter.adapters.mavlink.simulator import free_port
+from soter.adapters.mavlink.transport import StreamTransport
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.sdk import Controller
+
+OURS = 255
+HEARTBEAT = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 15, 4, 3)
+
+
+def wait_for(reached: Callable[[], object], limit_s: float = 5.0) -> bool:
+    until_s = time.perf_counter() + limit_s
+    while time.perf_counter() < until_s:
+        if reached():
+            return True
+        time.sleep(0.005)
+    return bool(reached())
+
+
+def packed(message: mav.MAVLink_message, system: int = 1, component: int = 1, key: bytes | None = None) -> bytes:
+    codec = mav.MAVLink(None, system, component)
+    if key is not None:
+        codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+        codec.signing.timestamp = int((time.time() - 1_420_070_400) * 100_000)
+    return bytes(message.pack(codec))
+
+
+def position(stamp_ms: int, north_m: float = 1.0) -> mav.MAVLink_message:
+    return mav.MAVLink_local_position_ned_message(stamp_ms, north_m, 2.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as opened:
+        yield opened
+
+
+def opened(stack: ExitStack, link: Link, *systems: int) -> Link:
+    for system in systems or (1,):
+        link.inboxes[system] = Inbox()
+    stack.callback(link.close)
+    link.start()
+    return link
+
+
+def udp(stack: ExitStack, key: bytes | None = None) -> tuple[Link, socket.socket, tuple[str, int]]:
+    port = free_port()
+    link = PymavlinkLink(VehicleClock(), Address("udpin", "127.0.0.1", port), OURS, COMPONENTS, key)
+    vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    vehicle.bind(("127.0.0.1", 0))
+    vehicle.settimeout(5.0)
+    return opened(stack, link), vehicle, ("127.0.0.1", port)
+
+
+def test_the_latest_message_is_kept_with_when_it_came(stack: ExitStack) -> None:
+    link, vehicle, there = udp(stack)
+    before_s = link.clock.steady_s()
+    for stamp_ms in (20, 40, 60):
+        vehicle.sendto(packed(position(stamp_ms)), there)
+    inbox = link.inboxes[1]
+    assert wait_for(lambda: inbox.counts.get("LOCAL_POSITION_NED") == 3)
+    heard = inbox.latest["LOCAL_POSITION_NED"]
+    assert heard.message.time_boot_ms == 60
+    assert before_s < heard.received_s <= link.clock.steady_s()
+
+
+def test_a_foreign_heartbeat_changes_nothing(stack: ExitStack) -> None:
+    link, vehicle, there = udp(stack)
+    stranger = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    vehicle.sendto(packed(HEARTBEAT), there)
+    assert wait_for(lambda: "HEARTBEAT" in link.inboxes[1].latest)
+    ours = link.inboxes[1].latest["HEARTBEAT"]
+    stranger.sendto(packed(HEARTBEAT, system=9), there)
+    # A camera of the same vehicle is no autopilot.
+    stranger.sendto(packed(HEARTBEAT, component=100), there)
+    assert wait_for(lambda: link.strangers == {9})
+    assert link.inboxes[1].latest["HEARTBEAT"] is ours
+    link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+    assert vehicle.recv(1000)
+
+
+def test_each_controller_speaks_as_a_component_of_its_own(stack: ExitStack) -> None:
+    link, vehicle, there = udp(stack)
+    vehicle.sendto(packed(HEARTBEAT), there)
+    assert wait_for(lambda: link.inboxes[1].latest)
+    parser = mav.MAVLink(None)
+    for component in (SENDERS[Controller.AC], SENDERS[Controller.SC]):
+        link.send(1, component, "TIMESYNC", {"tc1": 0, "ts1": 1})
+        (message,) = parser.parse_buffer(vehicle.recv(1000)) or []
+        assert (message.get_srcSystem(), message.get_srcComponent()) == (OURS, component)
+    link.beat(1)
+    (message,) = parser.parse_buffer(vehicle.recv(1000)) or []
+    assert (message.get_type(), message.get_srcComponent(), message.type) == ("HEARTBEAT", KEEPER, mav.MAV_TYPE_GCS)
+
+
+def test_what_is_damaged_unknown_or_half_is_dropped(stack: ExitStack) -> None:
+    link, vehicle, there = udp(stack)
+    good = packed(position(10))
+    unknown = bytearray(good)
+    unknown[7:10] = (0xFF, 0xFF, 0xFF)
+    for datagram in (b"", b"nonsense", good[:-1] + bytes([good[-1] ^ 1]), good[:9], bytes(unknown), good + good[:7]):
+        vehicle.sendto(datagram, there)
+    vehicle.sendto(packed(position(20)), there)
+    inbox = link.inboxes[1]
+    assert wait_for(lambda: "LOCAL_POSITION_NED" in inbox.latest
+                    and inbox.latest["LOCAL_POSITION_NED"].message.time_boot_ms == 20)  # fmt: skip
+    assert inbox.counts == {"LOCAL_POSITION_NED": 2}
+
+
+def test_a_vehicle_that_comes_back_at_another_address_is_answered_there(stack: ExitStack) -> None:
+    link, vehicle, there = udp(stack)
+    vehicle.sendto(packed(HEARTBEAT), there)
+    assert wait_for(lambda: link.inboxes[1].latest)
+    vehicle.close()
+    again = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    again.settimeout(5.0)
+    link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+    again.sendto(packed(HEARTBEAT), there)
+    assert wait_for(lambda: link.inboxes[1].counts["HEARTBEAT"] == 2)
+    link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 2})
+    assert again.recv(1000)
+
+
+def test_what_is_not_signed_with_our_key_is_not_heard(stack: ExitStack) -> None:
+    key = signing_key("a passphrase")
+    link, vehicle, there = udp(stack, key)
+    assert link.signs
+    for wrong in (None, signing_key("another")):
+        vehicle.sendto(packed(position(10), key=wrong), there)
+    vehicle.sendto(packed(position(20), key=key), there)
+    inbox = link.inboxes[1]
+    assert wait_for(lambda: "LOCAL_POSITION_NED" in inbox.latest)
+    assert inbox.counts == {"LOCAL_POSITION_NED": 1}
+    link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+    parser = mav.MAVLink(None)
+    parser.signing.secret_key = key
+    (message,) = parser.parse_buffer(vehicle.recv(1000)) or []
+    assert message.get_signed()
+
+
+def test_a_port_that_is_taken_is_named(stack: ExitStack) -> None:
+    _, _, (host, port) = udp(stack)
+    for kind in (PymavlinkLink, MavsdkLink):
+        with pytest.raises(RobotUnavailable, match=rf"udpin:{host}:{port}.*end the other program"):
+            kind(VehicleClock(), Address("udpin", host, port), OURS, COMPONENTS).start()
+
+
+def test_a_host_that_is_none_is_named() -> None:
+    with pytest.raises(RobotUnavailable, match="cannot be opened"):
+        PymavlinkLink(VehicleClock(), Address("udpout", "no.such.host.invalid", 1), OURS, COMPONENTS).start()
+
+
+def test_a_tcp_server_is_waited_for_and_found_again(stack: ExitStack) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    link = opened(stack, PymavlinkLink(VehicleClock(), Address("tcp", "127.0.0.1", port), OURS, COMPONENTS))
+    # Nobody is there: nothing is sent, and nothing waits or raises.
+    link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+    inbox = link.inboxes[1]
+    for number in (1, 2):
+        with socket.create_server(("127.0.0.1", port)) as server:
+            server.settimeout(5.0)
+            vehicle, _ = server.accept()
+            with vehicle:
+                data = packed(position(10 * number))
+                vehicle.sendall(data[:5])
+                time.sleep(0.02)
+                vehicle.sendall(data[5:])
+                assert wait_for(lambda number=number: inbox.counts.get("LOCAL_POSITION_NED") == number)  # type: ignore[misc]
+                link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+                vehicle.settimeout(5.0)
+                assert vehicle.recv(1000)
+
+
+def test_a_peer_that_does_not_read_costs_messages_and_no_time(stack: ExitStack) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = Address("tcp", "127.0.0.1", server.getsockname()[1])
+        link = opened(stack, PymavlinkLink(VehicleClock(), address, OURS, COMPONENTS))
+        vehicle, _ = server.accept()
+        with vehicle:
+            vehicle.sendall(packed(HEARTBEAT))
+            assert wait_for(lambda: link.inboxes[1].latest)
+            vehicle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            slowest_s = 0.0
+            for _ in range(30_000):
+                began_s = time.thread_time()
+                link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+                slowest_s = max(slowest_s, time.thread_time() - began_s)
+            assert slowest_s < 0.05
+        # It is gone now, in the middle of a message; writing to it raises nothing either.
+        for _ in range(10):
+            link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+            time.sleep(0.01)
+
+
+def test_a_serial_line_is_read_and_written(stack: ExitStack) -> None:
+    ours, theirs = pty.openpty()
+    stack.callback(os.close, ours)
+    stack.callback(os.close, theirs)
+    link = opened(stack, PymavlinkLink(VehicleClock(), Address("serial", os.ttyname(theirs), 57600), OURS, COMPONENTS))
+    assert wait_for(lambda: _write_and_hear(ours, link))
+    link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
+    (message,) = mav.MAVLink(None).parse_buffer(os.read(ours, 1000)) or []
+    assert message.get_type() == "TIMESYNC"
+
+
+def _write_and_hear(descriptor: int, link: Link) -> bool:
+    os.write(descriptor, packed(HEARTBEAT))
+    return wait_for(lambda: link.inboxes[1].latest, 0.2)
+
+
+def test_a_baud_rate_that_does_not_exist_is_no_line() -> None:
+    transport = StreamTransport(Address("serial", "/dev/null", 12345))
+    assert transport.receive(0.0) == []
+    transport.close()
+
+
+def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(stack: ExitStack) -> None:
+    port = free_port()
+    link = opened(stack, MavsdkLink(VehicleClock(), Address("udpin", "127.0.0.1", port), OURS, COMPONENTS), 1, 2)
+    vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    vehicle.settimeout(5.0)
+    codec = {system: mav.MAVLink(None, system, 1) for system in (1, 2, 9)}
+
+    def speak() -> bool:
+        for system, each in codec.items():
+            for message in (HEARTBEAT, position(20, math.nan if system == 2 else 1.5)):
+                vehicle.sendto(bytes(message.pack(each)), ("127.0.0.1", port))
+                each.seq = (each.seq + 1) % 256
+        return all("LOCAL_POSITION_NED" in inbox.latest for inbox in link.inboxes.values())
+
+    assert wait_for(speak)
+    assert link.inboxes[1].latest["LOCAL_POSITION_NED"].message.x == 1.5
+    # JSON has no NaN; what was none must not become a number.
+    assert math.isnan(link.inboxes[2].latest["LOCAL_POSITION_NED"].message.x)
+    assert link.strangers == {9}
+    link.send(1, SENDERS[Controller.AC], "SET_POSITION_TARGET_LOCAL_NED", {
+        "time_boot_ms": 0, "target_system": 1, "target_component": 1, "coordinate_frame": 1, "type_mask": 0x0DF8,
+        **dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.5),
+    })  # fmt: skip
+    parser = mav.MAVLink(None)
+    parser.robust_parsing = True
+    said: list[tuple[str, int]] = []
+
+    def heard() -> bool:
+        said.extend(
+            (each.get_type(), each.get_srcComponent()) for each in parser.parse_buffer(vehicle.recv(1000)) or []
+        )
+        return ("SET_POSITION_TARGET_LOCAL_NED", SENDERS[Controller.AC]) in said
+
+    assert wait_for(heard)

@@ -1,0 +1,292 @@
+"""The adapters with simulated vehicles in a process of their own. Bounds are wide: the machine may have more to do."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
+from soter.adapters.mavlink.harness import MavlinkHarness, PlainHarness
+from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
+from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.config import load_mission
+from soter.conformance import Verdict, find_harness, judge, select
+from soter.errors import ConfigError, RobotUnavailable
+from soter.registry import load_backend
+from soter.runner import run_mission
+from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
+from soter.workspace import Box, RobotPlace, Workspace
+
+AC, SC = Controller.AC, Controller.SC
+ROOM = Workspace(6.0, 5.0, (), (RobotPlace(1, 2.0, 3.0, Box(1.9, 2.9, 2.1, 3.1)),))
+SPEC = RobotSpec(1, 2.0, 3.0, 0.7, 0.5)
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+BACKENDS = pytest.mark.parametrize("backend", [MavlinkBackend, MavsdkBackend], ids=["mavlink", "mavsdk"])
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as opened:
+        yield opened
+
+
+def config(**options: Any) -> MavlinkConfig:
+    return MavlinkConfig.model_validate({"workspace": ROOM, "boot_s": 0.5, **options})
+
+
+def simulator(stack: ExitStack, port: int, *options: str) -> Simulator:
+    made = Simulator(describe(ROOM, [SPEC]), port, "--rate", "50", "--boot", "0.5", *options)
+    stack.callback(made.close)
+    return made
+
+
+def started(stack: ExitStack, backend: type[VehicleBackend] = MavlinkBackend, **options: Any) -> MavlinkFleet:
+    fleet = backend().open(config(**options), [SPEC])
+    stack.callback(fleet.close)
+    fleet.robots[0].init(20.0)
+    return fleet
+
+
+def tick(fleet: Fleet, until: Callable[[], bool], limit_s: float = 15.0, *, renew: bool = True) -> bool:
+    """Read states and renew leases as a supervisor does, until something is so; return whether it is in time."""
+    due_s = began_s = fleet.clock.now()
+    while fleet.clock.now() < began_s + limit_s:
+        for robot in fleet.robots:
+            robot.read_state()
+            if renew:
+                robot.renew_lease()
+        if until():
+            return True
+        due_s += 0.05
+        fleet.clock.sleep_until(due_s)
+    return until()
+
+
+def speed(robot: Robot) -> float:
+    state = robot.read_state()
+    return math.hypot(state.vx_m_s, state.vy_m_s)
+
+
+def really(fleet: Fleet, robot_id: int = 1) -> tuple[float, float, float]:
+    assert fleet.truth is not None
+    return fleet.truth.pose(robot_id)
+
+
+@BACKENDS
+@pytest.mark.parametrize("vehicle", ["rover", "copter"])
+def test_a_vehicle_is_where_it_says_and_goes_where_it_is_told(
+    stack: ExitStack, backend: type[VehicleBackend], vehicle: str
+) -> None:
+    fleet = started(stack, backend, vehicle=vehicle)
+    robot = fleet.robots[0]
+    state = robot.read_state()
+    assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx((2.0, 3.0, 0.7), abs=1e-3)
+    assert state.controller is SC
+    assert state.battery == pytest.approx(0.5, abs=0.011)
+    goal = robot.goto(Waypoint(1.6, 3.3), SC)
+    assert tick(fleet, lambda: not goal.active)
+    assert goal.status is GoalStatus.REACHED
+    assert tick(fleet, lambda: speed(robot) < 1e-3)
+    assert math.dist(really(fleet)[:2], (1.6, 3.3)) <= 0.03
+    assert fleet.truth is not None
+    assert fleet.truth.report().violations == ()
+
+
+def test_a_real_speed_up_is_kept_in_fleet_time(stack: ExitStack) -> None:
+    fleet = started(stack, speedup=3.0)
+    robot = fleet.robots[0]
+    before_s, host_s = robot.read_state().vehicle_stamp_s, time.perf_counter()
+    tick(fleet, lambda: False, 3.0)
+    passed_s = robot.read_state().vehicle_stamp_s - before_s
+    assert 2.0 < passed_s < 4.0
+    assert time.perf_counter() - host_s < 2.5
+    assert robot.read_state().age_s(fleet.clock.now()) < 1.0
+
+
+def test_a_switch_is_confirmed_by_the_vehicle_and_stops_what_the_other_had(stack: ExitStack) -> None:
+    fleet = started(stack)
+    robot = fleet.robots[0]
+    robot.switch_ac_sc(AC, "test")
+    goal = robot.goto(Waypoint(3.5, 3.5), AC)
+    assert tick(fleet, lambda: speed(robot) > 0.2)
+    switch = robot.switch_ac_sc(SC, "test")
+    assert goal.status is GoalStatus.PREEMPTED
+    assert tick(fleet, lambda: speed(robot) < 1e-3 and switch.confirmed_s is not None)
+
+
+@pytest.mark.parametrize("options", [(), ("--plain",)], ids=["gated", "plain"])
+def test_without_renewal_the_vehicle_stops(stack: ExitStack, options: tuple[str, ...]) -> None:
+    port = free_port()
+    truth = simulator(stack, port, *options).truth
+    fleet = started(stack, connection=f"udpin:127.0.0.1:{port}", truth=truth)
+    robot = fleet.robots[0]
+    robot.goto(Waypoint(3.5, 3.5), SC)
+    assert tick(fleet, lambda: speed(robot) > 0.2)
+    assert tick(fleet, lambda: speed(robot) < 1e-3, 2.0, renew=False)
+    assert tick(fleet, lambda: speed(robot) > 0.2)
+
+
+def test_messages_can_be_signed(stack: ExitStack, tmp_path: Path) -> None:
+    passphrase = tmp_path / "passphrase"
+    passphrase.write_text("not for others\n", encoding="utf-8")
+    fleet = started(stack, passphrase_file=passphrase)
+    goal = fleet.robots[0].goto(Waypoint(2.2, 3.1), SC)
+    assert tick(fleet, lambda: goal.status is GoalStatus.REACHED)
+
+
+def test_a_passphrase_that_is_none_is_named(tmp_path: Path) -> None:
+    empty = tmp_path / "passphrase"
+    empty.write_text("\n", encoding="utf-8")
+    for path, why in ((empty, "no passphrase"), (tmp_path / "missing", "No such file")):
+        with pytest.raises(ConfigError, match=f"passphrase_file: .*{why}"):
+            MavlinkBackend().open(config(passphrase_file=path), [SPEC])
+    with pytest.raises(ConfigError, match="cannot sign; use the backend 'mavlink'"):
+        MavsdkBackend().open(config(passphrase_file=empty), [SPEC])
+
+
+def test_vehicles_over_tcp(stack: ExitStack) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "soter_sim.mavlink", "-", "--tcp", "0", "--rate", "50", "--boot", "0.5",
+         "--parent", str(os.getpid())],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    ) as process:  # fmt: skip
+        stack.callback(process.wait)
+        stack.callback(process.terminate)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(describe(ROOM, [SPEC])).encode())
+        process.stdin.close()
+        ready = json.loads(process.stdout.readline())
+        fleet = started(stack, connection=ready["links"][0], truth=ready["truth"])
+        goal = fleet.robots[0].goto(Waypoint(2.2, 3.1), SC)
+        assert tick(fleet, lambda: goal.status is GoalStatus.REACHED)
+        stack.pop_all().close()
+
+
+@BACKENDS
+def test_a_vehicle_that_is_killed_is_missed_and_goes_on_when_it_is_back(
+    stack: ExitStack, backend: type[VehicleBackend]
+) -> None:
+    port = free_port()
+    first = simulator(stack, port)
+    fleet = started(stack, backend, connection=f"udpin:127.0.0.1:{port}")
+    robot = fleet.robots[0]
+    goal = robot.goto(Waypoint(3.0, 3.6), SC)
+    assert tick(fleet, lambda: speed(robot) > 0.2)
+    first.process.send_signal(signal.SIGKILL)
+    links: list[Link] = []
+
+    def gone() -> bool:
+        links.append(robot.read_state().link)
+        return links[-1] is Link.DOWN
+
+    assert tick(fleet, gone)
+    assert links.index(Link.STALE) < links.index(Link.DOWN)
+    assert goal.active
+    simulator(stack, port)
+    assert tick(fleet, lambda: robot.read_state().link is Link.UP)
+    # The same goal, from where it woke up.
+    assert tick(fleet, lambda: goal.status is GoalStatus.REACHED, 30.0)
+
+
+def test_a_vehicle_stops_when_who_drives_it_is_killed(stack: ExitStack) -> None:
+    harness = MavlinkHarness()
+    stack.callback(harness.close)
+    process = harness.start_driver(Waypoint(4.0, 4.5))
+    began_s, first = time.perf_counter(), harness.observe(1)
+    while math.dist(first[:2], harness.observe(1)[:2]) < 0.2:
+        assert time.perf_counter() - began_s < 30.0
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    time.sleep(1.0)
+    rest = harness.observe(1)
+    time.sleep(1.0)
+    assert harness.observe(1) == rest
+    assert math.dist(rest[:2], (4.0, 4.5)) > 0.2
+
+
+def test_nobody_takes_a_port_from_who_listens_there(stack: ExitStack) -> None:
+    port = free_port()
+    simulator(stack, port)
+    started(stack, connection=f"udpin:127.0.0.1:{port}")
+    with pytest.raises(RobotUnavailable, match="end the other program"):
+        MavlinkBackend().open(config(connection=f"udpin:127.0.0.1:{port}"), [SPEC])
+
+
+@pytest.mark.parametrize("robot_id", [0, 255, 300])
+def test_an_id_that_is_no_system_id_is_named(robot_id: int) -> None:
+    with pytest.raises(RobotUnavailable, match=f"robot {robot_id}: its id is no system id"):
+        MavlinkBackend().open(config(), [RobotSpec(robot_id, 2.0, 3.0, 0.0)])
+
+
+def test_closing_ends_the_simulated_vehicles(stack: ExitStack) -> None:
+    fleet = started(stack)
+    assert fleet.simulator is not None
+    process = fleet.simulator.process
+    fleet.close()
+    fleet.close()
+    assert process.poll() is not None
+
+
+def test_a_simulator_that_does_not_start_says_so() -> None:
+    with pytest.raises(RobotUnavailable, match="ended with code 2"):
+        Simulator({"width_m": 1.0}, free_port())
+
+
+@pytest.mark.parametrize("name", ["mavlink", "mavsdk"])
+def test_the_registry_knows_them(name: str) -> None:
+    assert issubclass(load_backend(name), VehicleBackend)
+    assert find_harness(name).name == name
+
+
+PLAIN = "soter.adapters.mavlink.harness:PlainHarness"
+
+
+@pytest.mark.parametrize(
+    ("harness", "clause"),
+    [
+        ("mavlink", "state.start"),
+        ("mavlink", "lifecycle.close_twice"),
+        ("mavsdk", "truth.state.start"),
+        ("mavsdk", "lifecycle.close_twice"),
+        (PLAIN, "link.reconnects"),
+    ],
+)
+def test_a_clause_of_the_kit_passes(harness: str, clause: str) -> None:
+    record = judge(find_harness(harness), select([clause]))
+    assert [(each.verdict, each.reason) for each in record.outcomes] == [(Verdict.PASS, "")]
+
+
+def test_the_plain_harness_is_without_a_gate() -> None:
+    harness = PlainHarness()
+    try:
+        with harness.open(1) as fleet:
+            fleet.robots[0].init(20.0)
+            assert not fleet.robots[0].capabilities.reports_controller
+    finally:
+        harness.close()
+
+
+@pytest.mark.parametrize("backend", ["mavlink", "mavsdk"])
+def test_a_mission_runs_in_real_time_and_breaks_no_rule(backend: str) -> None:
+    mission = load_mission(
+        EXAMPLES / "surveillance.toml", {"backend": backend, "planner": "straight-line", "duration_s": 8.0}
+    )
+    result = run_mission(mission).result
+    assert result.status == "completed"
+    assert result.wall_s >= 7.9
+    assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+    assert not result.failed_robots
