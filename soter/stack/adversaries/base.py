@@ -135,7 +135,7 @@ AnyAdversary = Adversary[Any]
 
 
 def towards(own: RobotState, x_m: float, y_m: float, speed_m_s: float | None = None) -> Waypoint:
-    """Return a goal beyond a place, in a straight line from where the robot is, at a radius that is never reached."""
+    """Return a goal `BEYOND_M` behind a place, on a straight line from where the robot is."""
     dx, dy = x_m - own.x_m, y_m - own.y_m
     length = (dx * dx + dy * dy) ** 0.5
     if length > 0.0:

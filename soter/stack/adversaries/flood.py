@@ -32,10 +32,14 @@ class Flood(Adversary[FloodOptions]):
 
     options_model = FloodOptions
 
+    def __init__(self, options: FloodOptions) -> None:
+        super().__init__(options)
+        self._stop = threading.Event()
+        self._threads: list[threading.Thread] = []
+
     def begin(self, arena: Arena) -> None:
         super().begin(arena)
         self._random = arena.random("flood")
-        self._stop = threading.Event()
         self._goal: dict[int, Waypoint] = {}
         terrain = arena.terrain
         self._corners = [
@@ -66,10 +70,9 @@ class Flood(Adversary[FloodOptions]):
 
     def close(self) -> None:
         """End the threads."""
-        if hasattr(self, "_stop"):
-            self._stop.set()
-            for thread in self._threads:
-                thread.join()
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
 
     def _send(self, index: int) -> None:
         ports = list(self.arena.ports.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import Waypoint
 from soter.stack.adversaries.base import Adversary, AdversaryOptions, Arena, Positive, towards
 from soter.stack.terrain import Point
 
@@ -56,10 +56,7 @@ class Pincer(Adversary[PincerOptions]):
             if math.dist(goal, self._asked.get(robot_id, (math.inf, math.inf))) <= _MOVED_M:
                 continue
             self._asked[robot_id] = goal
-            port.goto(self._last_metre(own, goal) if robot_id == prey_id else towards(own, *goal))
-
-    def _last_metre(self, own: RobotState, goal: Point) -> Waypoint:
-        return Waypoint(*goal, 0.0, None, None, 0.01, 600.0)
+            port.goto(Waypoint(*goal, 0.0, None, None, 0.01, 600.0) if robot_id == prey_id else towards(own, *goal))
 
     def _edge(self) -> Point:
         """Return a place at an edge where an AC may just be: at the fence, in one of its corners, or beside a box."""
