@@ -93,9 +93,10 @@ def _findings(subject: Subject, trials: Sequence[tuple[Vector, Trial]]) -> list[
     ]  # fmt: skip
     broken = {each.condition for each in findings}
     surprised = sum(trial.surprises for trial in valid)
-    if surprised and "P3" not in broken:
-        text = f"the margin fell by more than R(T) allows at {surprised} looks: the model does not fit this robot"
-        findings.append(Finding(name, "P3", Verdict.REJECTED, text, {**figures, "surprises": surprised}))
+    if surprised:
+        unfit = next((trial.unfit for trial in valid if trial.unfit), "the margin fell by more than R(T)")
+        text = f"the model does not fit the robot at {surprised} looks: {unfit}"
+        findings.append(Finding(name, "model", Verdict.REJECTED, text, {**figures, "surprises": surprised}))
     if "P2a" not in broken:
         findings.append(_p2a(subject, valid, figures))
     if "P2b" not in broken:

@@ -82,9 +82,11 @@ class Trial:
         return_s: time under the safe controller until the module gave the robot back; NaN if that did not come to be
             asked, infinite if it did not come back in time.
         spare: what is left of the patience, less than 0 by how far phi_safer was still away; the score of P2b.
-        surprises: looks at which the margin had fallen by more than the module's model allows.
+        surprises: looks at which the margin had fallen by more than the module's model allows, or at which an
+            assumption did not hold.
         breaches: what was broken, in the order of time.
         rows: what happened, tick by tick.
+        unfit: the first assumption that did not hold, in words; empty if all did.
     """
 
     valid: bool
@@ -94,6 +96,7 @@ class Trial:
     surprises: int = 0
     breaches: tuple[Breach, ...] = ()
     rows: Sequence[Row] = ()
+    unfit: str = ""
 
     def score(self, obligation: Obligation) -> float:
         """Return how far the trial is from breaking an obligation; negative where it broke it."""

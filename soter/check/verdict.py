@@ -27,7 +27,7 @@ class Finding:
 
     Attributes:
         module: the module's name.
-        condition: P1a, P1b, P2a, P2b or P3.
+        condition: P1a, P1b, P2a, P2b or P3; or model, for R(T) itself.
         verdict: how well it is known to hold.
         text: why, with the numbers.
         figures: the numbers, by a name that carries the unit.

@@ -21,9 +21,9 @@ from soter.config import Mission
 from soter.errors import ConfigError
 from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
-from soter.rta import DecisionModule, Mode, Region, RTAModule, Situation, Timing
+from soter.rta import DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
 from soter.runner.user_rules import UserRules
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.declaration import enabled, timing_of
 from soter.stack.right_of_way import BATTERY
@@ -32,7 +32,7 @@ from soter.workspace import Box, RobotPlace, Workspace
 
 BACKEND: Final = "kinematic"
 SEGMENTS: Final = 4
-"""Bearings that the AC drives along, one after another."""
+"""Courses that the AC steers, one after another, each told from the one along which the margin falls fastest."""
 
 LONGEST_SEGMENT_S: Final = 6.0
 ATTACK_S: Final = 24.0
@@ -44,6 +44,7 @@ NEAREST_M, FARTHEST_M = 0.22, 1.2
 """Where peers begin, as distances from the robot under test."""
 
 _TOLERANCE: Final = 1e-6
+_ASIDE_M: Final = 0.01
 CHECKED: Final = "module"
 """What a module is called that is tried without a mission."""
 
@@ -163,7 +164,7 @@ class ModuleBench:
         return specs
 
     def _commands(self, vector: Sequence[float]) -> dict[int, list[tuple[float, float]]]:
-        """Return, for every robot, until when its AC drives along which bearing."""
+        """Return, for every robot, until when its AC drives how far aside from where the margin falls fastest."""
         commands: dict[int, list[tuple[float, float]]] = {}
         for index, place in enumerate(self.workspace.robots):
             values = vector[(index + 1) * self._per_robot - 2 * SEGMENTS : (index + 1) * self._per_robot]
@@ -171,7 +172,8 @@ class ModuleBench:
             commands[place.id] = []
             for bearing, length in zip(values[::2], values[1::2], strict=True):
                 ends_s += 0.1 + length * LONGEST_SEGMENT_S
-                commands[place.id].append((ends_s, math.tau * bearing))
+                # Near straight down more often than not: whoever wanders about seldom gets to the edge.
+                commands[place.id].append((ends_s, math.pi * (2.0 * bearing - 1.0) ** 3))
         return commands
 
 
@@ -226,10 +228,19 @@ class _Run:
             self._rules.min_margin.get(self._bench.module.name, math.inf),
             max(self._returns_s, default=math.nan),
             spare,
-            sum(module.monitor.surprises for module in self._modules.values()),
+            sum(module.monitor.surprises for module in self._modules.values())
+            + sum(breach.times for robot in self._robots for breach in robot.log.breaches.values()),
             tuple(self._breaches),
             self._rows,
+            self._unfit(),
         )
+
+    def _unfit(self) -> str:
+        """Return the first assumption that did not hold, in words; empty if all did."""
+        breaches = [
+            (each.first_s, f"{name}: {each.cause}") for r in self._robots for name, each in r.log.breaches.items()
+        ]
+        return min(breaches, default=(0.0, ""))[1]
 
     def _begins_inside(self) -> bool:
         """Whether every robot stands in phi_safe, and the AC's rules of the others hold as well."""
@@ -260,15 +271,35 @@ class _Run:
         for robot_id, port in self._safety.ports.items():
             if not port.engaged or robot_id in self._switched or port.state is None:
                 continue
-            bearing = next((bearing for ends_s, bearing in self._commands[robot_id] if now_s < ends_s), None)
-            if bearing is None:
-                bearing = self._commands[robot_id][-1][1]
+            aside = next((aside for ends_s, aside in self._commands[robot_id] if now_s < ends_s), None)
+            if aside is None:
+                aside = self._commands[robot_id][-1][1]
+            bearing = self._downhill(robot_id) + aside
             port.goto(
                 Waypoint(
                     port.state.x_m + FAR_M * math.cos(bearing), port.state.y_m + FAR_M * math.sin(bearing),
                     radius_m=1e-3,
                 )
             )  # fmt: skip
+
+    def _downhill(self, robot_id: int) -> float:
+        """Return the bearing along which the margin falls fastest from where the robot is; 0 where it is level."""
+        region, situation = self._bench.module.phi_safe, self._safety.supervisor.robots[robot_id].situation
+        if region is None:
+            return 0.0
+        here = situation.own
+        slopes = []
+        for dx, dy in ((_ASIDE_M, 0.0), (0.0, _ASIDE_M)):
+            there = Situation(robot_id, self._moved(here, dx, dy), situation.now_s)
+            there.peers = situation.peers
+            slopes.append(region.margin(there) - region.margin(situation))
+        level = not all(map(math.isfinite, slopes)) or slopes == [0.0, 0.0]
+        return 0.0 if level else math.atan2(-slopes[1], -slopes[0])
+
+    @staticmethod
+    def _moved(state: Sample, dx_m: float, dy_m: float) -> Sample:
+        assert isinstance(state, RobotState)
+        return state._replace(x_m=state.x_m + dx_m, y_m=state.y_m + dy_m)
 
     def _judge(self, now_s: float) -> None:
         name = self._bench.module.name

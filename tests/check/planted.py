@@ -1,0 +1,188 @@
+"""Modules of a user's own for an open floor of 6 x 6 m: keep east of 1 m. One is right; the others are not.
+
+Every bug is one that somebody might make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from pydantic import BaseModel
+
+from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Topic
+from soter.sdk import Waypoint
+from soter.stack.user_modules import ModuleKit
+
+DELTA_S = 0.5
+V_M_S = 0.22
+STOP_M = V_M_S**2 / 2.0
+HORIZON_S = 2.0 * DELTA_S + 0.1
+REACH_M = V_M_S * HORIZON_S + STOP_M
+
+Motion = Callable[[Situation], Waypoint | None]
+
+
+@dataclass(frozen=True)
+class EastOf(Region):
+    least_m: float = 1.0
+
+    def margin(self, situation: Situation) -> float:
+        return situation.own.x_m - self.least_m
+
+    def edge_margin(self, safer: Region) -> float:
+        assert isinstance(safer, EastOf)
+        return safer.least_m - self.least_m
+
+
+class Controller(Node):
+    """Publishes where a function wants to go."""
+
+    name = "sc"
+    publishes: tuple[str, ...] = ("waypoint",)
+
+    def __init__(self, topic: Topic[Waypoint], motion: Motion, period_s: float = 0.05) -> None:
+        self.topic, self.motion, self.period_s = topic, motion, period_s
+
+    def step(self, situation: Situation) -> None:
+        self.topic.publish(self.motion(situation))
+
+
+def east(situation: Situation) -> Waypoint:
+    return Waypoint(3.0, situation.own.y_m)
+
+
+def west(situation: Situation) -> Waypoint:
+    return Waypoint(0.0, situation.own.y_m)
+
+
+def hold(situation: Situation) -> None:
+    return None
+
+
+def nearly_back(situation: Situation) -> Waypoint:
+    return Waypoint(1.3, situation.own.y_m)
+
+
+def fails_in_a_corner(situation: Situation) -> Waypoint | None:
+    return None if situation.own.y_m < 0.6 else east(situation)
+
+
+def wrong_way_when_deep(situation: Situation) -> Waypoint:
+    """Deeper than most ACs get: only one that is fast, and lucky with the moment at which the module looks."""
+    return west(situation) if situation.own.x_m < 1.15 else east(situation)
+
+
+def raises(situation: Situation) -> Waypoint:
+    raise KeyError("no such table")
+
+
+def _made(kit: ModuleKit, motion: Motion) -> RTAModule:
+    sc = Controller(kit.waypoint, motion)
+    return RTAModule(kit.name, kit.ac, sc, DELTA_S, EastOf(), EastOf(1.0 + REACH_M + 0.1), kit.model)
+
+
+def right(kit: ModuleKit) -> RTAModule:
+    return _made(kit, east)
+
+
+def sc_leaves(kit: ModuleKit) -> RTAModule:
+    return _made(kit, west)
+
+
+def sc_leaves_rarely(kit: ModuleKit) -> RTAModule:
+    return _made(kit, wrong_way_when_deep)
+
+
+def sc_holds(kit: ModuleKit) -> RTAModule:
+    return _made(kit, hold)
+
+
+def sc_stops_short(kit: ModuleKit) -> RTAModule:
+    return _made(kit, nearly_back)
+
+
+def sc_fails_in_a_corner(kit: ModuleKit) -> RTAModule:
+    return _made(kit, fails_in_a_corner)
+
+
+def sc_raises(kit: ModuleKit) -> RTAModule:
+    return _made(kit, raises)
+
+
+def sc_is_slow(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), sc=Controller(kit.waypoint, east, period_s=1.0))
+
+
+def sc_publishes_elsewhere(kit: ModuleKit) -> RTAModule:
+    sc = Controller(kit.waypoint, east)
+    sc.publishes = ("cmd_vel",)
+    return replace(right(kit), sc=sc)
+
+
+def safer_too_near(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), phi_safer=EastOf(1.0 + REACH_M - 0.05))
+
+
+def lying_model(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), model=SpeedBound(0.05, 1.0))
+
+
+def _predicates(kit: ModuleKit, looks_s: float, safer_m: float) -> RTAModule:
+    def soon(situation: Situation) -> bool:
+        return situation.own.x_m - 1.0 < V_M_S * looks_s + STOP_M
+
+    def safer(situation: Situation) -> bool:
+        return situation.own.x_m - 1.0 >= safer_m
+
+    sc = Controller(kit.waypoint, east)
+    return RTAModule(kit.name, kit.ac, sc, DELTA_S, EastOf(), safer, ttf_2delta=soon)
+
+
+def predicates(kit: ModuleKit) -> RTAModule:
+    return _predicates(kit, HORIZON_S, REACH_M)
+
+
+def looks_one_delta(kit: ModuleKit) -> RTAModule:
+    """Half of what it has to look ahead, and no room for stopping: it fires when it is too late."""
+
+    def soon(situation: Situation) -> bool:
+        return situation.own.x_m - 1.0 < V_M_S * DELTA_S
+
+    return replace(_predicates(kit, 0.0, REACH_M), ttf_2delta=soon)
+
+
+def never_looks(kit: ModuleKit) -> RTAModule:
+    return replace(_predicates(kit, 0.0, REACH_M), ttf_2delta=lambda situation: False)
+
+
+def without_a_region(kit: ModuleKit) -> RTAModule:
+    return replace(predicates(kit), phi_safe=None)
+
+
+class Options(BaseModel, extra="forbid", frozen=True):
+    least_m: float
+
+
+def with_options(kit: ModuleKit, options: Options) -> RTAModule:
+    return replace(right(kit), phi_safe=EastOf(options.least_m), phi_safer=EastOf(options.least_m + 0.5))
+
+
+_TOPIC: Topic[Waypoint] = Topic("waypoint")
+_SC = Controller(_TOPIC, east)
+DECLARED = RTAModule("east", _SC, _SC, DELTA_S, EastOf(), EastOf(1.5), SpeedBound(V_M_S, 1.0))
+"""A declaration that was made beforehand."""
+
+NOT_A_MODULE = 3
+
+
+def wrong_type(kit: ModuleKit) -> int:
+    return 3
+
+
+def broken(kit: ModuleKit) -> RTAModule:
+    raise RuntimeError("I am broken")
+
+
+def too_many(kit: ModuleKit, options: Options, more: int) -> RTAModule:
+    return right(kit)

@@ -1,0 +1,203 @@
+"""Bugs that are planted in modules are found, within few trials, and a module that is right is not rejected."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+
+import pytest
+
+from soter.check import Counterexample, Falsified, Finding, Verdict, falsify, read_counterexample
+from soter.check.counterexample import trace_hash
+from soter.check.testing import OBLIGATIONS, ModuleSuite
+from soter.errors import ConfigError
+from soter.runner.bench import ModuleBench, floor_bench
+from soter.runner.check import Report, check_module
+
+BUDGET = 20
+
+# What is planted, the obligation that it breaks, and how many trials may be needed to find it.
+PLANTED = [
+    ("sc_leaves", "P2a", 5),
+    ("sc_leaves_rarely", "P2a", 120),
+    ("sc_holds", "P2b", 5),
+    ("sc_stops_short", "P2b", 5),
+    ("sc_fails_in_a_corner", "P2b", 40),
+    ("sc_raises", "P2b", 5),
+    ("looks_one_delta", "P3", 60),
+    ("never_looks", "P3", 20),
+]
+
+
+def bench(name: str, patience_s: float = 15.0) -> ModuleBench:
+    return floor_bench(f"tests.check.planted:{name}", patience_s=patience_s)
+
+
+def verdicts(findings: list[Finding]) -> dict[str, Verdict]:
+    return {each.condition: each.verdict for each in findings}
+
+
+def found(name: str) -> tuple[Report, Falsified]:
+    report = check_module(bench(name), BUDGET, 1)
+    return report, report.counterexamples["module"][0]
+
+
+@pytest.mark.parametrize(("name", "condition", "within"), PLANTED)
+def test_a_planted_bug_is_found(name: str, condition: str, within: int) -> None:
+    subject = bench(name)
+    findings, broken = falsify(subject, max(BUDGET, within), 1)
+    assert verdicts(findings)[condition] is Verdict.REJECTED
+    falsified = next(each for each in broken if each.breach.obligation.value == condition)
+    assert falsified.evaluations <= within
+    # It is a trace that can be run again: the same breach, bit for bit.
+    again = subject.run(falsified.vector)
+    assert again.breaches == falsified.trial.breaches
+    assert trace_hash(again) == trace_hash(falsified.trial)
+
+
+@pytest.mark.parametrize(
+    ("name", "condition"),
+    [("sc_is_slow", "P1a"), ("sc_publishes_elsewhere", "P1b"), ("safer_too_near", "P3")],
+)
+def test_a_declaration_that_cannot_hold_is_rejected_without_a_trial(name: str, condition: str) -> None:
+    from soter.errors import IllFormedModule
+
+    with pytest.raises(IllFormedModule) as caught:
+        bench(name)
+    assert caught.value.condition == condition
+
+
+@pytest.mark.parametrize("name", ["right", "predicates"])
+def test_a_right_module_is_not_rejected(name: str) -> None:
+    report = check_module(bench(name), 60, 3)
+    assert not report.rejected
+    assert report.complete
+    assert verdicts([*report.findings])["P2a"] is verdicts([*report.findings])["P2b"] is Verdict.TESTED
+    assert not report.counterexamples
+
+
+def test_what_the_author_only_claims_is_called_an_assumption() -> None:
+    report = check_module(bench("without_a_region"), 20, 1)
+    assert verdicts([*report.findings])["P2a"] is Verdict.ASSUMED
+    assert verdicts([*report.findings])["P3"] is Verdict.ASSUMED
+    assert verdicts([*check_module(bench("predicates"), 20, 1).findings])["P3"] is Verdict.ASSUMED
+
+
+def test_a_breach_says_where_and_why() -> None:
+    assert "into its safe controller" in found("sc_leaves")[1].breach.text
+    assert "while the AC was trusted" in found("never_looks")[1].breach.text
+    assert "KeyError('no such table')" in found("sc_raises")[1].breach.text
+    assert "is not given back" in found("sc_holds")[1].breach.text
+
+
+def test_the_same_seed_finds_the_same_and_counts_trials() -> None:
+    done: list[int] = []
+    first, _ = falsify(bench("right"), 30, 5, done.append)
+    second, _ = falsify(bench("right"), 30, 5)
+    assert first == second
+    assert done == list(range(1, 31)), "every trial is counted, and the budget is kept"
+
+
+def test_a_model_that_does_not_fit_is_named() -> None:
+    findings, _ = falsify(bench("lying_model"), 20, 1)
+    model = next(each for each in findings if each.condition == "model")
+    assert model.verdict is Verdict.REJECTED
+    assert "A1: " in model.text, "the number of the assumption"
+
+
+def test_a_counterexample_survives_its_file(tmp_path: pytest.TempPathFactory) -> None:
+    from pathlib import Path
+
+    _, falsified = found("sc_leaves")
+    example = Counterexample(
+        {"target": "t"}, falsified.breach.obligation, falsified.breach.time_s, falsified.breach.text, falsified.vector,
+        trace_hash(falsified.trial),
+    )  # fmt: skip
+    file = Path(str(tmp_path)) / "found.json"
+    file.write_text(example.as_json(falsified.trial.rows))
+    assert read_counterexample(file) == example
+    assert json.loads(file.read_text())["trace"], "what happened is in it, for people"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "other"}, "this is no counterexample"),
+        ({"version": 2}, "it is of version 2, allowed: 1"),
+        ({"vector": [2.0]}, "numbers from 0 to 1"),
+        ({"vector": []}, "numbers from 0 to 1"),
+        ({"obligation": "P9"}, "'P9' is not a valid Obligation"),
+        ({"time_s": None}, "missing or wrong"),
+    ],
+)
+def test_a_file_that_is_no_counterexample(
+    tmp_path: pytest.TempPathFactory, change: dict[str, object], message: str
+) -> None:
+    from pathlib import Path
+
+    good = {
+        "format": "soter-counterexample", "version": 1, "subject": {}, "obligation": "P2a", "time_s": 1.0, "text": "",
+        "vector": [0.5], "trace_sha256": "",
+    }  # fmt: skip
+    file = Path(str(tmp_path)) / "found.json"
+    file.write_text(json.dumps({**good, **change}))
+    with pytest.raises(ConfigError, match="soter check --counterexample") as caught:
+        read_counterexample(file)
+    assert message in str(caught.value)
+
+
+def test_what_is_no_json_is_no_counterexample(tmp_path: pytest.TempPathFactory) -> None:
+    from pathlib import Path
+
+    file = Path(str(tmp_path)) / "found.json"
+    file.write_text("{")
+    with pytest.raises(ConfigError, match="not valid JSON"):
+        read_counterexample(file)
+
+
+# --- the same as a suite -----------------------------------------------------------------------------------
+
+
+class TestRight(ModuleSuite):
+    subject = partial(floor_bench, "tests.check.planted:right")
+    budget = 40
+
+
+class TestPredicates(ModuleSuite):
+    subject = partial(floor_bench, "tests.check.planted:predicates")
+    budget = 40
+    assumed = frozenset({"P3"})
+
+
+def test_a_suite_fails_where_the_module_does() -> None:
+    class Holds(ModuleSuite):
+        subject = partial(bench, "sc_holds")
+        budget = 10
+
+    suite = Holds()
+    with pytest.raises(AssertionError, match="P2b: REJECTED: after 15 s"):
+        suite.test_obligation("P2b")
+    for obligation in ("P1a", "P1b", "P3"):
+        suite.test_obligation(obligation)
+
+
+def test_a_suite_does_not_pass_what_is_only_assumed() -> None:
+    class Assumed(ModuleSuite):
+        subject = partial(bench, "predicates")
+        budget = 10
+
+    with pytest.raises(AssertionError, match="P3: ASSUMED"):
+        Assumed().test_obligation("P3")
+
+
+def test_a_suite_has_a_test_for_every_obligation() -> None:
+    class Metafunc:
+        fixturenames = ("obligation",)
+        values: tuple[str, ...] = ()
+
+        def parametrize(self, name: str, values: tuple[str, ...]) -> None:
+            self.values = values
+
+    metafunc = Metafunc()
+    TestRight().pytest_generate_tests(metafunc)
+    assert metafunc.values == OBLIGATIONS
