@@ -50,7 +50,9 @@ def differences(result: RunResult) -> list[str]:
         found.append(f"{_time(result.duration_s)} instead of {_time(THESIS_DURATION_S)}")
     if result.robots != THESIS_ROBOTS:
         found.append(f"{_many(result.robots, 'robot')} instead of {THESIS_ROBOTS}")
-    if result.targets_from != THESIS_TARGETS:
+    if result.ac != "mission":
+        found.append(f"AC {result.ac} instead of the mission")
+    elif result.targets_from != THESIS_TARGETS:
         found.append(f"{result.targets_from} targets instead of {THESIS_TARGETS}")
     if set(result.modules) != THESIS_MODULES:
         found.append(f"{_listed(result.modules) or 'no'} module{'s' if len(result.modules) != 1 else ''} "
@@ -126,12 +128,19 @@ def _machinery(result: RunResult) -> Iterator[Row]:
         yield Row("missed ticks", str(result.missed_ticks), style="yellow")
 
 
+def _errand(result: RunResult) -> str:
+    """Return what the ACs were after: the mission's targets, unless somebody else took its place."""
+    if result.ac != "mission":
+        return f"AC {result.ac}"
+    return f"planner {result.planner}, {result.targets_from} targets"
+
+
 def headline(result: RunResult) -> str:
     """Return what was run."""
     engine = f", engine {result.engine}" if result.engine else ""
     return (
         f"{_many(result.robots, 'robot')} for {_time(result.duration_s)} on {result.backend}{engine}; "
-        f"planner {result.planner}, {result.targets_from} targets, "
+        f"{_errand(result)}, "
         f"{_listed(result.modules) or 'no safety modules'}, seed {result.seed}"
     )
 
@@ -201,7 +210,7 @@ def caption(result: RunResult, safer_charge: float) -> Caption:
             violations,
         ),
         alarming=result.violated,
-        details=f"{result.targets_from} targets, planner {result.planner}, seed {result.seed}",
+        details=f"{_errand(result)}, seed {result.seed}",
         disengagements=dict(result.disengagements),
         rules=tuple(_rules(result)),
         safer_charge=safer_charge if "battery" in result.modules else None,
