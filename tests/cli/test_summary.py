@@ -158,3 +158,11 @@ def test_the_caption_of_the_picture(result: RunResult) -> None:
     assert caption(made(result, engine=None, backend="zenoh", status="interrupted"), 0.85).title == (
         "surveillance: 2 robots, 60 s on zenoh (interrupted)"
     )
+
+
+def test_an_adversary_is_named_in_place_of_the_mission(result: RunResult) -> None:
+    attacked = made(result, ac="adversary:chase")
+    assert "AC adversary:chase, collision" in headline(attacked)
+    assert "planner" not in headline(attacked)
+    assert "AC adversary:chase instead of the mission" in differences(attacked)
+    assert caption(attacked, 0.85).details == f"AC adversary:chase, seed {result.seed}"
