@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from soter.adapters.ros2.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import BackendConfig
@@ -26,7 +26,7 @@ class Topics(BaseModel):
 
     Attributes:
         odom: nav_msgs/Odometry.
-        battery: sensor_msgs/BatteryState.
+        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
         cmd_vel: what the mux publishes; looked at only, for whoever publishes there past the mux.
         cmd_vel_ac: what the AC asks for.
         cmd_vel_sc: what the SC asks for.
@@ -45,8 +45,8 @@ class Topics(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _is_a_name(cls, name: str) -> str:
-        return _checked_name(name)
+    def _is_a_name(cls, name: str, field: ValidationInfo) -> str:
+        return name if field.field_name == "battery" and not name else _checked_name(name)
 
 
 class RobotOptions(BaseModel):

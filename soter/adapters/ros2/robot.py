@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import secrets
 import threading
+from dataclasses import replace
 from math import isfinite
 from typing import Any, ClassVar, Final, NamedTuple
 
@@ -207,7 +208,7 @@ class Ros2Robot(Robot):
         self._refuse_others()
         if not self._settle(until_s - clock.steady_s()):
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {self._refusal()}")
-        return self.declared
+        return replace(self.declared, reports_battery=bool(self._config.topics.battery))
 
     def _send_goto(self, goal: Goal) -> None:
         if goal.by is Controller.AC and self._config.external_ac:

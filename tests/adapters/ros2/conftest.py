@@ -1,0 +1,66 @@
+"""Robots for the tests: simulated, on this host only, in a ROS domain of their own. Tests import ROS when they run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from soter.sdk import RobotSpec
+from soter.workspace import Box, RobotPlace, Workspace
+
+if TYPE_CHECKING:
+    from soter.adapters.ros2.backend import Ros2Fleet
+    from soter.adapters.ros2.graph import Graph
+    from soter.adapters.ros2.simulator import Simulator
+
+ROOM = Workspace(
+    8.0, 6.0, (),
+    (
+        RobotPlace(1, 2.0, 2.5, Box(1.9, 2.4, 2.1, 2.6), 0.4),
+        RobotPlace(2, 5.0, 3.5, Box(4.9, 3.4, 5.1, 3.6), -2.0),
+    ),
+)  # fmt: skip
+SPECS = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in ROOM.robots]
+
+
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    """One simulated robot and its mux."""
+    from soter.adapters.ros2.simulator import Simulator
+
+    simulator = Simulator(ROOM.with_robots(1), SPECS[:1])
+    yield simulator
+    simulator.close()
+
+
+@pytest.fixture
+def open_fleet() -> Iterator[Callable[..., Ros2Fleet]]:
+    """Opens a fleet of a simulator's one robot, with options in place of what is right; ready unless told otherwise."""
+    from soter.adapters.ros2.backend import Ros2Fleet, simulated
+    from soter.adapters.ros2.options import Ros2Config
+
+    with ExitStack() as stack:
+
+        def open_fleet(simulator: Simulator, *, ready: bool = True, **options: Any) -> Ros2Fleet:
+            config = simulated(Ros2Config(workspace=ROOM.with_robots(1)), simulator)
+            given = {name: getattr(config, name) for name in type(config).model_fields}
+            fleet = Ros2Fleet(Ros2Config.model_validate({**given, **options}), SPECS[:1], None)
+            stack.enter_context(fleet)
+            if ready:
+                fleet.robots[0].init(20.0)
+            return fleet
+
+        yield open_fleet
+
+
+@pytest.fixture
+def graph(simulator: Simulator) -> Iterator[Graph]:
+    """Somebody else's corner of the same ROS graph."""
+    from soter.adapters.ros2.graph import Graph
+
+    graph = Graph(simulator.domain_id, use_sim_time=False, on_loopback=True)
+    yield graph
+    graph.close()

@@ -1,0 +1,216 @@
+"""The adapter over real DDS, on loopback, against simulated robots in processes of their own."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+from soter.errors import RobotUnavailable, Unsupported
+from soter.sdk import Controller, GoalStatus, Link, Waypoint
+from tests.adapters.ros2.conftest import ROOM, SPECS
+from tests.adapters.ros2.driving import rest_after_s, tick
+
+if TYPE_CHECKING:
+    from soter.adapters.ros2.backend import Ros2Fleet
+    from soter.adapters.ros2.graph import Graph
+    from soter.adapters.ros2.simulator import Simulator
+
+pytestmark = pytest.mark.rclpy
+
+Open = Callable[..., "Ros2Fleet"]
+
+
+def moves(fleet: Ros2Fleet) -> bool:
+    state = fleet.robots[0].read_state()
+    return math.hypot(state.vx_m_s, state.vy_m_s) > 0.2
+
+
+def under_way(fleet: Ros2Fleet) -> Waypoint:
+    """Send the robot straight on and return where to, once it is at speed."""
+    robot = fleet.robots[0]
+    target = Waypoint(2.0 + 2.0 * math.cos(0.4), 2.5 + 2.0 * math.sin(0.4))
+    robot.goto(target, Controller.SC)
+    assert tick(fleet, lambda: moves(fleet), 5.0)
+    return target
+
+
+def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
+    from soter.adapters.ros2.backend import Ros2Backend
+    from soter.adapters.ros2.options import Ros2Config
+
+    with Ros2Backend().open(Ros2Config(workspace=ROOM), SPECS) as fleet:
+        assert fleet.truth is not None
+        for robot in fleet.robots:
+            robot.init(20.0)
+        goals = [robot.goto(Waypoint(robot.spec.x_m, robot.spec.y_m + 0.5), Controller.SC) for robot in fleet.robots]
+        assert tick(fleet, lambda: not any(goal.active for goal in goals), 15.0)
+        for goal, robot in zip(goals, fleet.robots, strict=True):
+            assert goal.status is GoalStatus.REACHED
+            state, pose = robot.read_state(), fleet.truth.pose(robot.id)
+            assert math.dist((state.x_m, state.y_m), pose[:2]) < 0.03
+            assert state.controller is Controller.SC
+            assert state.battery is not None
+            # It stood on its charger for a while.
+            assert 0.75 < state.battery < 0.95
+            assert state.vehicle_stamp_s > 1000.0, "the world's clock, not the host's"
+        simulator = fleet.simulator
+        assert simulator is not None
+    assert simulator.world.returncode == 0
+    assert [process.returncode for process in simulator.muxes.values()] == [0, 0]
+
+
+def test_it_gets_along_with_code_that_uses_rclpy_itself(simulator: Simulator, open_fleet: Open) -> None:
+    import rclpy
+
+    from soter.adapters.ros2.loopback import loopback
+
+    with loopback():
+        rclpy.init(domain_id=simulator.domain_id)
+        node = rclpy.create_node("mine")
+    try:
+        with open_fleet(simulator) as fleet:
+            assert fleet.robots[0].read_state().link is Link.UP
+        assert rclpy.ok()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def test_stamped_velocities(open_fleet: Open) -> None:
+    from soter.adapters.ros2.simulator import Simulator
+
+    simulator = Simulator(ROOM.with_robots(1), SPECS[:1], stamped=True)
+    try:
+        with open_fleet(simulator, stamped=True) as fleet:
+            goal = fleet.robots[0].goto(Waypoint(2.3, 2.6), Controller.SC)
+            assert tick(fleet, lambda: not goal.active, 10.0)
+            assert goal.status is GoalStatus.REACHED
+    finally:
+        simulator.close()
+
+
+# --- what is refused, and how it is said -------------------------------------------------------------------
+
+
+def refusal(fleet: Ros2Fleet) -> str:
+    with pytest.raises(RobotUnavailable) as caught:
+        fleet.robots[0].init(20.0)
+    return str(caught.value)
+
+
+def test_what_is_missing_is_listed(simulator: Simulator, open_fleet: Open) -> None:
+    text = refusal(open_fleet(simulator, ready=False, robots={1: {"namespace": "/nobody"}}, discovery_s=0.5))
+    assert text.startswith("robot 1 at /nobody: within 0.5 s: ")
+    for missing in ("nobody publishes odom", "nobody publishes battery_state", "nobody publishes soter/gate",
+                    "nobody subscribes to cmd_vel_sc"):  # fmt: skip
+        assert missing in text
+    assert "/clock" not in text
+    assert "Is the robot running, with `soter ros2-mux` beside it" in text
+
+
+def test_a_publisher_that_does_not_match_is_named(simulator: Simulator, open_fleet: Open, graph: Graph) -> None:
+    from std_msgs.msg import Float64, String
+
+    from soter.adapters.ros2.graph import COMMAND
+
+    node = graph.node("/elsewhere")
+    node.create_publisher(String, "gate", COMMAND)
+    node.create_publisher(Float64, "odom", COMMAND)
+    topics = {"odom": "/elsewhere/odom", "gate": "/elsewhere/gate"}
+    text = refusal(open_fleet(simulator, ready=False, topics=topics, discovery_s=2.0))
+    assert "/elsewhere/soter publishes /elsewhere/odom as std_msgs/msg/Float64, SOTER as nav_msgs/msg/Odometry" in text
+    assert "/elsewhere/soter publishes /elsewhere/gate with a quality of service that does not match: " in text
+    assert "transient local" in text.lower()
+
+
+def test_velocities_of_the_other_type_are_named(simulator: Simulator, open_fleet: Open) -> None:
+    text = refusal(open_fleet(simulator, ready=False, stamped=True, discovery_s=2.0))
+    assert "/robot1/soter_mux subscribes to cmd_vel_sc as geometry_msgs/msg/Twist" in text
+    assert "SOTER as geometry_msgs/msg/TwistStamped" in text
+
+
+@pytest.mark.parametrize(
+    ("topic", "what"), [("cmd_vel", "drive it past the mux"), ("cmd_vel_sc", "speak for its safe controller")]
+)
+def test_whoever_can_go_round_the_mux_is_named(
+    simulator: Simulator, open_fleet: Open, graph: Graph, topic: str, what: str
+) -> None:
+    from geometry_msgs.msg import Twist
+
+    graph.node("/teleop").create_publisher(Twist, f"/robot1/{topic}", 1)
+    text = refusal(open_fleet(simulator, ready=False))
+    assert f"/teleop/soter publish on {topic} and may {what}; let them publish on cmd_vel_ac" in text
+
+
+def test_a_robot_that_follows_another_program_is_refused(simulator: Simulator, open_fleet: Open) -> None:
+    first = open_fleet(simulator)
+    other = open_fleet(simulator, ready=False)
+    done = threading.Event()
+    renewing = threading.Thread(target=lambda: tick(first, done.is_set, 30.0))
+    renewing.start()
+    try:
+        with pytest.raises(RobotUnavailable, match="its mux follows somebody else, whose lease lives"):
+            other.robots[0].init(2.0)
+    finally:
+        done.set()
+        renewing.join()
+
+
+def test_an_ac_that_is_somebody_elses_is_not_spoken_for(simulator: Simulator, open_fleet: Open, graph: Graph) -> None:
+    from soter.adapters.ros2 import graph as graphs
+
+    fleet = open_fleet(simulator, external_ac=True)
+    robot = fleet.robots[0]
+    assert graphs.publishers(graph.node("/looking"), "/robot1/cmd_vel_ac") == []
+    robot.switch_ac_sc(Controller.AC, "test")
+    with pytest.raises(Unsupported, match="its AC is somebody else's node"):
+        robot.goto(Waypoint(2.3, 2.6), Controller.AC)
+
+
+# --- what stops what ---------------------------------------------------------------------------------------
+
+
+def test_when_soter_falls_silent_the_robot_stops(simulator: Simulator, open_fleet: Open) -> None:
+    fleet = open_fleet(simulator)
+    under_way(fleet)
+    caps = fleet.robots[0].capabilities
+    stopped_s = rest_after_s(fleet, 2.0, drive=False)
+    assert stopped_s <= caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.2
+
+
+def test_when_its_mux_dies_the_robot_stops_and_goes_on_with_the_next(simulator: Simulator, open_fleet: Open) -> None:
+    fleet = open_fleet(simulator)
+    target = under_way(fleet)
+    simulator.muxes[1].kill()
+    simulator.muxes[1].wait()
+    # The base's own time-out of 0.2 s, and braking.
+    assert rest_after_s(fleet, 2.0, drive=True) <= 0.2 + 0.22 + 0.2
+    simulator.start_mux(1)
+    goal = fleet.robots[0].goto(target, Controller.SC)
+    assert tick(fleet, lambda: not goal.active, 30.0)
+    assert goal.status is GoalStatus.REACHED
+
+
+def test_when_the_robot_dies_its_link_goes_down_and_closing_does_not_hang(
+    simulator: Simulator, open_fleet: Open
+) -> None:
+    fleet = open_fleet(simulator)
+    under_way(fleet)
+    simulator.world.kill()
+    simulator.world.wait()
+    robot = fleet.robots[0]
+    links: set[Link] = set()
+
+    def down() -> bool:
+        links.add(robot.read_state().link)
+        return Link.DOWN in links
+
+    assert tick(fleet, down, 5.0)
+    assert links == {Link.UP, Link.STALE, Link.DOWN}
+    began_s = fleet.clock.steady_s()
+    fleet.close()
+    assert fleet.clock.steady_s() - began_s < 3.0

@@ -1,0 +1,23 @@
+"""What the adapter's safety rests on, by the kit's own clauses; `soter conform ros2` tries all of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from soter.conformance import CLAUSES
+from soter.conformance.kit import try_clause
+from soter.conformance.record import Verdict
+
+pytestmark = pytest.mark.rclpy
+
+
+@pytest.mark.parametrize(
+    "clause",
+    ["truth.authority.flushes", "truth.deadman.goto", "link.switch_is_not_lost", "link.reorder", "link.delay",
+     "process.killed", "process.hung"],
+)  # fmt: skip
+def test_clause(clause: str) -> None:
+    from soter.adapters.ros2.harness import Ros2Harness
+
+    outcome, _ = try_clause(CLAUSES[clause], Ros2Harness())
+    assert outcome.verdict is Verdict.PASS, outcome.reason

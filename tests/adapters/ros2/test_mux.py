@@ -1,0 +1,108 @@
+"""The mux as a program: what it needs, how it ends, what it says of bad parameters."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from soter.adapters.ros2.graph import Graph
+    from soter.adapters.ros2.simulator import Simulator
+
+pytestmark = pytest.mark.rclpy
+
+ITS_OWN = {
+    "soter",
+    "soter.adapters",
+    "soter.adapters.ros2",
+    "soter.adapters.ros2.gate",
+    "soter.adapters.ros2.mux",
+    "soter.adapters.ros2.wire",
+    "soter.mux",
+}
+
+
+def modules_after(imports: str) -> set[str]:
+    program = f"import sys\n{imports}\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(done.stdout.split())
+
+
+def test_it_needs_nothing_but_ros_and_a_few_modules_of_the_standard_library_only() -> None:
+    ros = "import rclpy, rclpy.executors, rclpy.node, rclpy.signals, geometry_msgs.msg, std_msgs.msg"
+    more = modules_after("import soter.adapters.ros2.mux") - modules_after(ros)
+    assert {name for name in more if name.partition(".")[0] not in sys.stdlib_module_names} == ITS_OWN
+
+
+@pytest.mark.parametrize(
+    ("parameter", "complaint"),
+    [
+        ("lease_s:=0.0", "parameter lease_s is 0.0, allowed: above 0"),
+        ("v_max_m_s:=.nan", "parameter v_max_m_s is nan, allowed: above 0"),
+        ("command_s:=soon", "command_s"),
+    ],
+)
+def test_a_bad_parameter_ends_it_before_anything_moves(parameter: str, complaint: str) -> None:
+    from soter.adapters.ros2.loopback import environment
+
+    done = subprocess.run(
+        [sys.executable, "-m", "soter.adapters.ros2.mux", "--robot", "r1", "--ros-args", "-p", parameter],
+        capture_output=True, text=True, timeout=30, check=False, env=environment(),
+    )  # fmt: skip
+    assert done.returncode != 0
+    assert complaint in done.stderr
+
+
+def test_when_it_is_told_to_end_it_says_rest_last(simulator: Simulator, graph: Graph) -> None:
+    from geometry_msgs.msg import Twist
+
+    node = graph.node("/robot1")
+    heard: list[float] = []
+    node.create_subscription(Twist, "cmd_vel", lambda message: heard.append(message.linear.x), 10)
+    assert graph.wait_for(lambda: len(heard) > 5, 10.0)
+    mux = simulator.muxes[1]
+    mux.send_signal(signal.SIGTERM)
+    assert mux.wait(5.0) == 0
+    assert set(heard) == {0.0}
+
+
+def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(simulator: Simulator, graph: Graph) -> None:
+    from geometry_msgs.msg import Twist, Vector3
+    from rosgraph_msgs.msg import Clock
+    from std_msgs.msg import String
+
+    from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR
+    from soter.adapters.ros2.wire import AC, Order
+
+    node = graph.node("/somebody")
+    passed: list[float] = []
+    now_s = [0.0]
+
+    def note_clock(message: Clock) -> None:
+        now_s[0] = message.clock.sec + 1e-9 * message.clock.nanosec
+
+    node.create_subscription(Clock, "/clock", note_clock, SENSOR)
+    node.create_subscription(Twist, "/robot1/cmd_vel", lambda message: passed.append(message.linear.x), 10)
+    orders = node.create_publisher(String, "/robot1/soter/order", LATCHED)
+    asked = node.create_publisher(Twist, "/robot1/cmd_vel_ac", COMMAND)
+    seq = 0
+
+    def ask(speed_m_s: float, expected_m_s: float) -> bool:
+        def passes() -> bool:
+            nonlocal seq
+            seq += 1
+            orders.publish(String(data=Order("me", seq, AC, now_s[0]).encode()))
+            asked.publish(Twist(linear=Vector3(x=speed_m_s)))
+            return bool(passed) and passed[-1] == expected_m_s
+
+        return graph.wait_for(passes, 10.0)
+
+    assert ask(5.0, 0.22)
+    assert ask(math.nan, 0.0)
+    assert ask(-5.0, -0.22)
+    assert ask(math.inf, 0.0)

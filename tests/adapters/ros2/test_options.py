@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import os
+
+import pytest
+from pydantic import ValidationError
+
+from soter.adapters.ros2.loopback import SETTINGS, environment, loopback
+from soter.adapters.ros2.options import Ros2Config
+from soter.workspace import Box, RobotPlace, Workspace
+
+ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
+
+
+def config(**options: object) -> Ros2Config:
+    return Ros2Config.model_validate({"workspace": ROOM, **options})
+
+
+def test_topics_can_be_called_otherwise() -> None:
+    given = config(topics={"odom": "/vicon/odom", "battery": ""}, robots={"1": {"namespace": "/tb1"}})
+    assert given.topics.odom == "/vicon/odom"
+    assert given.topics.cmd_vel_sc == "cmd_vel_sc"
+    assert given.robots[1].odom_origin == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"topics": {"odom": "my odom"}}, "topics.odom"),
+        ({"topics": {"odom": ""}}, "topics.odom"),
+        ({"topics": {"odometry": "odom"}}, "topics.odometry"),
+        ({"robots": {"1": {"namespace": "1st"}}}, "robots.1.namespace"),
+        ({"robots": {"1": {}}}, "robots.1.namespace"),
+        ({"robots": {"1": {"namespace": "/a", "odom_origin": [0.0, float("nan"), 0.0]}}}, "odom_origin"),
+        ({"domain_id": 233}, "domain_id"),
+        ({"discovery_s": 0}, "discovery_s"),
+        ({"qos": "best effort"}, "qos"),
+    ],
+)
+def test_bad_options_are_named(options: dict[str, object], complaint: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        config(**options)
+    assert complaint in str(caught.value)
+
+
+def test_the_environment_is_as_before_after_it_was_kept_on_this_host(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "another")
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+    before = dict(os.environ)
+    with loopback():
+        assert {name: os.environ[name] for name in SETTINGS} == dict(SETTINGS)
+        assert "ROS_LOCALHOST_ONLY" not in os.environ
+    assert dict(os.environ) == before
+    assert "ROS_LOCALHOST_ONLY" not in environment()
+    assert environment()["RMW_IMPLEMENTATION"] == "rmw_fastrtps_cpp"
