@@ -40,6 +40,7 @@ def _whole(value: int, least: int, most: int) -> Parameter:
 
 
 _COMMON: Final = {
+    "ARMING_CHECK": _whole(1, 1, 1),
     "SYSID_MYGCS": _whole(255, 1, 255),
     "FS_GCS_ENABLE": _whole(0, 0, 1),
     "FS_GCS_TIMEOUT": Parameter(5.0, 1.0, 120.0),

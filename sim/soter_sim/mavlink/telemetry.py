@@ -140,7 +140,10 @@ def gps_raw_int(autopilot: Autopilot) -> Message:
 
 def sys_status(autopilot: Autopilot) -> Message:
     """Return SYS_STATUS."""
-    healthy = _SENSORS if autopilot.ready else _SENSORS & ~(mav.MAV_SYS_STATUS_AHRS | mav.MAV_SYS_STATUS_PREARM_CHECK)
+    # A fence that is not there is not breached either; ground stations look.
+    healthy = _SENSORS | mav.MAV_SYS_STATUS_GEOFENCE
+    if not autopilot.ready:
+        healthy &= ~(mav.MAV_SYS_STATUS_AHRS | mav.MAV_SYS_STATUS_PREARM_CHECK)
     charge = autopilot.sample().charge
     return mav.MAVLink_sys_status_message(
         _SENSORS, _SENSORS, healthy, 100, _voltage_mv(charge), -1, int(100.0 * charge), 0, 0, 0, 0, 0, 0
