@@ -136,7 +136,7 @@ def test_an_empty_battery_brings_it_down_where_it_is() -> None:
     # It was on its way up: first that is braked.
     rise_m, turn_s = 0.5 * 0.5**2 / ACCEL_M_S2, (0.5 + SINK_M_S) / ACCEL_M_S2
     sunk_m = 0.5 * SINK_M_S**2 / ACCEL_M_S2 + SINK_M_S * (2.0 - turn_s)
-    assert engine.flight(0).z_m == pytest.approx(high_m + rise_m - sunk_m, abs=0.03)
+    assert engine.flight(0).z_m == pytest.approx(high_m + rise_m - sunk_m, abs=0.05)
     assert engine.flight(0).east_m_s == 0.0
     assert world.truth.report().count("battery") == 1
 
@@ -183,4 +183,4 @@ def test_a_finer_step_is_the_same_flight() -> None:
         fly(world, engine, steady(*UP), 2.0)
         fly(world, engine, steady(0.3, -0.2, 0.0, 0.0), 2.0)
         ends.append(tuple(engine.flight(0)))
-    assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-3)
