@@ -32,7 +32,7 @@ ROVER: Final = Capabilities(
     lease_s=0.15,
     tube_m=0.02,
     overshoot_m=0.01,
-    position_noise_m=0.002,
+    position_noise_m=0.003,
     pivots_first=True,
 )
 """What the simulated rover promises in real time; times without its own control and stream periods."""

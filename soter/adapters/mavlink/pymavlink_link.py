@@ -6,7 +6,7 @@ import hashlib
 import logging
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -31,7 +31,13 @@ _HEARTBEAT: Final[Fields] = {
     "mavlink_version": 3,
 }
 
-_SHORTEST_FRAME: Final = 8
+# Bytes of a frame of MAVLink 1 and 2 beside its payload, and of a signature.
+_MAVLINK_1: Final = 0xFE
+_MAVLINK_2: Final = 0xFD
+_EXTRA_1: Final = 8
+_EXTRA_2: Final = 12
+_SIGNATURE: Final = 13
+_SHORTEST_FRAME: Final = _EXTRA_1
 
 # Signatures count units of 10 microseconds from the start of 2015.
 _SIGNING_EPOCH_S: Final = 1_420_070_400
@@ -107,8 +113,8 @@ class PymavlinkLink(Link):
 
     def _take(self, data: bytes, peer: Peer) -> None:
         received_s = self.clock.steady_s()
-        parser, inboxes = self._parser, self.inboxes
-        for message in parser.parse_buffer(data) or ():
+        inboxes = self.inboxes
+        for message in self._parser.parse_buffer(data) or () if peer is None else self._frames(data):
             name, header = message.msgname, message._header
             if header.srcComponent != AUTOPILOT or name not in _MESSAGES:
                 continue
@@ -118,9 +124,22 @@ class PymavlinkLink(Link):
             else:
                 self._peers[header.srcSystem] = peer
                 inbox.put(name, message, received_s)
-        if peer is not None and parser.buf_len():
-            # Half a packet must not swallow the next datagram.
-            parser.buf, parser.buf_index, parser.expected_length = bytearray(), 0, _SHORTEST_FRAME
+
+    def _frames(self, datagram: bytes) -> Iterator[Any]:
+        """Yield the messages of a datagram. It has whole frames, so that nothing has to be looked for or kept."""
+        decode, begin, size = self._parser.decode, 0, len(datagram)
+        while size - begin > _SHORTEST_FRAME:
+            magic, length = datagram[begin], datagram[begin + 1]
+            signed = magic == _MAVLINK_2 and datagram[begin + 2] & mav.MAVLINK_IFLAG_SIGNED
+            end = begin + length + (_EXTRA_2 if magic == _MAVLINK_2 else _EXTRA_1) + (_SIGNATURE if signed else 0)
+            if magic not in (_MAVLINK_1, _MAVLINK_2) or end > size:
+                logger.debug("dropped: %d bytes that are no frame", size - begin)
+                return
+            try:
+                yield decode(bytearray(datagram[begin:end]))
+            except mav.MAVError as failure:
+                logger.debug("dropped: %s", failure)
+            begin = end
 
 
 def _codec(system: int, component: int, key: bytes | None) -> mav.MAVLink:
