@@ -32,7 +32,7 @@ accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped a
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
 	@tools/env.sh test
-	@for name in stack_cost real_time_factor decision scaling machine isolation mavlink_throughput; do \
+	@for name in stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput; do \
 		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
 	done
 
