@@ -28,7 +28,7 @@ from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
 CELL_TRIALS: Final = 60
-"""Trials that begin in cells that could not be proved."""
+"""Trials that begin in cells that could not be proved, at most."""
 
 Progress = Callable[[str], None]
 
@@ -318,13 +318,14 @@ class _Checker:
         """Try starts in cells that could not be proved, with any heading and charge, and any AC."""
         bench = ModuleBench(self._mission, self._workspace, name, 1, patience_s=300.0 if name == BATTERY else 60.0)
         drawn = random.Random(f"unproved cells, seed {self._seed}, module {name}")
-        cells = [drawn.choice(found.unknown)[0] for _ in range(CELL_TRIALS)]
+        budget = min(CELL_TRIALS, self._budget)
+        cells = [drawn.choice(found.unknown)[0] for _ in range(budget)]
 
         def begin(vector: Sequence[float]) -> Sequence[float]:
             cell = cells[int(vector[0] * len(cells)) % len(cells)]
             return [cell.x_m / self._workspace.width_m, cell.y_m / self._workspace.depth_m, *vector[2:]]
 
-        tried, broken = falsify(_Beginning(bench, begin), CELL_TRIALS, self._seed)
+        tried, broken = falsify(_Beginning(bench, begin), budget, self._seed)
         if broken:
             # By the point that was really run, so that it can be run again.
             self._broken[name] = [replace(each, vector=tuple(begin(each.vector))) for each in broken]

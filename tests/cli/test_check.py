@@ -1,0 +1,176 @@
+"""`soter check`: its exit codes, its files, its refusals, and the finding about the thesis's own numbers."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from soter.cli import app
+from tests.project.source import ROOT
+
+EXAMPLES = ROOT / "examples"
+TOO_LATE = "module:examples.modules.too_late:declare"
+# One robot is enough where several would only be tried.
+QUICK = ("--backend", "kinematic", "--set", "robots=1", "--budget", "10")
+
+
+def check(*words: str) -> Result:
+    return CliRunner().invoke(app, ["check", *words])
+
+
+def lines(done: Result) -> dict[tuple[str, str], str]:
+    """The verdict of every module and condition, as they are printed."""
+    found = re.findall(r"^(\S+) +(P\S+) +([A-Z]+) ", done.output, re.MULTILINE)
+    return {(module, condition): verdict for module, condition, verdict in found}
+
+
+def test_the_thesiss_numbers_are_rejected_with_a_value_that_would_do(tmp_path: Path) -> None:
+    record = tmp_path / "thesis.json"
+    done = check(str(EXAMPLES / "thesis.toml"), "--json", str(record))
+    assert done.exit_code == 1, done.output
+    assert lines(done)["collision", "P3"] == "REJECTED"
+    assert lines(done)["geofence", "P3"] == lines(done)["battery", "P3"] == "PROVED"
+    assert "fall by 0.510 m" in done.output
+    assert "only 0.200 m" in done.output
+    assert "Delta = 0.1 s, would do" in done.output
+    content = json.loads(record.read_text())
+    assert content["rejected"] is True
+    assert {each["verdict"] for each in content["findings"]} == {"PROVED", "PARTLY", "REJECTED"}
+
+
+def test_the_value_that_would_do_does() -> None:
+    done = check(str(EXAMPLES / "thesis.toml"), "--set", "rta.collision.delta_s=0.1", *QUICK[2:])
+    assert done.exit_code == 0, done.output
+    assert lines(done)["collision", "P3"] == "PROVED"
+
+
+def test_a_mission_is_proved_where_it_can_be(tmp_path: Path) -> None:
+    record, drawn = tmp_path / "record.json", tmp_path / "gap.png"
+    done = check(str(EXAMPLES / "surveillance.toml"), *QUICK, "--json", str(record), "--picture", str(drawn))
+    assert done.exit_code == 0, done.output
+    verdicts = lines(done)
+    assert len(verdicts) == 20
+    assert verdicts["geofence", "P2a"] == verdicts["geofence", "P2b"] == "PROVED"
+    assert verdicts["obstacle", "P2a"] == "PARTLY"
+    assert "delta_s = 0.2 with phi_safer_m = 0.124 would leave none" in done.output
+    assert "cells are not proved, such as" in done.output
+    content = json.loads(record.read_text())
+    gap = content["unproved"]["obstacle"]
+    assert len(gap) > 100
+    assert {"x_m", "y_m", "half_m", "why"} == set(gap[0])
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_gap_is_a_rejection_where_that_is_asked_for() -> None:
+    remedy = ("--set", "rta.obstacle.delta_s=0.2", "--set", "rta.obstacle.phi_safer_m=0.124")
+    only = ("--set", "rta.modules=['obstacle', 'geofence']", *QUICK)
+    assert check(str(EXAMPLES / "surveillance.toml"), "--strict", *only).exit_code == 1
+    done = check(str(EXAMPLES / "surveillance.toml"), "--strict", *only, *remedy)
+    assert done.exit_code == 0, done.output
+    assert set(lines(done).values()) == {"PROVED"}, "the remedy that the gap names closes it"
+
+
+def test_several_robots_are_said_to_be_tested_only() -> None:
+    only = ("--set", "rta.modules=['collision']", "--backend", "kinematic", "--budget", "10")
+    done = check(str(EXAMPLES / "surveillance.toml"), *only)
+    assert lines(done)["collision", "P2a"] == "TESTED"
+    assert "two robots jointly, not proved" in done.output
+
+
+def test_a_wrong_module_is_found_and_its_counterexample_breaks_again(tmp_path: Path) -> None:
+    found, drawn = tmp_path / "found.json", tmp_path / "found.png"
+    words = (TOO_LATE, "--budget", "40", "--patience", "15", "--counterexample", str(found), "--picture", str(drawn))
+    done = check(*words)
+    assert done.exit_code == 1, done.output
+    assert lines(done)["module", "P3"] == "REJECTED"
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    again = check("--replay", str(found))
+    assert again.exit_code == 1, again.output
+    assert "P3 is broken again" in again.output
+    assert "too late to stop" in again.output
+    assert "the same, bit for bit" in again.output
+    replayed = tmp_path / "replayed.json"
+    assert check("--replay", str(found), "--json", str(replayed), "--picture", str(drawn)).exit_code == 1
+    assert json.loads(replayed.read_text()) == {
+        "broken": True, "same_trace": True, "text": json.loads(found.read_text())["text"],
+    }  # fmt: skip
+
+
+def test_a_counterexample_that_breaks_nothing_any_more_is_exit_code_0(tmp_path: Path) -> None:
+    found = tmp_path / "found.json"
+    assert check("module:tests.check.planted:never_looks", "--budget", "10", "--counterexample", str(found)).exit_code
+    content = json.loads(found.read_text())
+    content["subject"]["target"] = "module:tests.check.planted:right"
+    found.write_text(json.dumps(content))
+    done = check("--replay", str(found))
+    assert done.exit_code == 0, done.output
+    assert "not broken any more" in done.output
+
+
+def test_a_right_module_is_exit_code_0(tmp_path: Path) -> None:
+    found = tmp_path / "found.json"
+    done = check("module:tests.check.planted:right", "--budget", "10", "--counterexample", str(found))
+    assert done.exit_code == 0, done.output
+    assert set(lines(done).values()) == {"PROVED", "TESTED"}
+    assert not found.exists()
+    assert "no counterexample was found" in done.output
+
+
+def test_options_and_declarations_that_were_made_beforehand() -> None:
+    done = check("module:tests.check.planted:with_options", "--set", "options.least_m=2.0", "--budget", "6")
+    assert done.exit_code == 0, done.output
+    assert check("module:tests.check.planted:DECLARED", "--budget", "6").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "say what to check"),
+        (("a.toml", "--replay", "b.json"), "one of them"),
+        (("no-such.toml",), "does not exist"),
+        (("module:nowhere:x",), "there is no module 'nowhere'"),
+        (("module:tests.check.planted:rihgt",), "did you mean 'right'?"),
+        (("module:tests.check.planted",), "allowed: a function as 'package.module:function'"),
+        (("module:tests.check.planted:NOT_A_MODULE",), "a function that takes a ModuleKit"),
+        (("module:tests.check.planted:wrong_type",), "returned a int, allowed: a soter.rta.RTAModule"),
+        (("module:tests.check.planted:broken",), "RuntimeError('I am broken')"),
+        (("module:tests.check.planted:too_many",), "has to be declare(kit) or declare(kit, options"),
+        (("module:tests.check.planted:with_options",), "least_m: it is missing"),
+        (("module:tests.check.planted:with_options", "--set", "options.leest_m=2"), "did you mean 'least_m'?"),
+        (("module:tests.check.planted:right", "--set", "options.x=1"), "takes no options"),
+        (("module:tests.check.planted:right", "--set", "seed=1"), "written as options.KEY=VALUE"),
+        (("module:tests.check.planted:right", "--backend", "kinematic"), "simulated robots"),
+        (("module:tests.check.planted:sc_is_slow",), "ill-formed (P1a)"),
+        (("module:tests.check.planted:sc_publishes_elsewhere",), "ill-formed (P1b)"),
+        (("module:tests.check.planted:safer_too_near",), "ill-formed (P3)"),
+        (("--replay", "pyproject.toml"), "not valid JSON"),
+        ((TOO_LATE, "--picture", "x.jpg"), "does not end in .png"),
+    ],
+)
+def test_what_is_wrong_is_named_and_exit_code_2(words: tuple[str, ...], message: str) -> None:
+    done = check(*words)
+    assert done.exit_code == 2, done.output
+    assert message in done.output
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vector": [0.5]}, "its point has 1 numbers, and 11 are needed"),
+        ({"subject": {}}, "what was tried cannot be read"),
+    ],
+)
+def test_a_counterexample_of_another_version(tmp_path: Path, change: dict[str, object], message: str) -> None:
+    subject: dict[str, object] = {"target": "module:tests.check.planted:right", "backend": None, "settings": [], "module": "module",
+               "robots": 1, "patience_s": 5.0}  # fmt: skip
+    good = {"format": "soter-counterexample", "version": 1, "subject": subject, "obligation": "P2a", "time_s": 1.0,
+            "text": "", "vector": [0.5] * 11, "trace_sha256": ""}  # fmt: skip
+    file = tmp_path / "found.json"
+    file.write_text(json.dumps({**good, **change}))
+    done = check("--replay", str(file))
+    assert done.exit_code == 2, done.output
+    assert message in done.output
