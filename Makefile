@@ -36,6 +36,14 @@ bench: ## What the stack costs, as ratios measured in one run each (benchmarks/R
 		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
 	done
 
+.PHONY: bench-peers
+bench-peers: ## A decision beside those of two other libraries, in an environment of its own (1.5 GB)
+	@tools/env.sh test
+	@test -x .venv-peers/bin/python || $(VENV)/python -m venv .venv-peers
+	@.venv-peers/bin/python -m pip --quiet --disable-pip-version-check install -r benchmarks/peers-requirements.txt
+	@.venv-peers/bin/python -m pip --quiet --disable-pip-version-check install --no-deps --editable .
+	.venv-peers/bin/python benchmarks/peers.py $(BENCH_ARGS)
+
 .PHONY: lint
 lint: ## Style and formatting
 	@tools/env.sh check
