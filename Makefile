@@ -37,7 +37,7 @@ bench: ## What the stack costs, as ratios measured in one run each (benchmarks/R
 	done
 
 .PHONY: bench-peers
-bench-peers: ## A decision beside those of two other libraries, in an environment of its own (1.5 GB)
+bench-peers: ## A decision beside those of two other libraries, in an environment of its own (1.2 GB)
 	@tools/env.sh test
 	@test -x .venv-peers/bin/python || $(VENV)/python -m venv .venv-peers
 	@.venv-peers/bin/python -m pip --quiet --disable-pip-version-check install -r benchmarks/peers-requirements.txt
@@ -71,5 +71,5 @@ lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the 
 
 .PHONY: clean
 clean: ## Remove .venv and everything that tools and runs left behind
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out
+	rm -rf .venv .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
