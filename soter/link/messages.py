@@ -20,6 +20,7 @@ MAX_ANNOUNCED: Final = 16
 """Waypoints that a mission may announce beyond the one it asks for."""
 
 MAX_NEWS: Final = 1024
+MAX_MOVES: Final = 100
 MAX_TEXT: Final = 300
 MAX_LONG_TEXT: Final = 10_000
 
@@ -65,6 +66,7 @@ class Begin(_Message, tag="begin", frozen=True):
         robot_ids: which robots, in the order of every `Tick.states`.
         body_radius_m: of the largest.
         disc_m: distance that plans keep from robots that stand in the way.
+        recorded: whether changes of state are of interest.
     """
 
     fleet_s: float
@@ -72,6 +74,7 @@ class Begin(_Message, tag="begin", frozen=True):
     robot_ids: tuple[int, ...]
     body_radius_m: float
     disc_m: float
+    recorded: bool = False
 
 
 class Tick(_Message, tag="tick", frozen=True):
@@ -153,6 +156,19 @@ class Failed(_Message, frozen=True):
     cause: Text
 
 
+class Moved(_Message, frozen=True):
+    """A machine has changed its state; for recordings. Empty texts where there is no state, or no event."""
+
+    time_s: float
+    machine: Text
+    machine_id: Id
+    node: Text
+    source: Text
+    target: Text
+    event: Text
+    detail: Text
+
+
 class Turn(_Message, tag="turn", frozen=True):
     """What the mission did about a tick; the mission's sign of life.
 
@@ -162,6 +178,7 @@ class Turn(_Message, tag="turn", frozen=True):
         news: targets given and ended, oldest first.
         failures: of now.
         incidents: new ones.
+        moves: changes of state, oldest first, where they are recorded; those beyond the limit are left out.
         paths_replaced: how many paths of the planner were not used up to now.
     """
 
@@ -171,6 +188,7 @@ class Turn(_Message, tag="turn", frozen=True):
     failures: Annotated[tuple[Failed, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
     incidents: Annotated[tuple[Text, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
     paths_replaced: Id = 0
+    moves: Annotated[tuple[Moved, ...], msgspec.Meta(max_length=MAX_MOVES)] = ()
 
 
 class Busy(_Message, tag="busy", frozen=True):

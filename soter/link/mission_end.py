@@ -97,9 +97,9 @@ class MissionEnd:
         turn = msgspec.structs.replace(turn, tick=self._seen, asks=tuple(self._asks()))
         data = encode(turn)
         if len(data) > MAX_TURN_BYTES:
-            # What ACs intend is for statistics only.
+            # What ACs intend, and how they came to it, is for statistics only.
             asks = tuple(msgspec.structs.replace(ask, upcoming=()) for ask in turn.asks)
-            data = encode(msgspec.structs.replace(turn, asks=asks))
+            data = encode(msgspec.structs.replace(turn, asks=asks, moves=()))
         self._link.send(data)
 
     def _show(self, tick: Tick) -> None:

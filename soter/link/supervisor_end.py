@@ -90,12 +90,14 @@ class SupervisorEnd:
             raise Garbage("a first message of another kind")
         return message
 
-    def begin(self, ports: Ports, fleet_s: float, body_radius_m: float, disc_m: float) -> None:
+    def begin(
+        self, ports: Ports, fleet_s: float, body_radius_m: float, disc_m: float, *, recorded: bool = False
+    ) -> None:
         """Tell the mission that its robots are ready."""
         self._ports = ports
         self._handovers = dict.fromkeys(ports, 0)
         self._heard_steady_s = self._steady()
-        self._tell(Begin(fleet_s, self._heard_steady_s, tuple(ports), body_radius_m, disc_m))
+        self._tell(Begin(fleet_s, self._heard_steady_s, tuple(ports), body_radius_m, disc_m, recorded))
 
     # --- at every tick -----------------------------------------------------------------------------------------
 
@@ -191,6 +193,8 @@ class SupervisorEnd:
         for each in turn.news:
             if isinstance(each, TargetGiven) and not math.isfinite(each.x_m + each.y_m):
                 raise Garbage("a target that is not finite")
+        if not all(math.isfinite(moved.time_s) for moved in turn.moves):
+            raise Garbage("a time that is not finite")
 
     def _take(self, turn: Turn) -> None:
         self._answered = turn.tick

@@ -16,10 +16,8 @@ from typing import Any, Final, NamedTuple, Protocol
 import msgspec
 
 from soter.config import Mission
-from soter.machine import Transition
 from soter.record.about import describe, files
-from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target, Violation
-from soter.record.messages import Transition as TransitionMessage
+from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target, Transition, Violation
 from soter.record.outcome import Outcome
 from soter.record.pipe import WriterPipe
 from soter.record.tap import GoalActuator, Tap
@@ -33,7 +31,6 @@ logger = logging.getLogger(__name__)
 TRUTH_S: Final = 1.0
 """Fleet time between two looks at ground truth and faults."""
 
-DETAIL_CHARACTERS: Final = 200
 _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
 
 
@@ -181,12 +178,7 @@ class Recorder:
 
     def on_transition(self, transition: Transition) -> None:
         """Record a change of state of one of the mission's machines."""
-        event, machine = transition.event, transition.machine
-        self._note(TransitionMessage(
-            transition.time_s, machine.name, machine.id, machine.node, transition.source or "",
-            transition.target or "", "" if event is None else type(event).__name__,
-            "" if event is None else repr(event)[:DETAIL_CHARACTERS],
-        ))  # fmt: skip
+        self._note(transition)
 
     def tick(self, now_s: float, tick: int) -> None:
         """Record one tick; call it when everything that belongs to it has happened."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from soter.clock import Clock
-from soter.machine import Transition
+from soter.record.messages import Transition
 from soter.rta import Report
 from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotPort

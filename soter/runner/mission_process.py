@@ -19,8 +19,9 @@ from typing import BinaryIO, Final, NoReturn
 from soter.child import die_with_parent, yield_to_others
 from soter.config import Mission
 from soter.errors import BackendError, ConfigError
-from soter.link import Begin, Failed, MissionEnd, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
-from soter.link.messages import MAX_LONG_TEXT, MAX_TEXT
+from soter.link import Begin, Failed, MissionEnd, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
+from soter.link.messages import MAX_LONG_TEXT, MAX_MOVES, MAX_TEXT
+from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import AcSide, Scene
 from soter.stack.events import Outcome, Place
@@ -83,6 +84,7 @@ class _Host:
         self._end: Final = MissionEnd(link, self._hear)
         self._side: AcSide | None = None
         self._news: list[TargetGiven | TargetEnded] = []
+        self._moves: list[Moved] = []
         self._incidents = 0
         self._turns = 0
         self._broken = ""
@@ -145,7 +147,17 @@ class _Host:
 
     def _start(self, side: AcSide, begin: Begin) -> None:
         terrain = Terrain(self._spec.workspace, begin.body_radius_m)
-        side.start(Scene(self._end.clock, self._spec.workspace, terrain, self._end.ports, begin.disc_m, self))
+        moved = self._moved if begin.recorded else None
+        side.start(Scene(self._end.clock, self._spec.workspace, terrain, self._end.ports, begin.disc_m, self, moved))
+
+    def _moved(self, transition: Transition) -> None:
+        if len(self._moves) < MAX_MOVES:
+            texts = (transition.source, transition.target, transition.event, transition.detail)
+            source, target, event, detail = (text[:MAX_TEXT] for text in texts)
+            machine, node = transition.machine[:MAX_TEXT], transition.node[:MAX_TEXT]
+            self._moves.append(
+                Moved(transition.time_s, machine, transition.machine_id, node, source, target, event, detail)
+            )
 
     def _hear(self, report: Report) -> None:
         assert self._side is not None
@@ -163,11 +175,12 @@ class _Host:
 
     def _turn(self, side: AcSide) -> Turn:
         news, self._news = tuple(self._news), []
+        moves, self._moves = tuple(self._moves), []
         incidents = tuple(each[:MAX_TEXT] for each in side.incidents[self._incidents :])
         self._incidents += len(incidents)
         failures = {None: self._broken, **side.failures} if self._broken else side.failures
         failed = tuple(Failed(robot_id, cause[:MAX_TEXT]) for robot_id, cause in failures.items())
-        return Turn(0, news=news, failures=failed, incidents=incidents, paths_replaced=side.paths_replaced)
+        return Turn(0, news=news, failures=failed, incidents=incidents, paths_replaced=side.paths_replaced, moves=moves)
 
     def _watch(self, side: AcSide) -> None:
         """Name a handler that does not come back, while the interpreter still lets other threads run."""

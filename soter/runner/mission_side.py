@@ -10,6 +10,7 @@ from soter.apps.surveillance import Targets
 from soter.clock import Clock
 from soter.config import Mission
 from soter.machine import Event, MachineError, MachineRef, Runtime
+from soter.record.transition import in_words
 from soter.rta import ControlReport, Report
 from soter.runner.ac_side import Scene
 from soter.stack.declaration import HOME_CLEARANCE_M
@@ -77,7 +78,8 @@ class MissionSide:
         }  # fmt: skip
         tasks = Tasks(kits, targets.next, scene.log.on_target, scene.log.on_ended)
         if scene.on_transition is not None:
-            self._runtime.observe(scene.on_transition)
+            tell = scene.on_transition
+            self._runtime.observe(lambda transition: tell(in_words(transition)))
         self._runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
         # Before the first tick, so that no machine misses the first report of a port.
         self._runtime.run()

@@ -9,8 +9,9 @@ from soter.child import Child, ChildDied
 from soter.config import Mission
 from soter.errors import BackendUnavailable, ConfigError, RunFailed
 from soter.link import Garbage, Refused, SupervisorEnd, TargetGiven, Turn
+from soter.record.messages import Transition
 from soter.rta import Report
-from soter.runner.ac_side import Scene, TargetLog
+from soter.runner.ac_side import Scene
 from soter.runner.mission_process import MissionSpec
 from soter.runner.words import Words
 from soter.stack.events import Outcome
@@ -94,7 +95,10 @@ class RemoteSide:
     def start(self, scene: Scene) -> None:
         """Tell the mission that its robots are ready; it begins while the first ticks pass."""
         self._scene = scene
-        self._end.begin(scene.ports, scene.clock.now(), scene.terrain.body_radius_m, scene.disc_m)
+        self._end.begin(
+            scene.ports, scene.clock.now(), scene.terrain.body_radius_m, scene.disc_m,
+            recorded=scene.on_transition is not None,
+        )  # fmt: skip
 
     def hear(self, report: Report) -> None:
         """Queue what a port reports."""
@@ -104,7 +108,7 @@ class RemoteSide:
         """Take what the mission has said since the last tick. To be called before a tick; never waits."""
         assert self._scene is not None
         for turn in self._end.receive():
-            self._take(turn, self._scene.log)
+            self._take(turn, self._scene)
         if self._end.failure and None not in self.failures:
             self.failures[None] = f"the mission has failed: {self._end.failure}"
             logger.error("%s", self.failures[None])
@@ -120,14 +124,21 @@ class RemoteSide:
         self._child.kill(0.0 if self._end.failure else GRACE_S)
         self._words.close()
 
-    def _take(self, turn: Turn, log: TargetLog) -> None:
-        for each in turn.news:
-            if isinstance(each, TargetGiven):
-                log.on_target(each.robot_id, each.target_id, (each.x_m, each.y_m))
-            elif (outcome := _OUTCOMES.get(each.outcome)) is not None:
-                log.on_ended(each.robot_id, each.target_id, outcome)
+    def _take(self, turn: Turn, scene: Scene) -> None:
+        log = scene.log
+        if scene.on_transition is not None:
+            for each in turn.moves:
+                scene.on_transition(Transition(
+                    each.time_s, each.machine, each.machine_id, each.node, each.source, each.target, each.event,
+                    each.detail,
+                ))  # fmt: skip
+        for news in turn.news:
+            if isinstance(news, TargetGiven):
+                log.on_target(news.robot_id, news.target_id, (news.x_m, news.y_m))
+            elif (outcome := _OUTCOMES.get(news.outcome)) is not None:
+                log.on_ended(news.robot_id, news.target_id, outcome)
             else:
-                self._end.fail(f"it sent garbage: a target ended as '{each.outcome}'")
+                self._end.fail(f"it sent garbage: a target ended as '{news.outcome}'")
         for failed in turn.failures:
             self.failures.setdefault(failed.robot_id, failed.cause)
         self.paths_replaced = turn.paths_replaced

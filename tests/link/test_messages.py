@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.link import Ask, Begin, Busy, Failed, Garbage, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
+from soter.link import Ask, Begin, Busy, Failed, Garbage, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
 from soter.link.messages import (
     MAX_ANNOUNCED,
     MAX_TEXT,
@@ -35,6 +35,7 @@ TURN = Turn(
     (Failed(None, "all"), Failed(2, "one")),
     ("slow",),
     5,
+    (Moved(1.5, "TaskPlanner", 1, "local", "Starting", "Running", "", ""),),
 )
 
 
@@ -77,7 +78,7 @@ WRONG: dict[str, object] = {
     "text": "turn",
     "another tag": ["turns", 1],
     "too few": ["turn"],
-    "too many": ["turn", 1, [], [], [], [], 0, 0],
+    "too many": ["turn", 1, [], [], [], [], 0, [], 0],
     "negative tick": ["turn", -1],
     "huge tick": ["turn", 2**63],
     "tick that is a text": ["turn", "1"],

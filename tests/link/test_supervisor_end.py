@@ -7,7 +7,7 @@ import math
 import pytest
 
 from soter.child import ChildDied
-from soter.link import Ask, Begin, Busy, Failed, Garbage, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
+from soter.link import Ask, Begin, Busy, Failed, Garbage, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
 from soter.link.messages import Handover, decode_down, encode
 from soter.link.supervisor_end import MAX_MESSAGES, MAX_REPORTS, MAX_WAITING
 from soter.rta import GoalReport, Request
@@ -83,7 +83,8 @@ def test_a_turn_may_leave_ticks_out_but_answers_none_twice_nor_early() -> None:
         (Turn(1, (Ask(3, 0, 1, Waypoint(1.0, 2.0)),)), "there is no robot 3"),
         (Turn(1, news=(TargetEnded(9, 1, "reached"),)), "there is no robot 9"),
         (Turn(1, failures=(Failed(0, "why"),)), "there is no robot 0"),
-        (Turn(1, news=(TargetGiven(1, 1, math.nan, 0.0),)), "not finite"),
+        (Turn(1, news=(TargetGiven(1, 1, math.nan, 0.0),)), "a target that is not finite"),
+        (Turn(1, moves=(Moved(math.inf, "", 1, "", "", "", "", ""),)), "a time that is not finite"),
     ],
 )
 def test_what_makes_no_sense_is_garbage(turn: Turn, words: str) -> None:

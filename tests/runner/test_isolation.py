@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import zmq
+from mcap.reader import make_reader
 
 from soter.cli.run import _exit_code
 from soter.config import Mission, load_mission
@@ -122,14 +123,20 @@ def test_a_hostile_mission_costs_its_robots_the_ac_and_no_tick(ac: str, words: s
     assert len(sides) == 1
 
 
-def test_a_mission_drives_through_two_processes_as_through_one(sides: list[RemoteSide]) -> None:
-    run = run_mission(mission(duration_s=12.0, targets="uniform", planner="ompl-bitstar"))
+@pytest.mark.ompl
+def test_a_mission_drives_through_two_processes_as_through_one(sides: list[RemoteSide], tmp_path: Path) -> None:
+    recorded = tmp_path / "run.mcap"
+    run = run_mission(mission(duration_s=12.0, targets="uniform", planner="ompl-bitstar"), record=recorded)
     result = run.result
     assert result.status == "completed"
     assert not result.failed_robots
     assert not result.violated
     assert result.ac_share > 0.5
     assert all(len(set(track.x_m)) > 5 for track in run.tracks.tracks.values()), "both robots drove"
+    with recorded.open("rb") as file:
+        moves = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/machines")]
+    assert {"TaskPlanner", "RobotAgent 1", "PlanExecutor 2"} <= {move["machine"] for move in moves}
+    assert "Executing" in {move.get("target") for move in moves}
 
 
 def test_bad_options_of_the_mission_are_refused_before_anything_moves(sides: list[RemoteSide]) -> None:
