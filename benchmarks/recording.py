@@ -54,7 +54,8 @@ class Bench:
 def main(argv: Sequence[str] | None = None) -> float:
     """Measure and print; return the ratio on the PyBullet engine."""
     quick = arguments(__doc__ or "", argv).quick
-    return [_measured(engine, quick=quick) for engine in ENGINES][0]
+    ratios = {engine: _measured(engine, quick=quick) for engine in ENGINES}
+    return ratios["pybullet"]
 
 
 def _measured(engine: str, *, quick: bool) -> float:

@@ -94,7 +94,7 @@ class RobotTick(Message):
     robot_id: RobotId
     mode: Annotated[str, Meta(description="Who has control: AC or SC.")]
     driver: Annotated[str, Meta(description="Who drives: AC, or the module whose safe controller does.")]
-    state: State
+    state: Annotated[State, Meta(description="What it knew.")]
     modules: Annotated[tuple[ModuleTick, ...], Meta(description="The decision modules, in their order.")] = ()
     unread: Annotated[bool, Meta(description="There was no sample at this tick; `state` is the one before.")] = False
     no_state: Annotated[str, Meta(description="Why there was none.")] = ""
