@@ -1,12 +1,11 @@
 """A speed limit in a zone: whoever is inside the zone is no faster than the limit."""
 
 from dataclasses import dataclass
-from math import cos, hypot, pi, sin
+from math import hypot
 
 from pydantic import BaseModel
 
-from soter.rta import Node, Region, RTAModule, Situation
-from soter.sdk import Waypoint
+from soter.rta import Region, RTAModule, Situation
 from soter.stack.user_modules import ModuleKit
 from soter.workspace import Box
 
@@ -35,32 +34,13 @@ class SlowInside(Region):
         return safer.least_m - self.least_m if isinstance(safer, SlowInside) else float("nan")
 
 
-class CrossSlowly(Node):
-    """Goes on through the zone, or leaves it to a side or backwards; slowly in any case."""
-
-    name, publishes = "cross-slowly", ("waypoint",)
-
-    def __init__(self, kit: ModuleKit, zone: Box, speed_m_s: float) -> None:
-        self.kit, self.zone, self.speed_m_s, self.period_s = kit, zone, speed_m_s, kit.tick_s
-
-    def engage(self, situation: Situation) -> None:
-        own, turns, lengths = situation.own, [pi / 8 * k for k in range(9)], [0.1 * k for k in range(1, 60)]
-        rays = [(own.heading_rad + side * turn, length) for turn in turns for side in (1, -1) for length in lengths]
-        places = [(own.x_m + length * cos(angle), own.y_m + length * sin(angle)) for angle, length in rays]
-        self.place = next((place for place in places if self.good(situation, *place)), (own.x_m, own.y_m))
-
-    def good(self, situation: Situation, x_m: float, y_m: float) -> bool:
-        """Whether a place is outside, can be stood on, and lies in sight."""
-        free = self.kit.terrain.fence_m(x_m, y_m) > 0.3 and self.kit.terrain.clearance_m(x_m, y_m) > 0.12
-        return free and self.zone.distance_m(x_m, y_m) > 0.25 and self.kit.recovery.sees(situation, x_m, y_m, 0.12)
-
-    def step(self, situation: Situation) -> None:
-        self.kit.waypoint.publish(Waypoint(*self.place, speed_m_s=self.speed_m_s))
-
-
 def declare(kit: ModuleKit, options: Options) -> RTAModule:
-    """Declare the module for one robot."""
+    """Declare the module for one robot: it crosses the zone slowly, and gives the robot back on the other side."""
     zone, limit_m_s = Box(*options.zone), options.limit_m_s
-    sc = CrossSlowly(kit, zone, 0.9 * limit_m_s)
+
+    def beyond(situation: Situation) -> tuple[float, float]:
+        return kit.place_ahead(situation, lambda x_m, y_m: zone.distance_m(x_m, y_m) > 0.25)
+
+    sc = kit.go_to(beyond, 0.9 * limit_m_s)
     safe, safer = SlowInside(zone, limit_m_s), SlowInside(zone, limit_m_s, 0.2)
     return RTAModule(kit.name, kit.ac, sc, 0.1, safe, safer, kit.model)

@@ -20,8 +20,8 @@ from soter.rta import Node, RTAModule, Situation, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities, Waypoint
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
-from soter.stack.safe_controller import SafeController
-from soter.stack.terrain import Terrain
+from soter.stack.safe_controller import WAYPOINT, SafeController
+from soter.stack.terrain import Point, Terrain
 from soter.workspace import Workspace
 
 BLOCKED_S: Final = 5.0
@@ -29,6 +29,7 @@ BLOCKED_S: Final = 5.0
 
 RETREAT_M: Final = 0.75
 _MOVING_M_S: Final = 0.02
+_STEP_M: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,60 @@ class ModuleKit:
     model: SpeedBound
     timing: Timing
     tick_s: float
+
+    def place_ahead(self, situation: Situation, fits: Callable[[float, float], bool]) -> Point:
+        """Return the nearest place straight ahead that fits; if there is none, less and less ahead, and last behind.
+
+        Args:
+            situation: where the robot is, and its heading.
+            fits: what else is asked of a place, x and y in metres. It is a refuge for fence and boxes in any case, and
+                in sight.
+
+        Returns:
+            The place, or where the robot is if there is none.
+        """
+        own, refuges = situation.own, self.refuges
+        for turn in (side * step * math.pi / 8.0 for step in range(9) for side in (1, -1)):
+            cos, sin = math.cos(own.heading_rad + turn), math.sin(own.heading_rad + turn)
+            for step in range(1, math.ceil(math.hypot(self.terrain.width_m, self.terrain.depth_m) / _STEP_M)):
+                x_m, y_m = own.x_m + step * _STEP_M * cos, own.y_m + step * _STEP_M * sin
+                if (
+                    fits(x_m, y_m)
+                    and self.terrain.fence_m(x_m, y_m) >= refuges.fence_m
+                    and self.terrain.clearance_m(x_m, y_m) >= refuges.clearance_m
+                    and self.recovery.sees(situation, x_m, y_m, refuges.clearance_m)
+                ):
+                    return x_m, y_m
+        return own.x_m, own.y_m
+
+    def go_to(self, choose: Callable[[Situation], Point], speed_m_s: float | None = None) -> Node:
+        """Return a safe controller that chooses a place when it takes charge, and goes there.
+
+        Args:
+            choose: returns the place.
+            speed_m_s: how fast at most, or None for the robot's own.
+        """
+        return GoTo(self, choose, speed_m_s)
+
+
+class GoTo(Node):
+    """A node that chooses a place when it takes charge, and wants to go there; see `ModuleKit.go_to`."""
+
+    name = "go-to"
+    publishes = (WAYPOINT,)
+
+    def __init__(self, kit: ModuleKit, choose: Callable[[Situation], Point], speed_m_s: float | None) -> None:
+        self.period_s = kit.tick_s
+        self._waypoint: Final = kit.waypoint
+        self._choose: Final = choose
+        self._speed_m_s: Final = speed_m_s
+        self._place: Point = (math.nan, math.nan)
+
+    def engage(self, situation: Situation) -> None:
+        self._place = self._choose(situation)
+
+    def step(self, situation: Situation) -> None:
+        self._waypoint.publish(Waypoint(*self._place, speed_m_s=self._speed_m_s))
 
 
 class CertifiedController(SafeController):

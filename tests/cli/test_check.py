@@ -165,8 +165,8 @@ def test_what_is_wrong_is_named_and_exit_code_2(words: tuple[str, ...], message:
     ],
 )
 def test_a_counterexample_of_another_version(tmp_path: Path, change: dict[str, object], message: str) -> None:
-    subject: dict[str, object] = {"target": "module:tests.check.planted:right", "backend": None, "settings": [], "module": "module",
-               "robots": 1, "patience_s": 5.0}  # fmt: skip
+    subject: dict[str, object] = {"target": "module:tests.check.planted:right", "backend": None, "settings": [],
+               "module": "module", "robots": 1, "patience_s": 5.0}  # fmt: skip
     good = {"format": "soter-counterexample", "version": 1, "subject": subject, "obligation": "P2a", "time_s": 1.0,
             "text": "", "vector": [0.5] * 11, "trace_sha256": ""}  # fmt: skip
     file = tmp_path / "found.json"

@@ -1,0 +1,276 @@
+"""Modules of a user's own: declared from the mission file, driven by certified legs, judged by true poses."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from soter.config import Mission, load_mission, parse_mission
+from soter.errors import ConfigError
+from soter.rta import Node, Region, RTAModule, Situation, Topic
+from soter.runner import RunResult, run_mission
+from soter.runner.user_rules import UserRules
+from soter.sdk import TruthReport, Waypoint
+from soter.stack.user_modules import CertifiedController
+from tests.project.source import ROOT
+from tests.rta.doubles import At, FakeNode, module
+from tests.stack.ground import planner, seen
+
+ZONE = ROOT / "examples" / "modules" / "zone.toml"
+OWN = '[rta.module.own]\ndeclare = "tests.check.planted:right"\n'
+
+
+def mission(tables: str) -> Mission:
+    return parse_mission(f'workspace = "w.xml"\n{tables}'.encode(), "m.toml")
+
+
+def zone_run(**overrides: object) -> RunResult:
+    given = {"duration_s": 240.0, "planner": "straight-line", **overrides}
+    return run_mission(load_mission(ZONE, given)).result
+
+
+@pytest.fixture(scope="module")
+def kept() -> RunResult:
+    return zone_run()
+
+
+# --- in a mission ------------------------------------------------------------------------------------------
+
+
+def test_truth_says_that_the_limit_is_kept_with_the_module_and_broken_without(kept: RunResult) -> None:
+    assert kept.violations is not None
+    assert kept.violations["zone-speed"] == 0
+    assert not any(kept.violations.values())
+    assert kept.min_margin is not None
+    assert kept.min_margin["zone-speed"] >= 0.0
+    without = zone_run(**{"rta.module.zone-speed.enabled": False})
+    assert without.violations is not None
+    assert without.violations["zone-speed"] > 2
+    assert without.violated
+
+
+def test_it_appears_by_name_wherever_modules_do(kept: RunResult) -> None:
+    assert kept.modules == ("zone-speed", "collision", "obstacle", "geofence", "battery")
+    assert kept.disengagements["zone-speed"] > 0
+    assert kept.monitors["zone-speed"].looks > 0
+    assert kept.monitors["zone-speed"].broken == 0
+    assert kept.monitors["zone-speed"].least_margin is not None
+
+
+def test_a_mission_without_modules_of_its_own_has_no_further_rules() -> None:
+    run = run_mission(
+        load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "kinematic", "duration_s": 5.0})
+    )
+    assert run.result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+
+
+def test_it_is_thirty_lines_at_most() -> None:
+    text = (ROOT / "examples" / "modules" / "zone_speed.py").read_text()
+    lines = [line.strip() for line in text.splitlines()]
+    assert len([line for line in lines if line and not line.startswith('"""')]) <= 30
+
+
+# --- the order ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tables", "order"),
+    [
+        (OWN, ("own", "collision", "obstacle", "geofence", "battery")),
+        (OWN + 'before = "geofence"\n', ("collision", "obstacle", "own", "geofence", "battery")),
+        (OWN + "enabled = false\n", ("collision", "obstacle", "geofence", "battery")),
+        (OWN + '[rta]\nmodules = ["battery"]\n', ("own", "battery")),
+        (
+            OWN + '[rta.module.other]\ndeclare = "a:b"\nbefore = "own"\n',
+            ("other", "own", "collision", "obstacle", "geofence", "battery"),
+        ),
+        (OWN + "[rta]\nenabled = false\n", ()),
+    ],
+)
+def test_modules_have_an_order(tables: str, order: tuple[str, ...]) -> None:
+    assert mission(tables).rta.order == order
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ('[rta.module.own]\ndeclare = "a.b"\n', "m.toml:3: rta.module.own.declare: it is 'a.b', allowed: a function"),
+        (OWN + 'before = "batery"\n', "m.toml:4: rta.module.own.before: it is 'batery', allowed: collision"),
+        (OWN + 'before = "own"\n', "m.toml:4: rta.module.own.before: it is 'own'"),
+        ('[rta.module.battery]\ndeclare = "a:b"\n', "m.toml:2: rta.module.battery: it is 'battery', allowed: a name"),
+        ('[rta.module.Own]\ndeclare = "a:b"\n', "m.toml:2: rta.module.Own: it is 'Own', allowed: a name"),
+        (OWN + "optons = {}\n", "unknown key, did you mean 'options'?; allowed: declare, before, enabled, options"),
+        ("[rta.module.own]\n", "m.toml:2: rta.module.own.declare: it is missing"),
+    ],
+)
+def test_what_is_wrong_in_the_file_is_named(tables: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        mission(tables)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("rihgt", "zone.toml:13: rta.module.zone-speed.declare: module 'tests.check.planted' has no 'rihgt', did you"),
+        ("right", "takes no options, but `rta.module.zone-speed.options` gives zone, limit_m_s"),
+        ("with_options", "rta.module.zone-speed.options.zone: unknown key"),
+    ],
+)
+def test_what_is_wrong_with_a_declaration_is_named_before_anything_moves(
+    name: str, message: str, tmp_path: Path
+) -> None:
+    text = ZONE.read_text().replace("examples.modules.zone_speed:declare", f"tests.check.planted:{name}")
+    text = text.replace("../surveillance.xml", str(ROOT / "examples" / "surveillance.xml"))
+    file = tmp_path / "zone.toml"
+    file.write_text(text)
+    assert tomllib.loads(text)
+    with pytest.raises(ConfigError) as caught:
+        run_mission(load_mission(file))
+    assert message in str(caught.value)
+
+
+# --- certified legs ----------------------------------------------------------------------------------------
+
+
+class Wants(Node):
+    """Publishes what the test wants, if anything."""
+
+    name, publishes, period_s = "wants", ("waypoint",), 0.05
+
+    def __init__(self, topic: Topic[object], wanted: object) -> None:
+        self.topic, self.wanted = topic, wanted
+        self.engaged = 0
+
+    def engage(self, situation: Situation) -> None:
+        self.engaged += 1
+
+    def step(self, situation: Situation) -> None:
+        self.topic.publish(self.wanted)
+
+
+def certified(wanted: Any) -> tuple[CertifiedController, Topic[Waypoint], Wants]:
+    inner_topic: Topic[object] = Topic("waypoint")
+    out: Topic[Waypoint] = Topic("waypoint")
+    inner = Wants(inner_topic, wanted)
+    return CertifiedController(inner, inner_topic, out, planner()), out, inner
+
+
+def test_a_wish_becomes_a_short_certified_leg_with_its_cap() -> None:
+    node, out, _ = certified(Waypoint(4.0, 4.5, speed_m_s=0.1))
+    node.step(seen(At(4.0, 2.0)))
+    assert out.value is not None
+    assert out.value.speed_m_s == 0.1
+    assert math.dist((out.value.x_m, out.value.y_m), (4.0, 2.0)) < 0.1
+
+
+def test_a_wish_that_leads_into_a_box_or_out_of_the_fence_is_held_back() -> None:
+    for start, wish in (((4.9, 2.5), (9.0, 2.5)), ((3.2, 3.5), (2.5, 3.5))):
+        node, out, _ = certified(Waypoint(*wish))
+        x_m, y_m = start
+        for _ in range(200):
+            node.step(seen(At(x_m, y_m)))
+            if out.value is None:
+                break
+            x_m, y_m = out.value.x_m, out.value.y_m
+        assert node.recovery.terrain.fence_m(x_m, y_m) >= 0.0
+        assert node.recovery.terrain.clearance_m(x_m, y_m) >= 0.0
+
+
+def test_no_wish_is_a_hold_and_nonsense_fails_the_node() -> None:
+    node, out, _ = certified(None)
+    node.step(seen(At(4.0, 2.0)))
+    assert out.value is None
+    for nonsense, error in ((3, TypeError), (Waypoint(math.nan, 0.0), ValueError)):
+        with pytest.raises(error):
+            certified(nonsense)[0].step(seen(At(4.0, 2.0)))
+
+
+def test_the_first_driver_of_a_run_takes_charge_too() -> None:
+    node, _, inner = certified(Waypoint(4.0, 4.0))
+    node.step(seen(At(4.0, 2.0)))
+    assert inner.engaged == 1
+    node.engage(seen(At(4.0, 2.0)))
+    node.step(seen(At(4.0, 2.0)))
+    assert inner.engaged == 2
+
+
+def test_of_two_that_block_each_other_the_later_one_gives_way() -> None:
+    for robot_id, gives_way in ((1, False), (2, True)):
+        node, out, _ = certified(Waypoint(4.0, 4.5))
+        own, peer = At(4.0, 2.0, robot_id=robot_id), At(4.0, 2.34, robot_id=3 - robot_id)
+        node.engage(seen(own, [peer]))
+        node.step(seen(own, [peer], now_s=1.0))
+        blocked = out.value
+        assert blocked is None, "the peer is in the way"
+        later = [each._replace(stamp_s=9.0) for each in (own, peer)]
+        node.step(seen(later[0], later, now_s=9.0))
+        assert (out.value is not None) == gives_way
+        if out.value is not None:
+            assert out.value.y_m < 2.0
+
+
+# --- truth -------------------------------------------------------------------------------------------------
+
+
+class Slow(Region):
+    """No faster than 0.1 m/s."""
+
+    def margin(self, situation: Situation) -> float:
+        return 0.1 - math.hypot(situation.own.vx_m_s, situation.own.vy_m_s)
+
+    def edge_margin(self, safer: Region) -> float:
+        return 0.0
+
+
+class Moving:
+    """A truth that is where the test puts it."""
+
+    def __init__(self) -> None:
+        self.x_m = 0.0
+
+    def report(self) -> TruthReport:
+        return TruthReport(())
+
+    def pose(self, robot_id: int) -> tuple[float, float, float]:
+        return self.x_m * robot_id, 0.0, 0.0
+
+
+class Robot:
+    """As much of a supervisor as the judge asks."""
+
+    def __init__(self, robot_id: int) -> None:
+        self.robot_id = robot_id
+        self.situation = seen(At(99.0, vx_m_s=99.0, robot_id=robot_id))
+
+
+def judged(speeds: list[float], declared: RTAModule) -> UserRules:
+    truth = Moving()
+    rules = UserRules(truth, {1: (declared,), 2: (declared,)})
+    for tick, speed in enumerate([0.0, *speeds]):
+        truth.x_m += speed * 0.05
+        rules.look(tick * 0.05, [Robot(1), Robot(2)])  # type: ignore[list-item]
+    return rules
+
+
+def test_speeds_come_from_true_poses_not_from_what_robots_report() -> None:
+    rules = judged([0.04, 0.06, 0.06, 0.04, 0.12], module("slow", phi_safe=Slow()))
+    assert rules.counts() == {"slow": 3}, "robot 2 is twice as fast: once, and once more; robot 1 once"
+    assert rules.min_margin["slow"] == pytest.approx(0.1 - 0.24)
+    first = min(rules.violations(), key=lambda each: each.start_s)
+    assert (first.robots, first.end_s is not None) == ((2,), True)
+    assert first.start_s == pytest.approx(0.1)
+    assert [each.end_s for each in rules.violations()].count(None) == 2, "what goes on has no end"
+
+
+def test_a_rule_without_a_region_cannot_be_judged() -> None:
+    predicates = RTAModule(
+        "slow", FakeNode("ac"), FakeNode("sc"), 0.1, None, lambda s: True, ttf_2delta=lambda s: False
+    )  # fmt: skip
+    rules = judged([1.0], predicates)
+    assert rules.names == ()
+    assert rules.counts() == {}
