@@ -252,3 +252,18 @@ def test_a_velocity_with_a_turn_rate_drives_a_circle_also_backwards() -> None:
         rig.velocity(0.0, 0.0)
         rig.run(1.0)
         assert rig.speed() == 0.0
+
+
+@pytest.mark.pybullet
+def test_the_engine_with_physics_drives_as_the_other_does() -> None:
+    with Rig(engine="pybullet") as rig:
+        rig.guided()
+        assert rig.master(255, 190) == ACCEPTED
+        rig.target(6.0, 5.5)
+        for _ in range(200):
+            assert rig.master(255, 190) == ACCEPTED
+        assert math.dist(rig.at(), (6.0, 5.5)) < 0.02
+        rig.target(5.0, 5.0)
+        # Nobody renews the lease.
+        rig.run(1.0)
+        assert rig.speed() < 0.01
