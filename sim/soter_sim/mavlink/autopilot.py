@@ -53,6 +53,8 @@ class Autopilot:
         booted_s: the world's time at which its clock began.
         now_s: its own time, since then.
         speed_m_s: the speed that DO_CHANGE_SPEED has set, or None.
+        route: what it is doing by itself, or None.
+        failed: the fail-safe that has taken it over, or None.
     """
 
     def __init__(
@@ -90,7 +92,7 @@ class Autopilot:
         self.route: Route | None = None
         self.home: tuple[float, float, float] | None = None
         self.speed_m_s: float | None = None
-        self.told_ready = False
+        self._told_ready = False
         self.failed: str | None = None
         self._idle_since_s = inf
         self._reboots = False
@@ -111,11 +113,6 @@ class Autopilot:
     def ready(self) -> bool:
         """Whether the EKF is usable."""
         return self.now_s >= self._boot_s
-
-    @property
-    def failing(self) -> bool:
-        """Whether a fail-safe has taken over."""
-        return self.failed is not None
 
     @property
     def boot_ms(self) -> int:
@@ -265,8 +262,8 @@ class Autopilot:
         if self._reboots:
             self._boot()
         self.now_s = world_s - self.booted_s
-        if self.ready and not self.told_ready:
-            self.told_ready = True
+        if self.ready and not self._told_ready:
+            self._told_ready = True
             if self.home is None:
                 sample = self.sample()
                 self.home = (sample.x_m, sample.y_m, sample.z_m)

@@ -27,6 +27,8 @@ _ROUNDING_HZ: Final = 1e-6
 _REBOOT: Final = 1.0
 _REBOOT_BOOTLOADER: Final = 3.0
 _HIGHEST_M: Final = 1000.0
+# What MESSAGE_INTERVAL can say.
+_INTERVAL_MOST_US: Final = 2.0**31 - 1.0
 
 
 class Command(NamedTuple):
@@ -151,8 +153,7 @@ def _reposition(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     speed_m_s, flags, _, yaw_rad = command.params
     if command.frame is None:
         return UNSUPPORTED
-    if not (isfinite(command.z) and isfinite(flags)):
-        autopilot.say(mav.MAV_SEVERITY_WARNING, "Ignored a target: a number is not finite")
+    if not isfinite(flags):
         return DENIED
     try:
         x_m, y_m, z_m = global_place(autopilot, command.frame, command.x, command.y, command.z)
@@ -213,7 +214,8 @@ def _set_interval(autopilot: Autopilot, command: Command, most_hz: float) -> int
     number, interval_us = command.params[:2]
     if number not in BUILDERS:
         return FAILED
-    if not isfinite(interval_us) or interval_us < -1.0:
+    # Written so that NaN fails too.
+    if not -1.0 <= interval_us <= _INTERVAL_MOST_US:
         return DENIED
     streams = command.channel.streams[autopilot.id]
     message_id = int(number)

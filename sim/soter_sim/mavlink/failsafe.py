@@ -10,7 +10,15 @@ from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Source
 from soter_sim.mavlink.kinds import Mode
 
-_NONE, _FIRST, _SECOND = 0, 1, 2
+_STATION: Final = "GCS"
+_BATTERY: Final = "Battery"
+
+_LEVELS: Final = (("BATT_LOW_MAH", "BATT_FS_LOW_ACT"), ("BATT_CRT_MAH", "BATT_FS_CRT_ACT"))
+# By whether it flies, the modes for each number of an action but 0, which is none. They are ArduPilot's, and differ.
+_ACTIONS: Final = {
+    False: {1: [Mode.RTL, Mode.HOLD], 2: [Mode.HOLD]},
+    True: {1: [Mode.LAND], 2: [Mode.RTL, Mode.LAND]},
+}
 
 
 class Failsafe:
@@ -59,13 +67,13 @@ class Failsafe:
     def _look_at_battery(self) -> None:
         autopilot, parameters = self._autopilot, self._autopilot.parameters
         left_mah = autopilot.sample().charge * parameters["BATT_CAPACITY"]
-        for level, (limit, action) in enumerate(_BATTERY, 1):
+        for level, (limit, action) in enumerate(_LEVELS, 1):
             if self._battery_level < level and parameters[limit] > 0.0 and left_mah <= parameters[limit]:
                 self._battery_level = level
-                chosen = int(parameters[action])
                 autopilot.say(mav.MAV_SEVERITY_WARNING, f"Battery 1 is {'critical' if level > 1 else 'low'}")
-                if chosen != _NONE:
-                    self._take_over("Battery", _BATTERY_MODES[autopilot.kind.flies][chosen])
+                modes = _ACTIONS[autopilot.kind.flies].get(int(parameters[action]))
+                if modes is not None:
+                    self._take_over(_BATTERY, modes)
 
     def _take_over(self, name: str, modes: list[Mode]) -> None:
         autopilot = self._autopilot
@@ -75,12 +83,3 @@ class Failsafe:
         for mode in modes:
             if autopilot.set_mode(mode, f"{name} fail-safe") is None:
                 return
-
-
-_STATION: Final = "GCS"
-_BATTERY: Final = (("BATT_LOW_MAH", "BATT_FS_LOW_ACT"), ("BATT_CRT_MAH", "BATT_FS_CRT_ACT"))
-# The numbers are ArduPilot's, which differ by vehicle.
-_BATTERY_MODES: Final = {
-    False: {_FIRST: [Mode.RTL, Mode.HOLD], _SECOND: [Mode.HOLD]},
-    True: {_FIRST: [Mode.LAND], _SECOND: [Mode.RTL, Mode.LAND]},
-}

@@ -16,6 +16,7 @@ from soter_sim.mavlink.stream import HOST, Connection, Server
 logger = logging.getLogger(__name__)
 
 _LARGEST: Final = 65536
+_AT_ONCE: Final = 256
 
 Hear = Callable[[Channel, Source, mav.MAVLink_message], None]
 """Takes a message that was received."""
@@ -69,7 +70,8 @@ class UdpLink:
 
     def _read(self, _events: int) -> None:
         (channel,) = self.channels
-        while True:
+        # So many at a time, that a flood cannot keep the world from going on.
+        for _ in range(_AT_ONCE):
             try:
                 data, peer = self._socket.recvfrom(_LARGEST)
             except BlockingIOError:

@@ -17,6 +17,7 @@ from soter_sim.mavlink.telemetry import Message
 _ASK_AGAIN_S: Final = 1.0
 _GIVE_UP_S: Final = 8.0
 _E7: Final = 1e7
+_DEGREES_MOST: Final = 180.0
 
 
 @dataclass(slots=True)
@@ -66,13 +67,16 @@ class MissionProtocol:
 
     def item_float(self, channel: Channel, by: Source, message: Message) -> None:
         """Take MISSION_ITEM, which has degrees where the other has whole numbers."""
-        try:
-            x, y = round(message.x * _E7), round(message.y * _E7)
-        except (ValueError, OverflowError):
-            self._upload = None
-            self._acknowledge(channel, by, mav.MAV_MISSION_INVALID_PARAM5_X)
-            return
-        self._take(channel, by, message, x, y)
+        for degrees, fault in (
+            (message.x, mav.MAV_MISSION_INVALID_PARAM5_X),
+            (message.y, mav.MAV_MISSION_INVALID_PARAM6_Y),
+        ):
+            # Written so that NaN fails too.
+            if not -_DEGREES_MOST <= degrees <= _DEGREES_MOST:
+                self._upload = None
+                self._acknowledge(channel, by, fault)
+                return
+        self._take(channel, by, message, round(message.x * _E7), round(message.y * _E7))
 
     def _take(self, channel: Channel, by: Source, message: Message, x: int, y: int) -> None:
         upload = self._upload

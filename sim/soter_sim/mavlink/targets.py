@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, hypot, isfinite, sin
+from math import cos, hypot, sin
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -16,6 +16,9 @@ _POSITION: Final = 0x0007
 _VELOCITY: Final = 0x0038
 _YAW: Final = 0x0400
 _YAW_RATE: Final = 0x0800
+
+# Further than any place on earth, faster than any vehicle.
+_ABSURD: Final = 1e8
 
 _RELATIVE_TO_BODY: Final = (mav.MAV_FRAME_BODY_NED, mav.MAV_FRAME_BODY_OFFSET_NED)
 _LOCAL: Final = (mav.MAV_FRAME_LOCAL_NED, mav.MAV_FRAME_LOCAL_OFFSET_NED, *_RELATIVE_TO_BODY)
@@ -57,7 +60,6 @@ def global_target(autopilot: Autopilot, message: mav.MAVLink_message) -> Place |
     """
     position = None
     if not message.type_mask & _POSITION:
-        _check(message, "alt")
         position = global_place(autopilot, message.coordinate_frame, message.lat_int, message.lon_int, message.alt)
     return _target(autopilot, message, autopilot.sample(), position, in_body=False)
 
@@ -68,8 +70,11 @@ def global_place(
     """Return a place given in 1e-7 degrees and metres as metres east, north and up.
 
     Raises:
-        NotATarget: the frame is not supported.
+        NotATarget: the height is not finite, or the frame is not supported.
     """
+    # Written so that NaN fails too.
+    if not -_ABSURD <= alt_m <= _ABSURD:
+        raise NotATarget(f"alt is {alt_m:g}")
     if frame in _GLOBAL:
         up_m = alt_m - autopilot.origin.alt_m
     elif frame in _ABOVE_HOME:
@@ -124,5 +129,6 @@ def _from_body(at: Sample, forward: float, right: float) -> tuple[float, float]:
 def _check(message: mav.MAVLink_message, *names: str) -> None:
     for name in names:
         value = getattr(message, name)
-        if not isfinite(value):
-            raise NotATarget(f"{name} is {value}")
+        # Written so that NaN fails too.
+        if not -_ABSURD <= value <= _ABSURD:
+            raise NotATarget(f"{name} is {value:g}")

@@ -60,7 +60,7 @@ def heartbeat(autopilot: Autopilot) -> Message:
         base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
     if not autopilot.fixed:
         status = mav.MAV_STATE_CALIBRATING
-    elif autopilot.failing:
+    elif autopilot.failed is not None:
         status = mav.MAV_STATE_CRITICAL
     else:
         status = mav.MAV_STATE_ACTIVE if autopilot.armed else mav.MAV_STATE_STANDBY

@@ -83,6 +83,7 @@ def test_what_makes_no_sense_is_refused() -> None:
         assert rig.command(INTERVAL, math.nan, 100_000) == FAILED
         assert rig.command(INTERVAL, LOCAL, math.nan) == DENIED
         assert rig.command(INTERVAL, LOCAL, -5) == DENIED
+        assert rig.command(INTERVAL, LOCAL, 1e30) == DENIED
         assert rig.command(REQUEST, 9999) == FAILED
         assert rig.command(REQUEST, math.nan) == FAILED
         assert rig.command(mav.MAV_CMD_GET_MESSAGE_INTERVAL, 9999) == FAILED

@@ -164,13 +164,19 @@ def test_numbers_that_are_masked_out_do_not_matter() -> None:
         assert rig.at() == pytest.approx((6.0, 5.0), abs=0.01)
 
 
-def test_absurd_places_are_taken_and_lead_to_no_harm() -> None:
+def test_far_places_are_taken_and_absurd_ones_are_not() -> None:
     with Rig() as rig:
         rig.guided()
-        rig.target(3e38, -3e38)
-        rig.run(5.0)
-        assert math.isfinite(rig.at()[0])
-        assert rig.speed() <= 0.2201
+        rig.target(1e6, 5.0)
+        rig.run(3.0)
+        assert rig.speed() == pytest.approx(0.22)
+        for frame in (mav.MAV_FRAME_LOCAL_NED, mav.MAV_FRAME_BODY_OFFSET_NED):
+            rig.target(3e38, -3e38, frame=frame)
+            rig.run(0.1)
+            assert any(text.startswith("Ignored a target: x is ") for text in rig.client.texts())
+            rig.run(1.5)
+        assert rig.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED) == ACCEPTED
+        assert rig.client.take("POSITION_TARGET_LOCAL_NED")[-1].y == 1e6
 
 
 def test_masks_and_frames_that_mean_nothing_are_said_so() -> None:
