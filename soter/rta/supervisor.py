@@ -266,6 +266,9 @@ class RobotSupervisor:
         if found is None:
             return
         module.monitor.found = None
+        if found.assumption is Assumption.WORKSPACE and self.situation.now_s < self._alarmed_until_s:
+            # A sample that was wrong itself says nothing about the world.
+            return
         cause = f"'{module.name}': {found.cause}"
         if module.mode is Mode.AC:
             self._raise_alarm(found.assumption, cause)
