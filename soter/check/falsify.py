@@ -111,8 +111,12 @@ def _p2a(subject: Subject, valid: Sequence[Trial], figures: dict[str, float | in
         return Finding(name, "P2a", Verdict.ASSUMED, text, figures)
     if not valid:
         return Finding(name, "P2a", Verdict.ASSUMED, "no trial began inside phi_safe", figures)
-    least = min(trial.least_margin for trial in valid)
-    text = f"{len(valid)} trials, none left phi_safe; least margin {least:.3f} {phi_safe.unit}"
+    # One that the AC, or a late switch, has led out says nothing about the safe controller.
+    kept = [trial for trial in valid if not trial.breaches]
+    if not kept:
+        return Finding(name, "P2a", Verdict.ASSUMED, "no trial got as far as its safe controller", figures)
+    least = min(trial.least_margin for trial in kept)
+    text = f"{len(kept)} trials, no safe controller left phi_safe; least margin {least:.3f} {phi_safe.unit}"
     return Finding(name, "P2a", Verdict.TESTED, text, {**figures, "least_margin": least})
 
 

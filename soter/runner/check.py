@@ -86,7 +86,12 @@ def check_mission(mission: Mission, budget: int = 200, seed: int = 0, on_progres
         )
         for robot_id in ids
     }
-    return _Checker(mission, workspace, capabilities, budget, seed, on_progress or (lambda _: None)).report()
+    try:
+        return _Checker(mission, workspace, capabilities, budget, seed, on_progress or (lambda _: None)).report()
+    except IllFormedModule as failure:
+        # It cannot even be declared for these robots: they do not promise what its model needs.
+        text = str(failure).partition(": ")[2]
+        return Report(workspace, [Finding(failure.module, failure.condition, Verdict.REJECTED, text)])
 
 
 def check_module(bench: ModuleBench, budget: int = 200, seed: int = 0, on_progress: Progress | None = None) -> Report:

@@ -85,13 +85,12 @@ class Setting:
         if module is None:
             return -math.inf
         timing, v = self.declared.timing, self.capabilities.v_max_m_s
+        if not isinstance(module.model, SpeedBound):
+            # A model that depends on the state may leave less: only that the margin does not get negative is known.
+            return 0.0
         if not unfired:
             return v * module.delta_s
-        return _speed(self.capabilities).bound(_look_s(module, timing)) - v * module.delta_s
-
-
-def _speed(capabilities: Capabilities) -> SpeedBound:
-    return SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+        return module.model.bound(_look_s(module, timing)) - v * module.delta_s
 
 
 def _look_s(module: RTAModule, timing: Timing) -> float:
@@ -247,8 +246,8 @@ class _WaysHome(_Ground):
         obstacle = setting.module(OBSTACLE)
         # Nearer than this the obstacle module would step in on the way.
         trigger_m = 0.0
-        if obstacle is not None:
-            trigger_m = _speed(setting.capabilities).bound(_look_s(obstacle, setting.declared.timing))
+        if obstacle is not None and obstacle.model is not None:
+            trigger_m = obstacle.model.bound(_look_s(obstacle, setting.declared.timing))
         self._needed_m: Final = max(trigger_m + setting.tube_m, self.two_tubes_m)
 
     def judge(self, cell: Cell) -> Judged:

@@ -1,0 +1,131 @@
+"""Every text with which a module is rejected as ill-formed is brought about here, wherever in SOTER it stands."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from soter.adapters.pybullet import KinematicBackend
+from soter.check import Verdict, conditions
+from soter.errors import IllFormedModule
+from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
+from soter.stack.collision import Separation, check_halves
+from soter.stack.reach import Limits
+from tests.project.source import ROOT
+from tests.rta.doubles import TICK_S, Above, FakeNode, module
+
+PROMISED = KinematicBackend.robot_class.declared
+
+
+class Other(ReachModel):
+    """A model of a user's own, of pairs."""
+
+    of_pairs = True
+
+    def bound(self, time_s: float) -> float:
+        return time_s
+
+    def of_own(self) -> ReachModel:
+        return self
+
+    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
+        return True
+
+
+def pair(brake_m_s2: float = 1.0) -> RTAModule:
+    speed, node = SpeedBound(0.22, brake_m_s2), FakeNode("node")
+    safe, safer = Separation(0.3, 0.22), Separation(0.5, 0.22)
+    return RTAModule("collision", node, node, 0.1, safe, safer, PairBound(speed, speed))
+
+
+def limits(**changes: object) -> Limits:
+    return Limits.of(replace(PROMISED, **changes))  # type: ignore[arg-type]
+
+
+SLOW, OTHER = FakeNode("slow", period_s=1.0), FakeNode("other")
+OTHER.publishes = ("path",)
+
+# Declarations that fail P1 or P3, by what the text says.
+DECLARED: dict[str, tuple[str, RTAModule]] = {
+    "delta_s is 0.0": ("P1a", module(delta_s=0.0)),
+    "dwell_s is -1.0": ("P1a", module(dwell_s=-1.0)),
+    "and not both": ("P3", module(model=None)),
+    "the SC 'slow' has a period of 1 s": ("P1a", module(sc=SLOW)),
+    "no multiple of the base tick": ("P1a", module(delta_s=0.12)),
+    "both must publish the same topics": ("P1b", module(sc=OTHER)),
+    "at the edge of phi_safer it is only 0.010 m": ("P3", module(phi_safer=Above(0.01))),
+}
+# The others, which need more than a declaration.
+OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
+    "more than a quarter of the separation": ("P2a", lambda: check_halves(pair(), 0.2)),
+    "longer than 4 Delta": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), 0.05)),
+    "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), 0.05)),
+    "which a robot does not promise": (
+        "P3", lambda: limits(heading_noise_rad=None).motion("geofence", "unicycle"),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", DECLARED)
+def test_a_declaration_that_fails(text: str) -> None:
+    condition, made = DECLARED[text]
+    found = conditions(made, Timing(), TICK_S)
+    assert [each.verdict for each in found[:-1]] == [Verdict.PROVED] * (len(found) - 1)
+    assert (found[-1].condition, found[-1].verdict) == (condition, Verdict.REJECTED)
+    assert text in found[-1].text
+
+
+@pytest.mark.parametrize("text", OTHERS)
+def test_another_condition_that_fails(text: str) -> None:
+    condition, fail = OTHERS[text]
+    with pytest.raises(IllFormedModule) as caught:
+        fail()
+    assert caught.value.condition == condition
+    assert text in str(caught.value)
+
+
+def test_a_declaration_that_holds_says_by_how_much() -> None:
+    found = {each.condition: each for each in conditions(module(), Timing(latency_s=0.05), TICK_S)}
+    assert {each.verdict for each in found.values()} == {Verdict.PROVED}
+    assert found["P3"].figures["reach"] == pytest.approx(0.22 * found["P3"].figures["horizon_s"] + 0.0242)  # type: ignore[operator]
+    predicate = conditions(replace(module(), phi_safer=lambda s: True), Timing(), TICK_S)[-1]
+    assert "phi_safer is a predicate" in predicate.text
+    claimed = replace(module(), model=None, ttf_2delta=lambda s: False)
+    assert conditions(claimed, Timing(), TICK_S)[-1].verdict is Verdict.ASSUMED
+
+
+@cache
+def places() -> set[tuple[str, int]]:
+    """Every place in SOTER that makes an `IllFormedModule`: file and line."""
+    found = set()
+    for path in sorted((ROOT / "soter").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "IllFormedModule":
+                found.add((str(path), node.lineno))
+    return found
+
+
+def test_there_is_no_other_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: set[tuple[str, int]] = set()
+    original = IllFormedModule.__init__
+
+    def note(self: IllFormedModule, module: str, condition: str, message: str) -> None:
+        caller = sys._getframe(1)
+        # Where the call begins, whichever of its lines is being run.
+        file = str(Path(caller.f_code.co_filename))
+        made.add((file, max((line for path, line in places() if path == file and line <= caller.f_lineno), default=0)))
+        original(self, module, condition, message)
+
+    monkeypatch.setattr(IllFormedModule, "__init__", note)
+    for _, declared in DECLARED.values():
+        conditions(declared, Timing(), TICK_S)
+    for _, fail in OTHERS.values():
+        with pytest.raises(IllFormedModule):
+            fail()
+    assert made == places(), "a text without a test: add what brings it about to the tables above"
