@@ -36,6 +36,7 @@ LATCHED: Final = QoSProfile(
 
 NODE_NAME: Final = "soter"
 
+_UNNAMED: Final = "_NODE_NAME_UNKNOWN_"
 _LOOK_S: Final = 0.005
 _END_TIMEOUT_S: Final = 5.0
 
@@ -117,6 +118,11 @@ def said_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) ->
 def publishers(node: Node, topic: str) -> list[str]:
     """Return the names of all nodes that publish a topic."""
     return sorted({_name(each) for each in node.get_publishers_info_by_topic(topic)})
+
+
+def all_named(node: Node, *topics: str) -> bool:
+    """Return whether the names of all nodes that publish these topics are known; a node is found before its name is."""
+    return not any(_UNNAMED in name for topic in topics for name in publishers(node, topic))
 
 
 def _name(info: Any) -> str:

@@ -205,7 +205,7 @@ class Ros2Robot(Robot):
         until_s = clock.steady_s() + timeout_s
         if not ros.wait_for(self._all_heard, min(timeout_s, self._config.discovery_s)):
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {self._missing()}")
-        self._refuse_others()
+        self._refuse_others(until_s - clock.steady_s())
         if not self._settle(until_s - clock.steady_s()):
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {self._refusal()}")
         return replace(self.declared, reports_battery=bool(self._config.topics.battery))
@@ -300,9 +300,10 @@ class Ros2Robot(Robot):
             "beside it, and are the namespace, the topics and the ROS domain in [backends.ros2] right?"
         )
 
-    def _refuse_others(self) -> None:
+    def _refuse_others(self, timeout_s: float) -> None:
         """Refuse a robot that others may drive past the mux, or in the SC's name."""
         node, topics = self.node, self._config.topics
+        self._ros.wait_for(lambda: graph.all_named(node, topics.cmd_vel, topics.cmd_vel_sc), timeout_s)
         own = f"{node.get_namespace().rstrip('/')}/{graph.NODE_NAME}"
         past = [name for name in graph.publishers(node, topics.cmd_vel) if not name.endswith(f"/{_MUX}")]
         forged = [name for name in graph.publishers(node, topics.cmd_vel_sc) if name != own]
