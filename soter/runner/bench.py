@@ -17,7 +17,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from soter.check import Breach, Obligation, Row, Trial
-from soter.config import Mission
+from soter.config import Mission, load_mission
 from soter.errors import ConfigError
 from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
@@ -84,6 +84,22 @@ def floor_bench(
     except ValidationError as failure:
         raise config_error(pydantic_problems(failure, Mission), None) from failure
     return ModuleBench(mission, open_floor(robots), CHECKED, robots, patience_s)
+
+
+def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: float = 60.0) -> ModuleBench:
+    """Return a bench with the modules, the workspace and the options of a mission file.
+
+    Args:
+        path: the mission file.
+        name: of the module under test.
+        robots: how many.
+        patience_s: how long its safe controller may take to get back to phi_safer.
+
+    Raises:
+        ConfigError: something in the file is not allowed, or the mission has no such module.
+    """
+    mission = load_mission(path)
+    return ModuleBench(mission, mission.read_workspace(), name, robots, patience_s)
 
 
 class ModuleBench:
