@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from numbers import Integral, Real
 from typing import Any, Final
 
 import msgspec
@@ -115,14 +116,42 @@ WAY: Final = -1
 PendingEvent = tuple[int, Event | Way]
 """An event that is not encoded yet; an encoded frame does not differ by that."""
 
-_encode: Final = msgspec.msgpack.Encoder().encode
+_MOST: Final = (1 << 63) - 1
+
+
+def _as_plain(value: object) -> object:
+    """Return a value of a foreign type as one of our own: adapters have numbers of numpy's."""
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if isinstance(value, Real) else repr(value)
+
+
+_encode: Final = msgspec.msgpack.Encoder(enc_hook=_as_plain).encode
 _decode: Final = msgspec.msgpack.Decoder(Frame).decode
 
 
 def packed(frame: Any) -> bytes:
-    """Return a frame as it is sent."""
-    data = _encode(frame)
+    """Return a frame as it is sent. It can be sent whatever stands in it: some of it comes from untrusted code."""
+    try:
+        data = _encode(frame)
+    except (UnicodeEncodeError, OverflowError):
+        data = _encode(_tamed(frame))
     return _LENGTH.pack(len(data)) + data
+
+
+def _tamed(value: Any) -> Any:
+    """Return a copy with texts that are valid and integers that are not too long."""
+    if isinstance(value, Struct):
+        return type(value)(*(_tamed(getattr(value, name)) for name in value.__struct_fields__))
+    if isinstance(value, str):
+        return value.encode(errors="backslashreplace").decode()
+    if type(value) is int:
+        return max(-_MOST, min(value, _MOST))
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return type(value)(*map(_tamed, value))
+    if isinstance(value, list | tuple):
+        return type(value)(map(_tamed, value))
+    return value
 
 
 class Intake:

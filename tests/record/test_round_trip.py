@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from soter import __version__
@@ -23,7 +24,7 @@ from soter.record.messages import AC, EVENTS, ModuleTick, RobotTick
 from soter.record.reader import Recording
 from soter.record.samples import sample_of, state_of
 from soter.record.summary import summarise
-from soter.record.wire import Intake, packed
+from soter.record.wire import Finish, Intake, Row, Tick, packed
 from soter.runner.trace import Trace
 from soter.sdk import Controller, Link, RobotState
 from tests.record.conftest import Recorded
@@ -152,14 +153,26 @@ def test_a_sample_comes_back_bit_by_bit(value: float) -> None:
 
 
 def test_frames_come_through_a_pipe_in_any_pieces(kinematic: Recorded) -> None:
-    from soter.record.wire import Finish
-
     frames = [Finish(float(number), b"x" * number, []) for number in range(20)]
     data = b"".join(packed(frame) for frame in frames)
     for size in (1, 7, 50, len(data)):
         intake = Intake()
         taken = [frame for at in range(0, len(data), size) for frame in intake.take(data[at : at + size])]
         assert taken == frames
+
+
+def test_whatever_stands_in_a_frame_it_can_be_sent() -> None:
+    foreign: tuple[Any, ...] = (np.float64(0.1), 0.0, np.float32(0.5), np.int64(2), 0.0, 0.0, 0.0, 0.0, 0.0)
+    odd = RobotState(1, *foreign, None, None, 2**80, Link.UP)
+    row = Row(odd, -1, True, 0, [math.inf, np.float64(-0.0)], unread=True, no_state="\udc80 lost", ac_failure="\ud800")
+    event = messages.Switch(0.0, 1, "AC", "geofence", "geofence", "cause \udcff")
+    frame = Tick(0, 0.0, 1, [row], [(EVENTS.index(messages.Switch), event)])  # type: ignore[list-item]
+    (back,) = Intake().take(packed(frame))
+    assert isinstance(back, Tick)
+    state = back.rows[0].state
+    assert (state.stamp_s, state.x_m, state.y_m) == (0.1, 0.5, 2.0)
+    assert back.rows[0].numbers == [math.inf, 0.0]
+    assert back.rows[0].no_state == "\\udc80 lost"
 
 
 # --- check digits ------------------------------------------------------------------------------------------
