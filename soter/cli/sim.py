@@ -100,6 +100,12 @@ def mavlink(
     boot: Annotated[
         float, typer.Option(metavar="SECONDS", help="Simulated time until the autopilots are ready.")
     ] = 2.0,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON,ALT", help="Where on earth the workspace has its origin; negative: --origin=-33.9,18.4,10."
+        ),
+    ] = None,
     sign: Annotated[
         Path | None,
         typer.Option(
@@ -119,6 +125,7 @@ def mavlink(
         from soter.sdk.hints import install_command
 
         try:
+            from soter_sim.mavlink.frames import Origin
             from soter_sim.mavlink.signing import read_key
             from soter_sim.mavlink.simulation import Settings, Simulation
         except ImportError as missing:
@@ -135,6 +142,7 @@ def mavlink(
                 rate_hz=rate,
                 speedup=speedup,
                 boot_s=boot,
+                origin=Origin() if origin is None else Origin.read(origin),
                 key=None if sign is None else read_key(sign),
             )
             simulation = Simulation(room, specs, settings)

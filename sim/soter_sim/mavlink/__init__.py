@@ -5,7 +5,7 @@ This is the contract with whoever talks to them. It imports nothing: the vehicle
 ```
 python -m soter_sim.mavlink WORLD.json|- [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
     [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--speedup N]
-    [--boot SECONDS] [--sign FILE] [--parent PID]
+    [--boot SECONDS] [--origin LAT,LON,ALT] [--sign FILE] [--parent PID]
 ```
 
 `WORLD.json`, or standard input, describes the world: see `soter_sim.mavlink.described`. Once all sockets are open, one
@@ -35,7 +35,8 @@ forgets message intervals, keeper and home; parameters and mission stay.
 instead of 167 and correct positions from S on. Arming and modes that need a position are refused until then.
 
 **Frames.** The origin of the EKF is the origin of the workspace: LOCAL_POSITION_NED is x = north, y = east, z = down
-from there. On earth it is 47.397742 N, 8.545594 E, 488 m; a metre is 1/0.011131884502145034 units of 1e-7 degrees.
+from there. On earth it is 47.397742 N, 8.545594 E, 488 m, or `--origin`; GPS_GLOBAL_ORIGIN says it; a metre is
+1/0.011131884502145034 units of 1e-7 degrees.
 
 **Charge.** BATTERY_STATUS: `battery_remaining` is whole per cent; `current_consumed` is (1 - charge) x BATT_CAPACITY
 (10 000 mAh), so 1e-4 fine.

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from soter.errors import SoterError
 from soter_sim.mavlink.described import read_world
+from soter_sim.mavlink.frames import Origin
 from soter_sim.mavlink.signing import read_key
 from soter_sim.mavlink.simulation import Settings, Simulation
 
@@ -39,6 +40,7 @@ def main() -> int:
             plain=arguments.plain,
             speedup=arguments.speedup,
             boot_s=arguments.boot,
+            origin=Origin() if arguments.origin is None else Origin.read(arguments.origin),
             key=None if arguments.sign is None else read_key(arguments.sign),
         )
         simulation = Simulation(workspace, robots, settings)
@@ -72,6 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--plain", action="store_true", help="without what is added to ArduPilot: master, lease, yaw")
     parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
     parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
+    parser.add_argument("--origin", metavar="LAT,LON,ALT", help="where on earth the workspace has its origin")
     parser.add_argument("--sign", type=Path, help="a file with a passphrase: sign, and take what is signed only")
     parser.add_argument("--parent", type=int, help="end when this process is no longer the parent")
     return parser

@@ -160,7 +160,8 @@ def _reposition(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     except NotATarget as failure:
         autopilot.say(mav.MAV_SEVERITY_WARNING, f"Ignored a target: {failure}")
         return DENIED
-    if not autopilot.armed or not autopilot.guided.may_go(command.by):
+    grounded = autopilot.kind.flies and autopilot.landed
+    if not autopilot.armed or grounded or not autopilot.guided.may_go(command.by):
         return DENIED
     if autopilot.mode is not Mode.GUIDED and (
         not int(flags) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE

@@ -5,7 +5,7 @@ The origin of the EKF is the origin of the workspace, so that both differ by the
 
 from __future__ import annotations
 
-from math import cos, pi, radians
+from math import cos, nan, pi, radians
 from typing import Final, NamedTuple
 
 _M_PER_E7_DEG: Final = 0.011131884502145034
@@ -24,6 +24,25 @@ class Origin(NamedTuple):
     lat_deg: float = 47.397742
     lon_deg: float = 8.545594
     alt_m: float = 488.0
+
+    @staticmethod
+    def read(text: str) -> Origin:
+        """Read an origin from "LATITUDE,LONGITUDE,ALTITUDE", in degrees and metres.
+
+        Raises:
+            ValueError: it is none, or nearer to a pole than any map of right angles can be.
+        """
+        try:
+            origin = Origin(*map(float, text.split(",")))
+        except (ValueError, TypeError):
+            origin = Origin(nan, nan, nan)
+        # Written so that NaN fails too.
+        if not (abs(origin.lat_deg) <= 85.0 and abs(origin.lon_deg) <= 180.0 and abs(origin.alt_m) <= 1e4):
+            raise ValueError(
+                f"origin is '{text}', allowed: LATITUDE,LONGITUDE,ALTITUDE in degrees and metres, the latitude from "
+                "-85 to 85, such as 47.397742,8.545594,488"
+            )
+        return origin
 
     def geodetic_e7(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return latitude and longitude, in 1e-7 degrees, of a place in the workspace."""

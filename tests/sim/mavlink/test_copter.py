@@ -7,6 +7,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter_sim.mavlink.frames import Origin
 from tests.sim.mavlink.client import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Rig
 from tests.sim.worlds import from_segment
 
@@ -46,6 +47,8 @@ def test_targets_before_the_take_off_are_ignored() -> None:
     with Rig(vehicle="copter") as rig:
         rig.guided()
         rig.target(6.0, 6.0, 1.0)
+        lat_e7, lon_e7 = Origin().geodetic_e7(6.0, 6.0)
+        assert rig.command_int(mav.MAV_CMD_DO_REPOSITION, -1, 1, x=lat_e7, y=lon_e7, z=489.0) == DENIED
         rig.run(2.0)
         assert rig.autopilot.landed
         assert rig.at() == (5.0, 5.0)
