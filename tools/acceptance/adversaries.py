@@ -36,11 +36,15 @@ USED_UP: Final = 0.1
 """The same where latency, age and jitter are used up too."""
 
 LINKS: Final[Mapping[str, tuple[str, ...]]] = {
-    "late": ("fault=[{kind='delay', commands_s=0.05, jitter_s=0.04}]",),
-    "old": ("fault=[{kind='delay', samples_s=0.05}, {kind='delay', commands_s=0.04}]",),
+    "late": ("fault=[{kind='delay', commands_s=0.05}]",),
+    "old": ("fault=[{kind='delay', samples_s=0.05}]",),
+    "jittery": ("fault=[{kind='delay', commands_s=0.02, jitter_s=0.07}]",),
     "lossy": ("fault=[{kind='loss', commands=0.3}]",),
 }
-"""Links at their declared bounds, which leave little of what the default modules can wait for."""
+"""Links at their declared bounds, which leave little of what the default modules can wait for.
+
+Delays are whole ticks where they can be: what is declared beyond these is never used up, since robots act at ticks.
+"""
 
 STRETCHED: Final = (
     "rta.modules=['obstacle', 'geofence', 'battery']",
