@@ -162,8 +162,8 @@ def test_frames_come_through_a_pipe_in_any_pieces(kinematic: Recorded) -> None:
 
 
 def test_whatever_stands_in_a_frame_it_can_be_sent() -> None:
-    foreign: tuple[Any, ...] = (np.float64(0.1), 0.0, np.float32(0.5), np.int64(2), 0.0, 0.0, 0.0, 0.0, 0.0)
-    odd = RobotState(1, *foreign, None, None, 2**80, Link.UP)
+    foreign = (np.float64(0.1), 0.0, np.float32(0.5), np.int64(2), 0.0, 0.0, 0.0, 0.0, 0.0)
+    odd = RobotState._make((1, *foreign, None, None, 2**80, Link.UP))
     row = Row(odd, -1, True, 0, [math.inf, np.float64(-0.0)], unread=True, no_state="\udc80 lost", ac_failure="\ud800")
     event = messages.Switch(0.0, 1, "AC", "geofence", "geofence", "cause \udcff")
     frame = Tick(0, 0.0, 1, [row], [(EVENTS.index(messages.Switch), event)])  # type: ignore[list-item]
