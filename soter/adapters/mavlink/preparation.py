@@ -23,7 +23,7 @@ from soter.errors import RobotUnavailable
 from soter.sdk import Controller
 
 _RETRY_S: Final = 0.4
-_NAME_S: Final = 0.05
+_KEEP_S: Final = 0.05
 _SLOWER: Final = 0.8
 _ASKED_HZ: Final = 50.0
 _FLOWING: Final = 0.6
@@ -44,6 +44,7 @@ _SLOW_STREAMS: Final = {
     mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 4.0,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
 }
+_PX4_EKF: Final = mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 _REPORT_HZ: Final = 20.0
 
 
@@ -82,7 +83,8 @@ class Preparation:
         self._config: Final = config
         self._lease_ms: Final = round(lease_s * 1e3)
         self._steps: Iterator[str] = iter(())
-        self._since_s = self._asked_s = self._named_s = -math.inf
+        self._since_s = self._asked_s = self._kept_s = -math.inf
+        self._keep_alive: Callable[[], None] | None = None
         self._named = KEEPER
         self.begun = self.ready = False
         self.waits_for = "everything"
@@ -95,6 +97,7 @@ class Preparation:
         self._authority.begin()
         # What it does to get ready is asked for by the keeper itself.
         self._named = KEEPER
+        self._keep_alive = None
         self._steps = self._run()
         self.begun, self.ready = True, False
 
@@ -104,9 +107,9 @@ class Preparation:
         Raises:
             RobotUnavailable: the vehicle is none that can be commanded, or not the one that was promised.
         """
-        if self.gated and self._vehicle.now_s - self._named_s >= _NAME_S:
-            # Taking off is motion on a lease like any other.
-            self._name()
+        if self._keep_alive is not None and self._vehicle.now_s - self._kept_s >= _KEEP_S:
+            self._kept_s = self._vehicle.now_s
+            self._keep_alive()
         self.waits_for = next(self._steps, "")
         self.ready = not self.waits_for
         return self.ready
@@ -136,7 +139,7 @@ class Preparation:
             vehicle.ask_for(KEEPER, message_id, hz)
         yield from self._until(
             lambda: vehicle.ekf_ready(self._since_s), "its EKF to know where it is",
-            lambda: vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT),
+            lambda: vehicle.ask_once(KEEPER, _PX4_EKF if kind.is_px4 else mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT),
         )  # fmt: skip
         yield from self._until(
             self._heard_origin, "the origin of its EKF",
@@ -146,14 +149,23 @@ class Preparation:
         if vehicle.mode == kind.guided and vehicle.armed:
             # Whatever it was on its way to is dropped by leaving the mode.
             yield from self._mode(kind.stop)
+        if kind.is_px4:
+            # It takes targets only from who has been sending them for a while, and goes on doing so.
+            self._keep_alive = self._stand
         yield from self._mode(kind.guided)
         yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         if kind.flies:
             height_m = self._config.height_m
+            if kind.is_px4:
+                self._keep_alive = self._climb
             yield from self._until(
-                lambda: self._up_m() >= height_m - _HEIGHT_M, f"it to be {height_m:g} m up", self._take_off
+                lambda: self._up_m() >= height_m - _HEIGHT_M,
+                f"it to be {height_m:g} m up",
+                None if kind.is_px4 else self._take_off,
             )
+            if kind.is_px4:
+                self._keep_alive = self._stand
         yield from self._until(self._rests, "it to stand still")
         if self.gated:
             self._named = SENDERS[Controller.SC]
@@ -221,17 +233,13 @@ class Preparation:
 
     def _mode(self, mode: int) -> Iterator[str]:
         vehicle = self._vehicle
-
-        def ask() -> None:
-            vehicle.set_mode(KEEPER, mode)
-            # PX4 takes targets only from who has been sending them for a while.
-            if vehicle.kind.is_px4:
-                self._setpoints.stand(Controller.SC)
-
-        return self._until(lambda: vehicle.mode == mode, f"the mode {vehicle.kind.mode_name(mode)}", ask)
+        return self._until(
+            lambda: vehicle.mode == mode,
+            f"the mode {vehicle.kind.mode_name(mode)}",
+            lambda: vehicle.set_mode(KEEPER, mode),
+        )
 
     def _name(self) -> None:
-        self._named_s = self._vehicle.now_s
         vehicle_s = self._time_sync.to_vehicle_s(self._vehicle.link.clock.now())
         if vehicle_s is not None:
             self._authority.name(self._named, vehicle_s)
@@ -246,6 +254,8 @@ class Preparation:
         supported = self._authority.supported(self._since_s)
         if supported:
             self.gated = True
+            # Taking off is motion on a lease like any other.
+            self._keep_alive = self._name
             lease_ms = self._vehicle.parameter(LEASE_PARAMETER, self._since_s)
             return self._authority.reported() == KEEPER and lease_ms == self._lease_ms
         self.gated = supported
@@ -258,6 +268,15 @@ class Preparation:
         if self._up_m() < _HEIGHT_M:
             height_m = self._config.height_m
             self._vehicle.command(KEEPER, mav.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
+
+    def _stand(self) -> None:
+        self._setpoints.stand(Controller.SC)
+
+    def _climb(self) -> None:
+        """Tell it to be above where it is: that is how PX4 takes off in OFFBOARD, where it refuses the command."""
+        position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)
+        if position is not None:
+            self._setpoints.go_ned(Controller.SC, position.x, position.y, -self._config.height_m)
 
     def _up_m(self) -> float:
         position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)

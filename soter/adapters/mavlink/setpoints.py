@@ -71,6 +71,10 @@ class Setpoints:
             more["yaw"] = yaw_rad
         self._send(by, mask, self._place(x_m, y_m, z_m) | more)
 
+    def go_ned(self, by: Controller, north_m: float, east_m: float, down_m: float) -> None:
+        """Tell any vehicle where to go, seen from the origin of its EKF."""
+        self._send(by, _ONLY_POSITION, {"x": north_m, "y": east_m, "z": down_m})
+
     def cap_speed(self, speed_m_s: float | None) -> None:
         """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
         cap_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)

@@ -53,7 +53,7 @@ class Puppet(Link):
         self.streams: dict[int, float] = {}
         self.parameters: dict[str, float] = {}
         self.master = 0
-        self.x_m = self.y_m = 0.0
+        self.x_m = self.y_m = self.up_m = 0.0
         self.clock_s = 1000.0
         self.percent = 80
 
@@ -75,6 +75,8 @@ class Puppet(Link):
         if name in ("COMMAND_LONG", "COMMAND_INT"):
             result = self._obey(component, dict(fields))
             self.say("COMMAND_ACK", command=fields["command"], result=result, target_system=OURS)
+        elif name.startswith("SET_POSITION") and self.armed and not fields["type_mask"] & 7:
+            self.up_m = -fields["z"]
         elif name == "TIMESYNC" and self.answers_time:
             self.say("TIMESYNC", tc1=int(self.clock_s * 1e9), ts1=fields["ts1"])
         elif name == "PARAM_SET" and self.gate:
@@ -101,10 +103,10 @@ class Puppet(Link):
         self.say(
             "HEARTBEAT", type=self.kind[0], autopilot=self.kind[1], base_mode=ARMED * self.armed, custom_mode=self.mode
         )
-        self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=0.0, vx=0.0, vy=0.0, vz=0.0)
+        self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=-self.up_m, vx=0.0, vy=0.0, vz=0.0)
         self.say("ATTITUDE", **stamp, yaw=0.5, yawspeed=0.0)
         self.say("SYS_STATUS", battery_remaining=self.percent, voltage_battery=11_000)
-        self.say("EKF_STATUS_REPORT", flags=self.ekf)
+        self.say("ESTIMATOR_STATUS" if self.kind[1] == mav.MAV_AUTOPILOT_PX4 else "EKF_STATUS_REPORT", flags=self.ekf)
         if self.gate:
             self.say("NAMED_VALUE_INT", name="GMASTER", value=256 * OURS + self.master, **stamp)
 
@@ -126,12 +128,15 @@ class Puppet(Link):
         elif number == mav.MAV_CMD_REQUEST_MESSAGE and fields["param1"] == mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
             self.say("GPS_GLOBAL_ORIGIN", latitude=473977420, longitude=85455940, altitude=488_000)
         elif number == mav.MAV_CMD_DO_SET_MODE:
-            self.mode = int(fields["param2"])
+            px4 = self.kind[1] == mav.MAV_AUTOPILOT_PX4
+            self.mode = int(fields["param2"]) << 16 | int(fields["param3"]) << 24 if px4 else int(fields["param2"])
         elif number == mav.MAV_CMD_COMPONENT_ARM_DISARM:
             if self.refuses_to_arm:
                 self.say("STATUSTEXT", severity=mav.MAV_SEVERITY_CRITICAL, text=self.refuses_to_arm)
                 return int(mav.MAV_RESULT_FAILED)
             self.armed = True
+        elif number == mav.MAV_CMD_NAV_TAKEOFF:
+            self.up_m = fields["param7"]
         elif number == mav.MAV_CMD_DO_GUIDED_MASTER:
             if not self.gate:
                 return int(mav.MAV_RESULT_UNSUPPORTED)

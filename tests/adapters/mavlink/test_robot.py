@@ -109,6 +109,29 @@ def test_what_it_was_on_its_way_to_is_dropped_first(puppet: Puppet) -> None:
     assert modes[-1] == ROVER_GUIDED
 
 
+@pytest.mark.parametrize("autopilot", [mav.MAV_AUTOPILOT_ARDUPILOTMEGA, mav.MAV_AUTOPILOT_PX4])
+def test_a_copter_takes_off_to_its_height_which_is_the_plane_of_the_workspace(puppet: Puppet, autopilot: int) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_QUADROTOR, autopilot), False
+    robot = ready(puppet, vehicle="copter", height_m=2.0)
+    puppet.live()
+    assert puppet.up_m == pytest.approx(2.0)
+    assert robot.read_state().z_m == pytest.approx(0.0)
+    assert puppet.mode == (4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 6 << 16)
+    tick(puppet, robot)
+    robot.goto(Waypoint(1.0, 0.0, z_m=0.5, heading_rad=0.0), SC)
+    assert puppet.targets()[-1][1]["z"] < -2.0
+
+
+def test_px4_is_sent_targets_before_it_is_asked_to_take_them_and_from_then_on(puppet: Puppet) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_PX4), False
+    robot_of(puppet).init(20.0)
+    names = [name for _, name, fields in puppet.sent if name != "TIMESYNC"]
+    modes = [fields for fields in puppet.commands(mav.MAV_CMD_DO_SET_MODE) if fields["param2"] == 6.0]
+    first = next(number for number, (_, _, fields) in enumerate(puppet.sent) if fields == modes[0])
+    assert "SET_POSITION_TARGET_LOCAL_NED" in [name for _, name, _ in puppet.sent[first : first + 40]]
+    assert names.count("SET_POSITION_TARGET_LOCAL_NED") >= 2
+
+
 def test_without_a_gate_it_promises_less(puppet: Puppet) -> None:
     puppet.gate, puppet.percent = False, -1
     robot = ready(puppet)
