@@ -24,7 +24,7 @@ _HEAD: Final = (
 )  # fmt: skip
 _STATE: Final = (
     "stamp_s", "x_m", "y_m", "z_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "link", "vehicle_stamp_s",
-    "battery", "controller", "goal_id",
+    "battery", "controller", "goal_id", "vz_m_s",
 )  # fmt: skip
 _TEXTS: Final = frozenset({"mode", "driver", "no_state", "refused", "ac_failure", "link", "controller", "name"})
 
@@ -88,7 +88,7 @@ def _values(record: RobotTick) -> list[float]:
         float(record.ac_drove), _text(record.ac_failure),
         state.stamp_s, state.x_m, state.y_m, state.z_m, state.heading_rad, state.vx_m_s, state.vy_m_s,
         state.yaw_rate_rad_s, _text(state.link), _number(state.vehicle_stamp_s), _number(state.battery),
-        _text(state.controller), _number(state.goal_id),
+        _text(state.controller), _number(state.goal_id), _number(state.vz_m_s),
     ]  # fmt: skip
     for module in record.modules:
         values += (_text(module.name), _text(module.mode), module.margin_value, module.reach_value)

@@ -42,6 +42,7 @@ class State(Message):
     battery: Annotated[float | UnsetType, Meta(description="Charge from 0 to 1; absent where unknown.")] = UNSET
     controller: Annotated[str, Meta(description="AC or SC, as the robot reports it; absent where it does not.")] = ""
     goal_id: Annotated[int | UnsetType, Meta(description="The goal that it works on; absent without one.")] = UNSET
+    vz_m_s: Annotated[float | UnsetType, Meta(description="Velocity, up; absent where it is not reported.")] = UNSET
 
 
 class ModuleTick(Message):

@@ -24,6 +24,7 @@ def state_of(sample: RobotState) -> State:
         UNSET if sample.battery is None else sample.battery,
         "" if sample.controller is None else sample.controller.value,
         UNSET if sample.goal_id is None else sample.goal_id,
+        UNSET if sample.vz_m_s is None else sample.vz_m_s,
     )  # fmt: skip
 
 
@@ -40,4 +41,5 @@ def sample_of(state: State, robot_id: int) -> RobotState:
         state.y_m, state.z_m, state.heading_rad, state.vx_m_s, state.vy_m_s, state.yaw_rate_rad_s,
         None if state.battery is UNSET else state.battery, _CONTROLLERS[state.controller],
         None if state.goal_id is UNSET else state.goal_id, _LINKS[state.link],
+        None if state.vz_m_s is UNSET else state.vz_m_s,
     )  # fmt: skip

@@ -142,11 +142,29 @@ def test_every_number_comes_back_bit_by_bit(value: float) -> None:
     assert value.hex() == back.margin_value.hex() == back.reach_value.hex()
 
 
+def test_nothing_of_a_sample_is_left_out() -> None:
+    assert {*messages.State.__struct_fields__, "robot_id"} == set(RobotState._fields)
+
+
 @pytest.mark.parametrize("value", DOUBLES)
 def test_a_sample_comes_back_bit_by_bit(value: float) -> None:
-    for battery, controller, goal_id in ((value, Controller.AC, 7), (None, None, None)):
+    for battery, controller, goal_id, vz_m_s in ((value, Controller.AC, 7, value), (None, None, None, None)):
         sample = RobotState(
-            3, value, value, value, value, value, value, value, value, value, battery, controller, goal_id, Link.STALE
+            3,
+            value,
+            value,
+            value,
+            value,
+            value,
+            value,
+            value,
+            value,
+            value,
+            battery,
+            controller,
+            goal_id,
+            Link.STALE,
+            vz_m_s,
         )
         state = msgspec.json.decode(msgspec.json.encode(state_of(sample)), type=messages.State)
         assert repr(sample_of(state, 3)) == repr(sample)
@@ -163,7 +181,7 @@ def test_frames_come_through_a_pipe_in_any_pieces(kinematic: Recorded) -> None:
 
 def test_whatever_stands_in_a_frame_it_can_be_sent() -> None:
     foreign = (np.float64(0.1), 0.0, np.float32(0.5), np.int64(2), 0.0, 0.0, 0.0, 0.0, 0.0)
-    odd = RobotState._make((1, *foreign, None, None, 2**80, Link.UP))
+    odd = RobotState._make((1, *foreign, None, None, 2**80, Link.UP, None))
     row = Row(odd, -1, True, 0, [math.inf, np.float64(-0.0)], unread=True, no_state="\udc80 lost", ac_failure="\ud800")
     event = messages.Switch(0.0, 1, "AC", "geofence", "geofence", "cause \udcff")
     frame = Tick(0, 0.0, 1, [row], [(EVENTS.index(messages.Switch), event)])  # type: ignore[list-item]
