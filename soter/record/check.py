@@ -6,6 +6,7 @@ a value that was changed by whatever wrote, converted or edited the file is foun
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from msgspec import UNSET, UnsetType
 
 from soter.record.messages import AC, RobotTick
 
-_ABSENT: Final = -1.0
+_ABSENT: Final = math.nan
 _CRC_DIGITS: Final = 8
 _HEAD: Final = (
     "tick", "time_s", "robot_id", "mode", "driver", "unread", "no_state", "refused", "ac_drove", "ac_failure",
@@ -73,10 +74,14 @@ def flaw(record: RobotTick) -> Flaw | None:
         words[index] ^= change
         if zlib.crc32(mended) == crc:
             reads, was = (struct.unpack_from("<d", data, 8 * index)[0] for data in (packed, mended))
-            if name.rpartition(".")[2] in _TEXTS:
-                return found._replace(field=name, reads=f"checksum {reads:.0f}", was=f"checksum {was:.0f}")
-            return found._replace(field=name, reads=repr(reads), was=repr(was))
+            return found._replace(field=name, reads=_shown(name, reads), was=_shown(name, was))
     return found
+
+
+def _shown(name: str, value: float) -> str:
+    if name.rpartition(".")[2] in _TEXTS:
+        return f"a text with checksum {value:.0f}"
+    return "absent" if name.startswith("state.") and math.isnan(value) else repr(value)
 
 
 def _values(record: RobotTick) -> list[float]:
