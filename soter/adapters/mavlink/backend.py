@@ -137,5 +137,7 @@ def promising(promised: Capabilities) -> type[MavlinkRobot]:
 
 def _options(config: MavlinkConfig) -> list[str]:
     options = ["--vehicle", config.vehicle, "--engine", config.engine, "--speedup", repr(config.speedup)]
-    options += ["--boot", repr(config.boot_s), "--rate", repr(config.stream_hz)]
+    options += ["--boot", repr(config.boot_s)]
+    if not config.has_bodies:
+        options += ["--rate", repr(config.stream_hz)]
     return options if config.passphrase_file is None else [*options, "--sign", str(config.passphrase_file)]

@@ -14,7 +14,7 @@ import math
 import socket
 from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Final
 
 import mavsdk
 from mavsdk.logging import LogLevel, log_subscribe
@@ -89,8 +89,15 @@ class MavsdkLink(Link):
 
     # --- MAVSDK's thread -----------------------------------------------------------------------------------
 
-    def _hear(self, message: Any, _user_data: Any) -> None:
+    def _hear(self, message: MavlinkMessage, _user_data: object) -> None:
         received_s = self.clock.steady_s()
+        try:
+            self._take(message, received_s)
+        except Exception:
+            # MAVSDK would print it. What arrives is anybody's; it must not deafen the others.
+            logger.exception("a message %s was dropped", message.message_name)
+
+    def _take(self, message: MavlinkMessage, received_s: float) -> None:
         if message.component_id != AUTOPILOT:
             return
         inbox = self.inboxes.get(message.system_id)

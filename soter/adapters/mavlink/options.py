@@ -44,6 +44,7 @@ STREAM_HZ: Final = 50.0
 
 VEHICLES: Final = {"rover": ROVER, "copter": COPTER}
 
+_BODIES_HZ: Final = 20.0
 _HOST_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s")
 
 
@@ -190,8 +191,21 @@ class MavlinkConfig(BackendConfig):
 
     def promised(self) -> Capabilities:
         """Return what the vehicles promise: times are in fleet time, of which a host second has `speedup`."""
+        base = VEHICLES[self.vehicle]
+        if self.has_bodies:
+            base = replace(base, setpoint_period_s=1.0 / _BODIES_HZ)
         given: dict[str, Any] = {key: value for key, value in self.promise if value is not None}
-        return _with_periods(replace(VEHICLES[self.vehicle], **given), self.stream_hz, self.speedup)
+        return _with_periods(replace(base, **given), self.samples_hz, self.speedup)
+
+    @property
+    def has_bodies(self) -> bool:
+        """Whether the vehicles are simulated as rigid bodies, which have fewer control periods in a second."""
+        return self.connection is None and self.engine == "pybullet"
+
+    @property
+    def samples_hz(self) -> float:
+        """How often samples come: as often as asked for, or as there are control periods."""
+        return min(self.stream_hz, _BODIES_HZ) if self.has_bodies else self.stream_hz
 
 
 def simulated(vehicle: str) -> Capabilities:

@@ -60,7 +60,7 @@ class Preparation:
         lease_s: how long it may move without a renewal.
 
     Attributes:
-        begun: whether anything was asked of it yet.
+        taken: whether it is the expected vehicle and was asked for something, so that it has to be left in order.
         ready: whether nothing is missing.
         waits_for: what is, in words.
         gated: whether the vehicle itself enforces who is in charge; None until it has said.
@@ -86,7 +86,7 @@ class Preparation:
         self._since_s = self._asked_s = self._kept_s = -math.inf
         self._keep_alive: Callable[[], None] | None = None
         self._named = KEEPER
-        self.begun = self.ready = False
+        self.taken = self.ready = False
         self.waits_for = "everything"
         self.gated: bool | None = None
         self.origin: GeoPoint | None = None
@@ -99,7 +99,7 @@ class Preparation:
         self._named = KEEPER
         self._keep_alive = None
         self._steps = self._run()
-        self.begun, self.ready = True, False
+        self.ready = False
 
     def step(self) -> bool:
         """Ask for what is missing; return whether nothing is.
@@ -110,7 +110,12 @@ class Preparation:
         if self._keep_alive is not None and self._vehicle.now_s - self._kept_s >= _KEEP_S:
             self._kept_s = self._vehicle.now_s
             self._keep_alive()
-        self.waits_for = next(self._steps, "")
+        try:
+            self.waits_for = next(self._steps, "")
+        except RobotUnavailable:
+            # It cannot go on from here; who asks again begins again.
+            self.begin()
+            raise
         self.ready = not self.waits_for
         return self.ready
 
@@ -133,6 +138,7 @@ class Preparation:
                 f"it is a {kind.name}, and a {self._config.vehicle} was expected; set vehicle = '{kind.name}' in the "
                 "backend's options"
             )
+        self.taken = True
         for name, message_id in STREAMS.items():
             yield from self._stream(name, message_id)
         for message_id, hz in _SLOW_STREAMS.items():
@@ -188,7 +194,7 @@ class Preparation:
 
     def _stream(self, name: str, message_id: int) -> Iterator[str]:
         """Ask for a message at a high rate, for less where that is denied, and see it come."""
-        vehicle, least_hz = self._vehicle, self._config.stream_hz
+        vehicle, least_hz = self._vehicle, self._config.samples_hz
         hz = max(_ASKED_HZ, least_hz)
         while True:
             asked_s, ack = vehicle.now_s, None

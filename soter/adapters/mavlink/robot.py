@@ -134,7 +134,7 @@ class MavlinkRobot(Robot):
     def _disconnect(self, timeout_s: float) -> None:
         self._leg = None
         vehicle = self._vehicle
-        if not self._preparation.begun or vehicle.heartbeat is None:
+        if not self._preparation.taken or vehicle.heartbeat is None:
             return
         kind, sample = vehicle.kind, self._sample()
         lost = sample is None or self.clock.now() - sample.stamp_s > self.stale_after_s

@@ -143,6 +143,16 @@ def test_what_is_promised_grows_with_the_speed_up() -> None:
     assert fast.lease_s == slow.lease_s
 
 
+def test_rigid_bodies_are_commanded_and_heard_less_often() -> None:
+    points, bodies = (
+        MavlinkConfig(workspace=ROOM).promised(),
+        MavlinkConfig(workspace=ROOM, engine="pybullet").promised(),
+    )
+    assert bodies.setpoint_period_s == 0.05
+    assert bodies.latency_s - points.latency_s == pytest.approx(0.03)
+    assert bodies.sample_age_s - points.sample_age_s == pytest.approx(0.03)
+
+
 def test_a_real_vehicle_promises_what_is_configured() -> None:
     config = MavlinkConfig.model_validate({"workspace": ROOM, "promise": {"v_max_m_s": 2.0, "reverses": False}})
     assert (config.promised().v_max_m_s, config.promised().reverses) == (2.0, False)

@@ -96,6 +96,31 @@ def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(pupp
     assert puppet.time() - began_s < 2.5
 
 
+def test_what_was_refused_once_is_not_taken_for_ready_the_next_time(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    reboot(puppet)
+    puppet.most_hz = 10.0
+    refusals = 0
+    for _ in range(100):
+        puppet.live(0.025)
+        try:
+            robot.renew_lease()
+        except RobotUnavailable:
+            refusals += 1
+    assert refusals > 1
+    assert not puppet.armed
+
+
+def test_one_that_cannot_be_commanded_is_left_alone_when_closed(puppet: Puppet) -> None:
+    puppet.kind = (mav.MAV_TYPE_FIXED_WING, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    robot = robot_of(puppet)
+    with pytest.raises(RobotUnavailable, match="robot 1: it is a vehicle of MAV_TYPE 1"):
+        robot.init(5.0)
+    puppet.sent.clear()
+    robot.close(1.0)
+    assert not puppet.sent
+
+
 def test_another_kind_of_vehicle_than_promised_is_refused(puppet: Puppet) -> None:
     with pytest.raises(RobotUnavailable, match="it is a rover, and a copter was expected; set vehicle = 'rover'"):
         robot_of(puppet, vehicle="copter").init(5.0)
