@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable
 from typing import Final
 
@@ -19,6 +20,11 @@ from soter_sim.mavlink.targets import NotATarget, global_target, local_target
 from soter_sim.mavlink.telemetry import BUILDERS, GROUPS, Message
 
 _EVERYBODY: Final = 0
+
+# Of MAVLink FTP: a refusal, its reason, and how long every packet is.
+_REFUSED: Final = 129
+_NO_SUCH_OPERATION: Final = 7
+_FILE_PAYLOAD: Final = 251
 
 Read = Callable[[Autopilot, Message], Place | Velocity]
 """Reads a target out of a message."""
@@ -72,6 +78,7 @@ class Station:
             "MISSION_REQUEST": self._mission.request_float,
             "MISSION_CLEAR_ALL": self._mission.clear,
             "MISSION_SET_CURRENT": self._mission.set_current,
+            "FILE_TRANSFER_PROTOCOL": self._refuse_file,
             "TIMESYNC": self._timesync,
             "PING": self._ping,
         }
@@ -190,6 +197,15 @@ class Station:
         streams = self._open(channel)
         for message_id in GROUPS.get(message.req_stream_id, ()):
             streams.set(message_id, 1.0 / hz if hz > 0.0 else None)
+
+    def _refuse_file(self, channel: Channel, by: Source, message: Message) -> None:
+        """Say that there are no files, so that who asks for some does not wait for them."""
+        seq, session, operation = struct.unpack_from("<HBB", bytes(message.payload))
+        refusal = struct.pack(
+            "<HBBBBBxIB", (seq + 1) % 65536, session, _REFUSED, 1, operation, 0, 0, _NO_SUCH_OPERATION
+        )
+        payload = refusal.ljust(_FILE_PAYLOAD, b"\0")
+        channel.send(self.autopilot.id, mav.MAVLink_file_transfer_protocol_message(0, *by, payload))
 
     # --- time -----------------------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ HEARD = (
     "heartbeat", "request_data_stream", "param_request_list", "param_request_read", "param_set", "mission_count",
     "mission_item_int", "mission_item", "mission_request_list", "mission_request_int", "mission_request",
     "mission_clear_all", "mission_set_current", "timesync", "ping",
+    "file_transfer_protocol",
 )  # fmt: skip
 COMMANDS = sorted({*_HANDLERS, *_HARMLESS})
 FLOATS = (math.nan, math.inf, -math.inf, 3.4e38, -3.4e38, 1e30, -1.0, 0.0, 1.0, 2.0, 0.5, 15.0, 4.0, 1e-40)
@@ -33,6 +34,8 @@ def field(rng: random.Random, kind: str, name: str) -> object:
         return float(rng.choice((*BUILDERS, 1)))
     if name == "command":
         return rng.choice(COMMANDS)
+    if name == "payload":
+        return rng.randbytes(251)
     if name in ("frame", "coordinate_frame", "seq", "count", "mission_type"):
         return rng.choice((0, 0, 1, 2, 3, 5, 6, 7, 8, 9, 255))
     if name == "type_mask":

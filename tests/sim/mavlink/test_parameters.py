@@ -94,3 +94,16 @@ def test_who_goes_while_it_is_listing_is_forgotten() -> None:
         rig.clients.remove(other)
         rig.run(1.0)
         assert read(rig, "WP_SPEED") is not None
+
+
+def test_who_asks_for_a_file_of_parameters_is_refused_at_once() -> None:
+    with Rig() as rig:
+        # Open for reading, number 65535, session 3.
+        request = bytes((0xFF, 0xFF, 3, 4)).ljust(251, b"\0")
+        rig.client.send(mav.MAVLink_file_transfer_protocol_message(0, 1, 1, request))
+        rig.run(rig.period_s)
+        (answer,) = rig.client.take("FILE_TRANSFER_PROTOCOL")
+        assert (answer.target_system, answer.target_component) == (255, 190)
+        # The number after it, the same session, refused: one byte, which says that there is no such operation.
+        assert bytes(answer.payload)[:8] == bytes((0, 0, 3, 129, 1, 4, 0, 0))
+        assert answer.payload[12] == 7

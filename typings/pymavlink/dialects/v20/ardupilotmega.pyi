@@ -63,6 +63,7 @@ MAVLink_command_int_message = _Fields
 MAVLink_command_long_message = _Fields
 MAVLink_ekf_status_report_message = _Fields
 MAVLink_extended_sys_state_message = _Fields
+MAVLink_file_transfer_protocol_message = _Fields
 MAVLink_global_position_int_message = _Fields
 MAVLink_gps_global_origin_message = _Fields
 MAVLink_gps_raw_int_message = _Fields
