@@ -184,11 +184,17 @@ INFO: Final = 2
 WARNING: Final = 3
 ERROR: Final = 4
 
+TRANSFORMS_TOPIC: Final = "/tf"
+SCENE_TOPIC: Final = "/scene"
+ROBOT_TOPIC: Final = "/robots/{robot_id}/scene"
+WAY_TOPIC: Final = "/robots/{robot_id}/way"
+LOG_TOPIC: Final = "/log"
+
 TOPICS: Final[dict[type[Struct], tuple[str, ...]]] = {
-    FrameTransforms: ("/tf",),
-    SceneUpdate: ("/scene", "/robots/{robot_id}/scene"),
-    PosesInFrame: ("/robots/{robot_id}/way",),
-    Log: ("/log",),
+    FrameTransforms: (TRANSFORMS_TOPIC,),
+    SceneUpdate: (SCENE_TOPIC, ROBOT_TOPIC),
+    PosesInFrame: (WAY_TOPIC,),
+    Log: (LOG_TOPIC,),
 }
 """Where each of them is recorded."""
 

@@ -21,7 +21,7 @@ from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target
 from soter.record.outcome import Outcome
 from soter.record.pipe import WriterPipe
 from soter.record.tap import GoalActuator, Tap
-from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Way, packed
+from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Way, packed, tamed
 from soter.rta import Mode, RobotSupervisor, RTAModule, SwitchRecord, Timing
 from soter.sdk import Capabilities, RobotState, Truth
 from soter.workspace import Workspace
@@ -149,7 +149,7 @@ class Recorder:
         self._truth, self._faults = truth, faults
         about = describe(mission, capabilities, timings, robots, modules)
         frame = Begin(
-            msgspec.json.encode(about),
+            msgspec.json.encode(tamed(about)),
             files(mission),
             workspace,
             {robot_id: each.body_radius_m for robot_id, each in capabilities.items()},

@@ -135,22 +135,24 @@ def packed(frame: Any) -> bytes:
     try:
         data = _encode(frame)
     except (UnicodeEncodeError, OverflowError):
-        data = _encode(_tamed(frame))
+        data = _encode(tamed(frame))
     return _LENGTH.pack(len(data)) + data
 
 
-def _tamed(value: Any) -> Any:
+def tamed(value: Any) -> Any:
     """Return a copy with texts that are valid and integers that are not too long."""
     if isinstance(value, Struct):
-        return type(value)(*(_tamed(getattr(value, name)) for name in value.__struct_fields__))
+        return type(value)(*(tamed(getattr(value, name)) for name in value.__struct_fields__))
     if isinstance(value, str):
         return value.encode(errors="backslashreplace").decode()
     if type(value) is int:
         return max(-_MOST, min(value, _MOST))
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return type(value)(*map(_tamed, value))
+        return type(value)(*map(tamed, value))
     if isinstance(value, list | tuple):
-        return type(value)(map(_tamed, value))
+        return type(value)(map(tamed, value))
+    if isinstance(value, dict):
+        return {tamed(key): tamed(each) for key, each in value.items()}
     return value
 
 

@@ -96,8 +96,7 @@ class Scribe:
         })  # fmt: skip
         for name, data in {messages.ABOUT_JSON: begin.about, **begin.files}.items():
             self._file.attach(name, data, _MEDIA_TYPES[name[name.rindex(".") :]])
-        scene, = foxglove.TOPICS[foxglove.SceneUpdate][:1]  # fmt: skip
-        self._file.write(scene, foxglove.workspace_scene(begin.workspace), 0, self._host_ns)
+        self._file.write(foxglove.SCENE_TOPIC, foxglove.workspace_scene(begin.workspace), 0, self._host_ns)
         self._file.flush()
 
     # --- ticks ---------------------------------------------------------------------------------------------
@@ -122,20 +121,19 @@ class Scribe:
             foxglove.transform(now, robot_id, row.state.x_m, row.state.y_m, row.state.z_m, row.state.heading_rad)
             for robot_id, row in zip(begin.robots, frame.rows, strict=True)
         ]
-        self._file.write("/tf", foxglove.FrameTransforms(transforms), time_ns, frame.host_ns)
-        topic = foxglove.TOPICS[foxglove.SceneUpdate][1]
+        self._file.write(foxglove.TRANSFORMS_TOPIC, foxglove.FrameTransforms(transforms), time_ns, frame.host_ns)
         for robot_id, row in zip(begin.robots, frame.rows, strict=True):
             if self._by_ac.get(robot_id) is row.in_sc or robot_id not in self._by_ac:
                 self._by_ac[robot_id] = not row.in_sc
                 scene = foxglove.robot_scene(now, robot_id, begin.radii_m[robot_id], not row.in_sc)
-                self._file.write(topic.format(robot_id=robot_id), scene, time_ns, frame.host_ns)
+                self._file.write(foxglove.ROBOT_TOPIC.format(robot_id=robot_id), scene, time_ns, frame.host_ns)
 
     # --- events --------------------------------------------------------------------------------------------
 
     def _event(self, index: int, raw: Raw) -> None:
         if index == WAY:
             way = self._ways.decode(raw)
-            topic = foxglove.TOPICS[foxglove.PosesInFrame][0].format(robot_id=way.robot_id)
+            topic = foxglove.WAY_TOPIC.format(robot_id=way.robot_id)
             message = foxglove.way(foxglove.Time.of(way.time_s), way.places)
             self._file.write(topic, message, foxglove.nanoseconds(way.time_s), self._host_ns)
             return
@@ -149,7 +147,7 @@ class Scribe:
         if line is not None:
             level, name, text = line
             log = foxglove.Log(foxglove.Time.of(event.time_s), level, text, name)
-            self._file.write("/log", log, time_ns, self._host_ns)
+            self._file.write(foxglove.LOG_TOPIC, log, time_ns, self._host_ns)
 
 
 def _record(frame: Tick, robot_id: int, row: Row, names: Sequence[str]) -> RobotTick:

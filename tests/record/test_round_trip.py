@@ -24,7 +24,7 @@ from soter.record.messages import AC, EVENTS, ModuleTick, RobotTick
 from soter.record.reader import Recording
 from soter.record.samples import sample_of, state_of
 from soter.record.summary import summarise
-from soter.record.wire import Finish, Intake, Row, Tick, packed
+from soter.record.wire import Finish, Intake, Row, Tick, packed, tamed
 from soter.runner.trace import Trace
 from soter.sdk import Controller, Link, RobotState
 from tests.record.conftest import Recorded
@@ -191,6 +191,7 @@ def test_whatever_stands_in_a_frame_it_can_be_sent() -> None:
     assert (state.stamp_s, state.x_m, state.y_m) == (0.1, 0.5, 2.0)
     assert back.rows[0].numbers == [math.inf, 0.0]
     assert back.rows[0].no_state == "\\udc80 lost"
+    assert tamed({"\udc80": ["\udc81", 1.5, None]}) == {"\\udc80": ["\\udc81", 1.5, None]}
 
 
 # --- check digits ------------------------------------------------------------------------------------------
