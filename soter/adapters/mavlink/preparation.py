@@ -26,7 +26,7 @@ _RETRY_S: Final = 0.4
 _KEEP_S: Final = 0.05
 _SLOWER: Final = 0.8
 _ASKED_HZ: Final = 50.0
-_FLOWING: Final = 0.6
+_FLOWING: Final = 0.3
 _COUNTED_S: Final = 0.5
 _REST_M_S: Final = 0.01
 _REST_RAD_S: Final = 0.02
@@ -38,12 +38,10 @@ STREAMS: Final = {
 }
 """What samples are made of."""
 
-_SLOW_STREAMS: Final = {
-    mav.MAVLINK_MSG_ID_HEARTBEAT: 5.0,
-    mav.MAVLINK_MSG_ID_SYS_STATUS: 4.0,
-    mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 4.0,
-    mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
-}
+_SLOW_STREAMS: Final = (
+    mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+)  # fmt: skip
+_SLOW_HZ: Final = 4.0
 _PX4_EKF: Final = mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 _REPORT_HZ: Final = 20.0
 
@@ -55,7 +53,7 @@ class Preparation:
         vehicle: which.
         time_sync: its clock.
         authority: its gate, if it has one.
-        setpoints: what it is told to do; told where it is to hover.
+        setpoints: what it is told to do.
         config: what is expected of it.
         lease_s: how long it may move without a renewal.
 
@@ -141,8 +139,12 @@ class Preparation:
         self.taken = True
         for name, message_id in STREAMS.items():
             yield from self._stream(name, message_id)
-        for message_id, hz in _SLOW_STREAMS.items():
-            vehicle.ask_for(KEEPER, message_id, hz)
+        for message_id in _SLOW_STREAMS:
+            vehicle.ask_for(KEEPER, message_id, _SLOW_HZ)
+        yield from self._until(
+            lambda: vehicle.heard_since("SYS_STATUS", self._since_s) is not None, "the state of its battery",
+            lambda: vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_SYS_STATUS, _SLOW_HZ),
+        )  # fmt: skip
         yield from self._until(
             lambda: vehicle.ekf_ready(self._since_s), "its EKF to know where it is",
             lambda: vehicle.ask_once(KEEPER, _PX4_EKF if kind.is_px4 else mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT),
@@ -161,21 +163,25 @@ class Preparation:
         yield from self._mode(kind.guided)
         yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
-        if kind.flies:
-            height_m = self._config.height_m
-            if kind.is_px4:
-                self._keep_alive = self._climb
-            yield from self._until(
-                lambda: self._up_m() >= height_m - _HEIGHT_M,
-                f"it to be {height_m:g} m up",
-                None if kind.is_px4 else self._take_off,
-            )
-            if kind.is_px4:
-                self._keep_alive = self._stand
+        # After a silence it may be flying already, at whatever height it was sent to.
+        if kind.flies and self._up_m() <= _HEIGHT_M:
+            yield from self._fly()
         yield from self._until(self._rests, "it to stand still")
         if self.gated:
             self._named = SENDERS[Controller.SC]
             yield from self._until(lambda: self._authority.reported() == self._named, "it to obey the safe controller")
+
+    def _fly(self) -> Iterator[str]:
+        height_m, is_px4 = self._config.height_m, self._vehicle.kind.is_px4
+        if is_px4:
+            self._keep_alive = self._climb
+        yield from self._until(
+            lambda: self._up_m() >= height_m - _HEIGHT_M,
+            f"it to be {height_m:g} m up",
+            None if is_px4 else self._take_off,
+        )
+        if is_px4:
+            self._keep_alive = self._stand
 
     def _until(self, reached: Callable[[], bool], what: str, ask: Callable[[], None] | None = None) -> Iterator[str]:
         """Ask, now and then, until something is so."""
@@ -271,7 +277,7 @@ class Preparation:
         self._vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def _take_off(self) -> None:
-        if self._up_m() < _HEIGHT_M:
+        if self._up_m() <= _HEIGHT_M:
             height_m = self._config.height_m
             self._vehicle.command(KEEPER, mav.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
 

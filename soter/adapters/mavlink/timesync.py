@@ -124,4 +124,4 @@ class TimeSync:
         self.reboots += 1
         self._clock.forget(self._robot_id)
         self._trips_s.clear()
-        self._believed = 0
+        self._asked = self._answered = self._believed = 0

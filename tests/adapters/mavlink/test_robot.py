@@ -317,6 +317,17 @@ def test_silence_is_seen_as_age_and_what_comes_after_it_is_obeyed(puppet: Puppet
     assert puppet.mode == ROVER_GUIDED
 
 
+def test_a_copter_that_flies_after_a_silence_is_not_told_to_take_off(puppet: Puppet) -> None:
+    puppet.kind = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    robot = ready(puppet, vehicle="copter", height_m=2.0)
+    puppet.silent = True
+    tick(puppet, robot, 80)
+    puppet.silent, puppet.up_m = False, 1.0
+    tick(puppet, robot, 120)
+    assert not puppet.commands(mav.MAV_CMD_NAV_TAKEOFF)
+    assert puppet.master == SENDERS[SC]
+
+
 def test_a_pilot_who_takes_it_out_of_guided_keeps_it(puppet: Puppet) -> None:
     robot = ready(puppet)
     puppet.mode = 0
