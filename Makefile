@@ -17,9 +17,17 @@ demo: ## Ten simulated minutes of the surveillance mission, and a picture of the
 	@tools/demo.sh
 
 .PHONY: test
-test: ## Every deterministic test
+test: ## Every deterministic test; without PYTEST_ARGS those of ROS 2 too
 	@tools/env.sh test
 	$(VENV)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+	$(if $(PYTEST_ARGS),,@$(MAKE) --no-print-directory test-ros2)
+
+.PHONY: test-ros2
+test-ros2: ## The tests of ROS 2, over real DDS on this host, in an environment of their own
+	@tools/env.sh ros2
+	@if [ -e .venv-ros2/stamp-ros2 ]; then \
+		.venv-ros2/bin/python -m pytest -n $(WORKERS) -m rclpy tests/adapters/ros2 tests/sim/ros2 tests/benchmarks; \
+	fi
 
 .PHONY: check
 check: lint types wheel-check test ## Everything a change must pass: lint, types, wheel, tests (docs and imports too)
@@ -43,6 +51,11 @@ bench-peers: ## A decision beside those of two other libraries, in an environmen
 	@.venv-peers/bin/python -m pip --quiet --disable-pip-version-check install -r benchmarks/peers-requirements.txt
 	@.venv-peers/bin/python -m pip --quiet --disable-pip-version-check install --no-deps --editable .
 	.venv-peers/bin/python benchmarks/peers.py $(BENCH_ARGS)
+
+.PHONY: bench-ros2
+bench-ros2: ## What the ROS 2 adapter adds to a message, in the environment of ROS 2
+	@tools/env.sh ros2
+	.venv-ros2/bin/python benchmarks/ros2_latency.py $(BENCH_ARGS)
 
 .PHONY: lint
 lint: ## Style and formatting
@@ -71,5 +84,5 @@ lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the 
 
 .PHONY: clean
 clean: ## Remove .venv and everything that tools and runs left behind
-	rm -rf .venv .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out
+	rm -rf .venv .venv-ros2 .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

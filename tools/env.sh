@@ -4,13 +4,19 @@
 # All locks agree on versions, so one environment serves the demo, the tests and the checks; each adds to it.
 # A stamp in .venv remembers what is installed, so that nothing happens when nothing has changed. PyBullet is
 # installed too if there is a wheel of it for this Python.
+#
+# Only ros2 has an environment of its own, .venv-ros2: the wheels of ROS 2 make every Python of their environment start
+# itself anew once, to find their libraries, and that should cost nobody else anything. There are such wheels for Linux
+# on x86-64; elsewhere nothing is installed, and the message says so.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 name=$1
 lock=requirements/$name.txt
-stamp=.venv/stamp-$name
-pip=(.venv/bin/python -m pip --quiet --disable-pip-version-check)
+venv=.venv
+[ "$name" != ros2 ] || venv=.venv-ros2
+stamp=$venv/stamp-$name
+pip=("$venv/bin/python" -m pip --quiet --disable-pip-version-check)
 
 works() { # works PYTHON MODULES: it runs, is at least 3.11 and has the modules
     "$1" -c "import sys; sys.version_info >= (3, 11) or sys.exit(1); import $2" >/dev/null 2>&1
@@ -41,18 +47,24 @@ up_to_date() {
     [ -e "$stamp" ] && [ "$stamp" -nt "$lock" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt "$0" ]
 }
 
-if ! works .venv/bin/python pip; then
+if [ "$name" = ros2 ] && [ "$(uname -sm)" != "Linux x86_64" ]; then
+    echo "There are no wheels of ROS 2 for $(uname -sm); its tests are left out."
+    exit 0
+fi
+if ! works "$venv/bin/python" pip; then
     python=$(find_python)
-    echo "Creating .venv with $("$python" --version) ($python)"
-    "$python" -m venv --clear .venv
+    echo "Creating $venv with $("$python" --version) ($python)"
+    "$python" -m venv --clear "$venv"
 fi
 if up_to_date; then
     exit 0
 fi
-echo "Installing $lock and the project into .venv"
+echo "Installing $lock and the project into $venv"
 "${pip[@]}" install -r "$lock"
 "${pip[@]}" install --no-deps --editable .
-if "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then
+if [ "$name" = ros2 ]; then
+    : # The simulated ROS 2 robots need no PyBullet.
+elif "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then
     rm .venv/pybullet-wheel.log
 else
     echo "PyBullet has no wheel for this Python; going on without it (see .venv/pybullet-wheel.log)."

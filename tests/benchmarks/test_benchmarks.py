@@ -19,6 +19,7 @@ NEEDS = {
     "stack_cost": (pytest.mark.pybullet, pytest.mark.ompl),
     "real_time_factor": (pytest.mark.ompl,),
     "recording": (pytest.mark.pybullet, pytest.mark.ompl),
+    "ros2_latency": (pytest.mark.rclpy,),
 }
 
 
