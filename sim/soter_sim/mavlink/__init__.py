@@ -76,6 +76,9 @@ changes that:
 With `--plain` there is none of this, as on a real ArduPilot: DO_GUIDED_MASTER is UNSUPPORTED, the parameters and
 NAMED_VALUE_INT are missing, yaw and speed of a rover's positions are not looked at.
 
+Ids are what a sender claims to be: this keeps a controller from moving a vehicle by mistake or out of turn, not one
+that pretends to be the supervisor. Who may send at all is a matter of the link.
+
 So a supervisor sends from one component (say 191), names itself for the SC and another (say 192) for the AC, and the AC
 sends targets from there.
 
