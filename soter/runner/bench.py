@@ -21,7 +21,8 @@ from soter.config import Mission, load_mission
 from soter.errors import ConfigError
 from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
-from soter.rta import DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
+from soter.rta import Assumption, DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
+from soter.rta.assumptions import Breach as AssumptionBreach
 from soter.runner.user_rules import UserRules
 from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
@@ -42,6 +43,9 @@ FAR_M: Final = 3.0
 INIT_TIMEOUT_S: Final = 1.0
 NEAREST_M, FARTHEST_M = 0.22, 1.2
 """Where peers begin, as distances from the robot under test."""
+
+_MOTION: Final = {Assumption.MOTION, Assumption.BRAKING, Assumption.LATENCY, Assumption.POSITION_NOISE}
+"""Assumptions on which the models of modules rest."""
 
 _TOLERANCE: Final = 1e-6
 _ASIDE_M: Final = 0.01
@@ -245,18 +249,20 @@ class _Run:
             max(self._returns_s, default=math.nan),
             spare,
             sum(module.monitor.surprises for module in self._modules.values())
-            + sum(breach.times for robot in self._robots for breach in robot.log.breaches.values()),
+            + sum(breach.times for _, breach in self._unfit()),
             tuple(self._breaches),
             self._rows,
-            self._unfit(),
+            min(((each.first_s, f"{name}: {each.cause}") for name, each in self._unfit()), default=(0.0, ""))[1],
         )
 
-    def _unfit(self) -> str:
-        """Return the first assumption that did not hold, in words; empty if all did."""
-        breaches = [
-            (each.first_s, f"{name}: {each.cause}") for r in self._robots for name, each in r.log.breaches.items()
+    def _unfit(self) -> list[tuple[Assumption, AssumptionBreach]]:
+        """Return the assumptions about how robots move that did not hold."""
+        return [
+            (assumption, breach)
+            for robot in self._robots
+            for assumption, breach in robot.log.breaches.items()
+            if assumption in _MOTION
         ]
-        return min(breaches, default=(0.0, ""))[1]
 
     def _begins_inside(self) -> bool:
         """Whether every robot stands in phi_safe, and the AC's rules of the others hold as well."""

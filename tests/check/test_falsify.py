@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from soter.check import Counterexample, Falsified, Finding, Verdict, falsify, read_counterexample
 from soter.check.counterexample import trace_hash
 from soter.check.testing import OBLIGATIONS, ModuleSuite
-from soter.errors import ConfigError
+from soter.config import load_mission
+from soter.errors import ConfigError, IllFormedModule
+from soter.registry import load_backend
 from soter.runner.bench import ModuleBench, floor_bench
 from soter.runner.check import Report, check_module
+from soter.sdk import RobotSpec
+from soter.stack.assembly import assemble
+from tests.project.source import ROOT
 
 BUDGET = 20
 
@@ -60,8 +66,6 @@ def test_a_planted_bug_is_found(name: str, condition: str, within: int) -> None:
     [("sc_is_slow", "P1a"), ("sc_publishes_elsewhere", "P1b"), ("safer_too_near", "P3")],
 )
 def test_a_declaration_that_cannot_hold_is_rejected_without_a_trial(name: str, condition: str) -> None:
-    from soter.errors import IllFormedModule
-
     with pytest.raises(IllFormedModule) as caught:
         bench(name)
     assert caught.value.condition == condition
@@ -105,15 +109,13 @@ def test_a_model_that_does_not_fit_is_named() -> None:
     assert "A1: " in model.text, "the number of the assumption"
 
 
-def test_a_counterexample_survives_its_file(tmp_path: pytest.TempPathFactory) -> None:
-    from pathlib import Path
-
+def test_a_counterexample_survives_its_file(tmp_path: Path) -> None:
     _, falsified = found("sc_leaves")
     example = Counterexample(
         {"target": "t"}, falsified.breach.obligation, falsified.breach.time_s, falsified.breach.text, falsified.vector,
         trace_hash(falsified.trial),
     )  # fmt: skip
-    file = Path(str(tmp_path)) / "found.json"
+    file = tmp_path / "found.json"
     file.write_text(example.as_json(falsified.trial.rows))
     assert read_counterexample(file) == example
     assert json.loads(file.read_text())["trace"], "what happened is in it, for people"
@@ -130,26 +132,20 @@ def test_a_counterexample_survives_its_file(tmp_path: pytest.TempPathFactory) ->
         ({"time_s": None}, "missing or wrong"),
     ],
 )
-def test_a_file_that_is_no_counterexample(
-    tmp_path: pytest.TempPathFactory, change: dict[str, object], message: str
-) -> None:
-    from pathlib import Path
-
+def test_a_file_that_is_no_counterexample(tmp_path: Path, change: dict[str, object], message: str) -> None:
     good = {
         "format": "soter-counterexample", "version": 1, "subject": {}, "obligation": "P2a", "time_s": 1.0, "text": "",
         "vector": [0.5], "trace_sha256": "",
     }  # fmt: skip
-    file = Path(str(tmp_path)) / "found.json"
+    file = tmp_path / "found.json"
     file.write_text(json.dumps({**good, **change}))
     with pytest.raises(ConfigError, match="soter check --counterexample") as caught:
         read_counterexample(file)
     assert message in str(caught.value)
 
 
-def test_what_is_no_json_is_no_counterexample(tmp_path: pytest.TempPathFactory) -> None:
-    from pathlib import Path
-
-    file = Path(str(tmp_path)) / "found.json"
+def test_what_is_no_json_is_no_counterexample(tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
     file.write_text("{")
     with pytest.raises(ConfigError, match="not valid JSON"):
         read_counterexample(file)
@@ -201,3 +197,26 @@ def test_a_suite_has_a_test_for_every_obligation() -> None:
     metafunc = Metafunc()
     TestRight().pytest_generate_tests(metafunc)
     assert metafunc.values == OBLIGATIONS
+
+
+# --- found by it, and mended --------------------------------------------------------------------------------
+
+
+def test_two_robots_that_stand_in_each_others_way_come_apart() -> None:
+    """Each chose a refuge beyond the other, ahead of it, and stood there for ever: no leg towards it was certified."""
+    mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "kinematic"})
+    workspace = mission.read_workspace()
+    specs = [RobotSpec(1, 2.79, 2.54, -2.42, 0.72), RobotSpec(2, 2.46, 2.73, 0.19, 0.63)]
+    backend = load_backend("kinematic")
+    with backend().open(backend.config_model(workspace=workspace), specs) as fleet:
+        for robot in fleet.robots:
+            robot.init(1.0)
+        supervisor = assemble(mission, workspace, fleet.robots, lambda _: None).supervisor
+        released: set[int] = set()
+        for tick in range(round(40.0 / mission.base_tick_s)):
+            supervisor.tick(tick * mission.base_tick_s)
+            released |= {robot.robot_id for robot in supervisor.robots.values() if robot.driver is None}
+            fleet.clock.sleep_until((tick + 1) * mission.base_tick_s)
+        assert fleet.truth is not None
+        assert fleet.truth.report().violations == ()
+    assert released == {1, 2}
