@@ -85,9 +85,14 @@ def test_locks_name_versions_and_no_index(lock: Path) -> None:
 
 def test_locks_agree() -> None:
     largest = set((ROOT / "requirements" / "check.txt").read_text().splitlines())
+    names = {line.partition("==")[0] for line in largest}
     for lock in LOCKS:
+        lines = set(lock.read_text().splitlines())
+        if lock.stem == "ros2":
+            # An environment of its own, with more in it; what both have is the same.
+            lines = {line for line in lines if line.partition("==")[0] in names}
         if lock.stem != "pybullet":
-            assert set(lock.read_text().splitlines()) <= largest, f"{lock.name}: run `make lock`"
+            assert lines <= largest, f"{lock.name}: run `make lock`"
 
 
 def test_nothing_is_left_undone() -> None:
