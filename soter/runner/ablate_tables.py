@@ -147,7 +147,7 @@ def markdown(found: Sequence[Row], command: str) -> str:
         "# Ablation", "",
         "What each part of the safety modules is worth: the same mission with one thing changed at a time. From", "",
         "```sh", command, "```", "",
-        f"{about} {_FIGURES}", "",
+        f"{about} {_FIGURES}",
     ]  # fmt: skip
     compared, group = ac_only(found), ""
     for row in found:
