@@ -95,7 +95,7 @@ class Link(ABC):
             ValueError: a number is not finite; there are autopilots that crash of one.
         """
         for key, value in fields.items():
-            if type(value) is float and not math.isfinite(value):
+            if isinstance(value, float) and not math.isfinite(value):
                 raise ValueError(f"{name}.{key} is {value}, allowed: finite")
         self._send(system, component, name, fields)
 

@@ -89,5 +89,7 @@ class Setpoints:
     def _send(self, by: Controller, mask: int, values: dict[str, float] | None = None) -> None:
         self._vehicle.send(SENDERS[by], "SET_POSITION_TARGET_LOCAL_NED", {
             "time_boot_ms": 0, "target_system": self._vehicle.system, "target_component": AUTOPILOT,
-            "coordinate_frame": mav.MAV_FRAME_LOCAL_NED, "type_mask": mask, **_NOTHING, **(values or {}),
+            "coordinate_frame": mav.MAV_FRAME_LOCAL_NED, "type_mask": mask, **_NOTHING,
+            # A waypoint may be of any kind of number, a message is of these only.
+            **{name: float(value) for name, value in (values or {}).items()},
         })  # fmt: skip

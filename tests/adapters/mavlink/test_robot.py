@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -206,6 +209,14 @@ def test_frames_are_those_of_the_autopilot(puppet: Puppet) -> None:
     assert fields["yaw"] == pytest.approx(1.5708, abs=1e-4)
     assert (fields["vx"] ** 2 + fields["vy"] ** 2) ** 0.5 == pytest.approx(0.1)
     assert fields["type_mask"] == 0x0DF8 & ~0x0400 & ~0x0038
+
+
+def test_numbers_of_any_kind_become_those_of_a_message(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.goto(Waypoint(np.float32(3.0), Fraction(1, 2), speed_m_s=np.float64(0.1)), SC)  # type: ignore[arg-type]
+    fields = puppet.targets()[-1][1]
+    assert (fields["x"], fields["y"]) == (0.5, 3.0)
+    assert all(type(fields[name]) is float for name in ("x", "y", "vx", "vy"))
 
 
 def test_a_place_in_the_air_is_refused_by_what_stays_on_the_ground(puppet: Puppet) -> None:
