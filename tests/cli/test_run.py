@@ -41,6 +41,12 @@ def test_a_run_without_violation_exits_with_0_and_sums_up() -> None:
     assert all(character == "\n" or character.isprintable() for character in done.stdout)
 
 
+def test_an_adversary_takes_the_missions_place() -> None:
+    done = ran(*QUICK, "--ac", "adversary:fastest-to-boundary")
+    assert done.exit_code == 0
+    assert "AC adversary:fastest-to-boundary" in done.stdout
+
+
 def test_a_violation_exits_with_1() -> None:
     done = ran(*QUICK[:-1], "120", "--targets", "hostile", "--no-rta")
     assert done.exit_code == 1
@@ -57,6 +63,7 @@ def test_a_violation_exits_with_1() -> None:
         (("--robots", "0"), "command line: robots: it is 0, allowed: at least 1"),
         (("--robots", "9"), "it is 9, but"),
         (("--backend", "pibullet"), "did you mean 'pybullet'?"),
+        (("--ac", "adversary:chess"), "command line: ac: unknown AC 'adversary:chess', did you mean 'adversary:chase'?"),
         (("--backend", "kinematic", "--engine", "steam"), "engine"),
         (("--backend", "kinematic", "--planner", "ompl-bitstarr"), "did you mean 'ompl-bitstar'?"),
         (("--modules", "geofense"), "did you mean 'geofence'?"),
