@@ -63,7 +63,7 @@ def test_a_violation_exits_with_1() -> None:
         (("--robots", "0"), "command line: robots: it is 0, allowed: at least 1"),
         (("--robots", "9"), "it is 9, but"),
         (("--backend", "pibullet"), "did you mean 'pybullet'?"),
-        (("--ac", "adversary:chess"), "command line: ac: unknown AC 'adversary:chess', did you mean 'adversary:chase'?"),
+        (("--backend", "kinematic", "--ac", "adversary:chess"), "did you mean 'adversary:chase'?"),
         (("--backend", "kinematic", "--engine", "steam"), "engine"),
         (("--backend", "kinematic", "--planner", "ompl-bitstarr"), "did you mean 'ompl-bitstar'?"),
         (("--modules", "geofense"), "did you mean 'geofence'?"),
