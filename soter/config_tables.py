@@ -250,7 +250,7 @@ class IsolationTable(Table):
     """How the supervisor is kept apart from all else on a wall clock, where the mission has a process of its own.
 
     Attributes:
-        memory_mib: address space that the mission may add to what it starts with, in MiB.
+        memory_mib: address space that the mission may add to what it starts with, in MiB; its planners start within it.
         silent_s: host time for which the mission may be silent before it counts as hung.
         real_time: whether the supervisor is scheduled in real time, before everything else that the host has to do;
             `auto` is wherever the kernel allows it.

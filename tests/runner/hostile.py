@@ -15,14 +15,19 @@ from soter.link.messages import encode
 from soter.sdk import Waypoint
 from soter.stack.adversaries.base import Adversary, AdversaryOptions
 
-FROM_TICK = 30
+FROM_S = 1.5
+TICK = 30
+"""One that has been answered by then, or soon will be."""
 
 
 class Hostile(Adversary[AdversaryOptions]):
-    """Behaves up to `FROM_TICK`."""
+    """Behaves for `FROM_S`."""
+
+    began_s: float | None = None
 
     def act(self, now_s: float, tick: int) -> None:
-        if tick >= FROM_TICK:
+        self.began_s = now_s if self.began_s is None else self.began_s
+        if now_s - self.began_s >= FROM_S:
             self.strike()
         for port in self.arena.ports.values():
             if port.engaged:
@@ -87,7 +92,7 @@ def link() -> socket.socket:
 
 class FloodsWithTurns(Hostile):
     def strike(self) -> None:
-        supervisor, data = link(), encode(Turn(FROM_TICK))
+        supervisor, data = link(), encode(Turn(TICK))
         while True:
             supervisor.send(data)
 
@@ -110,7 +115,7 @@ class NeverReads(Hostile):
 
     def strike(self) -> None:
         supervisor = link()
-        for tick in range(FROM_TICK, 10**9):
+        for tick in range(TICK, 10**9):
             with contextlib.suppress(BlockingIOError):
                 supervisor.send(encode(Turn(tick)), socket.MSG_DONTWAIT)
             time.sleep(0.002)
