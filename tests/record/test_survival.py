@@ -18,7 +18,16 @@ from soter.record.reader import BadRecording, Recording, Tick
 from soter.record.recorder import Recorder
 from soter.runner import run_mission
 from tests.project.source import ROOT
-from tests.record.helpers import SURVEILLANCE, gone, mission, recorded, started, wait_until, writer_of
+from tests.record.helpers import (
+    SURVEILLANCE,
+    gone,
+    mission,
+    processor_wait_s,
+    recorded,
+    started,
+    wait_until,
+    writer_of,
+)
 
 FOR_EVER = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "1e6")
 MOMENTS_S = [random.Random(f"moment {number}").uniform(0.05, 1.5) for number in range(20)]
@@ -36,7 +45,9 @@ def test_everything_up_to_the_last_second_survives_a_kill(tmp_path: Path, moment
     path = tmp_path / "run.mcap"
     with started(path, *FOR_EVER) as process:
         writer = writer_of(process.pid)
+        waited_s = -processor_wait_s(writer, process.pid)
         time.sleep(moment_s)
+        waited_s += processor_wait_s(writer, process.pid)
         killed_ns = time.time_ns()
         # The hardest case: nobody is left to write what is in the pipe.
         os.kill(writer, signal.SIGKILL)
@@ -47,14 +58,17 @@ def test_everything_up_to_the_last_second_survives_a_kill(tmp_path: Path, moment
     assert recording.result is None
     ticks = ticks_of(path)
     last_ns = ticks[-1].host_ns if ticks else killed_ns - int(moment_s * 1e9)
-    assert (killed_ns - last_ns) / 1e9 <= LATEST_S
+    # Time for which a busy machine let the two processes wait is not theirs.
+    assert (killed_ns - last_ns) / 1e9 <= LATEST_S + waited_s
 
 
 def test_a_killed_run_leaves_a_closed_file_that_holds_its_last_tick(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with started(path, *FOR_EVER) as process:
         writer = writer_of(process.pid)
+        waited_s = -processor_wait_s(writer, process.pid)
         time.sleep(0.5)
+        waited_s += processor_wait_s(writer, process.pid)
         killed_ns = time.time_ns()
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
@@ -62,7 +76,7 @@ def test_a_killed_run_leaves_a_closed_file_that_holds_its_last_tick(tmp_path: Pa
     recording = Recording(path)
     assert not recording.truncated
     assert recording.result is None
-    assert (killed_ns - ticks_of(path)[-1].host_ns) / 1e9 <= 0.2
+    assert (killed_ns - ticks_of(path)[-1].host_ns) / 1e9 <= 0.2 + waited_s
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
