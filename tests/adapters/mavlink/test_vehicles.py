@@ -110,8 +110,8 @@ def test_a_real_speed_up_is_kept_in_fleet_time(stack: ExitStack) -> None:
     before_s, host_s = robot.read_state().vehicle_stamp_s, time.perf_counter()
     tick(fleet, lambda: False, 3.0)
     passed_s = robot.read_state().vehicle_stamp_s - before_s
-    assert 2.0 < passed_s < 4.0
-    assert time.perf_counter() - host_s < 2.5
+    assert 1.5 < passed_s < 4.0
+    assert time.perf_counter() - host_s < 2.8
     assert robot.read_state().age_s(fleet.clock.now()) < 1.0
 
 
