@@ -23,6 +23,7 @@ from typing import Any, Final
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -138,7 +139,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         # Not an exception: it could come where rclpy ignores it.
         signal.signal(number, lambda *_: ended.set())
-    node = MuxNode(known.robot)
+    try:
+        node = MuxNode(known.robot)
+    except (ValueError, ParameterException) as failure:
+        rclpy.try_shutdown()
+        parser.error(str(failure))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

@@ -1,0 +1,94 @@
+"""The commands, as a user starts them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+def soter(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "soter.cli", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+
+
+def children(pid: int) -> list[int]:
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_a_mission_runs_with_the_same_file_as_everywhere() -> None:
+    with soter(
+        "run", str(EXAMPLES / "surveillance.toml"), "--backend", "ros2", "--planner", "straight-line",
+        "--duration", "10", "--json", "-",
+    ) as process:  # fmt: skip
+        out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    result = json.loads(out)
+    assert result["status"] == "completed"
+    assert sum(result["violations"].values()) == 0
+    assert result["backend"] == "ros2"
+
+
+def test_ctrl_c_ends_a_run_and_everything_it_started() -> None:
+    with soter(
+        "run", str(EXAMPLES / "surveillance.toml"), "--backend", "ros2", "--planner", "straight-line",
+        "--duration", "600", "--json", "-",
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        while "of 600 s" not in process.stderr.readline():
+            assert process.poll() is None
+        left = children(process.pid)
+        assert left
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert json.loads(out)["status"] == "interrupted"
+    assert [pid for pid in left if Path(f"/proc/{pid}").exists()] == []
+
+
+def test_the_simulator_says_how_to_meet_it_and_ends_with_ctrl_c() -> None:
+    with soter("sim", "ros2", str(EXAMPLES / "ros2_external_ac" / "hall.xml"), "--robots", "1") as process:
+        assert process.stdout is not None
+        lines: list[str] = []
+        while not lines or not lines[-1].startswith("Ctrl-C"):
+            lines.append(process.stdout.readline())
+            assert lines[-1], process.communicate()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 0, err
+    text = "".join(lines)
+    told = tomllib.loads(text[text.index("[backends.ros2]") : text.index("In a terminal")])["backends"]["ros2"]
+    assert told["robots"] == {"1": {"namespace": "/robot1"}}
+    assert f"export ROS_DOMAIN_ID={told['domain_id']}" in text
+
+
+def test_a_monitor_without_robots_says_what_is_missing_and_moves_nothing() -> None:
+    from soter.adapters.ros2.simulator import free_domain
+
+    settings = [f"domain_id={free_domain()}", "discovery_s=0.5"]
+    with soter(
+        "ros2-monitor", str(EXAMPLES / "surveillance.toml"), "--set", "backends.ros2.loopback=true",
+        *(part for each in settings for part in ("--set", f"backends.ros2.{each}")),
+    ) as process:  # fmt: skip
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "robot 1 at /robot1: within 0.5 s: nobody publishes odom" in err
+
+
+def test_the_mux_takes_ros_own_arguments() -> None:
+    with soter("ros2-mux", "--robot", "robot1", "--ros-args", "-p", "lease_s:=0.0") as process:
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "parameter lease_s is 0.0, allowed: above 0" in err
