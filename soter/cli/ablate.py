@@ -74,16 +74,17 @@ def ablate(
         from soter.cli.overrides import load_with_engine, merge
         from soter.runner.ablate import Plan, variants
 
-        chosen = [each for each in variants() if only is None or _matches(each, only)]
+        given = {"backend": backend, "duration_s": duration, "targets": targets}
+        overrides = merge(given, settings or [])
+        loaded = load_with_engine(mission, overrides, None)
+        chosen = [each for each in variants(loaded.rta.module) if only is None or _matches(each, only)]
         if not chosen:
             raise _refusal("--only", f"no variant matches '{only}'; --list names them all")
         if listed:
             for variant in chosen:
                 typer.echo(f"{variant.group}/{variant.name}")
             return
-        given = {"backend": backend, "duration_s": duration, "targets": targets}
-        overrides = merge(given, settings or [])
-        load_with_engine(mission, overrides, None).read_workspace()
+        loaded.read_workspace()
         json_file = None if json is None else json_output(json)
         page = None if markdown is None else Output(markdown, "--markdown")
         plan = Plan(mission, overrides, _numbers(seeds), force_ill_formed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -105,8 +105,12 @@ class Outcome:
         return intact and self.result is not None and self.result.violated
 
 
-def variants() -> list[Variant]:
-    """Return everything that is tried, the mission as it is first."""
+def variants(own: Iterable[str] = ()) -> list[Variant]:
+    """Return everything that is tried, the mission as it is first.
+
+    Args:
+        own: names of the modules of the user's own that the mission has.
+    """
     found = [
         Variant("mission", "as declared"),
         Variant("mission", "AC only (no RTA)", {"rta.enabled": False}, intact=False),
@@ -115,6 +119,9 @@ def variants() -> list[Variant]:
     for left_out in MODULES:
         rest = [name for name in MODULES if name != left_out]
         found.append(Variant("without a module", left_out, {"rta.modules": rest}, intact=False))
+    for left_out in own:
+        off = {f"rta.module.{left_out}.enabled": False}
+        found.append(Variant("without a module", left_out, off, intact=False))
     for module, deltas_s in DELTAS_S.items():
         for ac in ("mission", *(f"{PREFIX}{name}" for rule, name in ATTACKERS.items() if rule == module)):
             found += [

@@ -82,7 +82,7 @@ class Row:
         reached = self.reached_per_hour or 0.0
         return [
             self.variant.name,
-            " / ".join(map(str, violations)),
+            " / ".join([*map(str, violations), *self._own_violations()]),
             f"{sum(r.ac_share for r in results) / len(results):.1%}",
             f"{disengaged:.0f}",
             " / ".join("-" if margin is None else f"{margin:.3f}" for margin in margins),
@@ -90,6 +90,11 @@ class Row:
             f"{reached / ac_only:.0%}" if ac_only else "-",
             remark,
         ]
+
+    def _own_violations(self) -> list[str]:
+        """Return the violations of rules of the user's own, with their names, which are not in the head."""
+        names = dict.fromkeys(rule for r in self.results for rule in r.violations or () if rule not in RULES)
+        return [f"{name} {sum((r.violations or {}).get(name, 0) for r in self.results)}" for name in names]
 
     def _remark(self) -> str:
         refusal = next((outcome.ill_formed for outcome in self.outcomes if outcome.ill_formed), "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -213,3 +214,14 @@ def test_a_worker_that_dies_is_a_failed_run(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(ablate, "_work", dies)
     with pytest.raises(RunFailed, match="has died"):
         list(ablate.run_all(plan(), [Variant("mission", "as declared")], 1))
+
+
+def test_a_module_of_the_users_own_is_left_out_by_name(tmp_path: Path) -> None:
+    zone = MISSION.parent / "modules" / "zone.toml"
+    page = tmp_path / "page.md"
+    words = ("--only", "without a module/zone-speed", "--duration", "120", "--seeds", "1", "--markdown", str(page))
+    done = CliRunner().invoke(app, ["ablate", str(zone), *words])
+    assert done.exit_code == 0, done.output
+    found = re.search(r"/ zone-speed (\d+)", page.read_text())
+    assert found is not None
+    assert int(found[1]) > 0, "its rule breaks"
