@@ -11,8 +11,8 @@ from typing import Final
 from soter.errors import ConfigError
 
 _TASKS: Final = Path("/proc/self/task")
-_LOWEST: Final = os.sched_param(1)
-_NORMAL: Final = os.sched_param(0)
+_LOWEST: Final = 1
+_NORMAL: Final = 0
 
 
 @contextmanager
@@ -48,7 +48,7 @@ def real_time(*, required: bool) -> Iterator[bool]:
         _schedule(os.SCHED_OTHER, _NORMAL)
 
 
-def _schedule(policy: int, parameters: os.sched_param) -> None:
+def _schedule(policy: int, priority: int) -> None:
     for task in _TASKS.iterdir():
         with suppress(ProcessLookupError):
-            os.sched_setscheduler(int(task.name), policy, parameters)
+            os.sched_setscheduler(int(task.name), policy, os.sched_param(priority))
