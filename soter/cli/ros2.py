@@ -157,8 +157,8 @@ def _open(mission: Mission) -> Ros2Fleet:
     config = validate_options(Ros2Config, given, mission.source, "backends.ros2", {"workspace": workspace})
     assert isinstance(config, Ros2Config)
     robots = config.robots or {place.id: RobotOptions(namespace=f"/robot{place.id}") for place in workspace.robots}
-    config = config.model_copy(update={"robots": robots, "external_ac": True})
-    return Ros2Fleet(config, robot_specs(mission, workspace), None)
+    config = config.model_copy(update={"robots": robots})
+    return Ros2Fleet(config, robot_specs(mission, workspace), None, external_ac=True)
 
 
 def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:

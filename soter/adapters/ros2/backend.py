@@ -22,13 +22,21 @@ class Ros2Fleet(Fleet):
         config: where the robots are.
         specs: the robots.
         simulator: a simulator to end with the fleet, or None.
+        external_ac: the robots' ACs are somebody else's nodes.
 
     Attributes:
         simulator: the same.
         ros2_robots: the robots, as what they are.
     """
 
-    def __init__(self, config: Ros2Config, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
+    def __init__(
+        self,
+        config: Ros2Config,
+        specs: Sequence[RobotSpec],
+        simulator: Simulator | None,
+        *,
+        external_ac: bool = False,
+    ) -> None:
         self.simulator: Final = simulator
         clock = VehicleClock()
         self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)
@@ -39,7 +47,9 @@ class Ros2Fleet(Fleet):
                 self._truth.close()
             raise
         try:
-            self.ros2_robots: Final = tuple(Ros2Robot(spec, clock, self._graph, config) for spec in specs)
+            self.ros2_robots: Final = tuple(
+                Ros2Robot(spec, clock, self._graph, config, external_ac=external_ac) for spec in specs
+            )
             super().__init__(clock, self.ros2_robots, self._truth)
         except BaseException:
             self._close_shared()

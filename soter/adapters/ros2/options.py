@@ -76,7 +76,6 @@ class Ros2Config(BackendConfig):
         topics: what their topics are called.
         stamped: velocities are TwistStamped instead of Twist.
         use_sim_time: ROS time is that of `/clock`; needed with simulated robots, which have it in any case.
-        external_ac: somebody else's node publishes on `cmd_vel_ac`: this backend never does.
         domain_id: the ROS domain; the default is that of the environment variable ROS_DOMAIN_ID.
         discovery_s: how long to wait for a robot's topics, at most.
         truth: `host:port` at which a simulated world that was started by hand says what really happens.
@@ -87,7 +86,6 @@ class Ros2Config(BackendConfig):
     topics: Topics = Topics()
     stamped: bool = False
     use_sim_time: bool = False
-    external_ac: bool = False
     domain_id: Annotated[int, Field(ge=0, le=232)] | None = None
     discovery_s: Annotated[float, Field(gt=0.0, le=600.0)] = 10.0
     truth: str | None = None

@@ -74,6 +74,7 @@ class Ros2Robot(Robot):
         clock: follows the robots' clocks.
         ros: SOTER's corner of the graph.
         config: of the backend, with this robot in it.
+        external_ac: its AC is somebody else's node, which publishes on `cmd_vel_ac`: this robot never does.
     """
 
     declared: ClassVar[Capabilities] = Capabilities(
@@ -98,7 +99,9 @@ class Ros2Robot(Robot):
         pivots_first=True,
     )
 
-    def __init__(self, spec: RobotSpec, clock: VehicleClock, ros: Graph, config: Ros2Config) -> None:
+    def __init__(
+        self, spec: RobotSpec, clock: VehicleClock, ros: Graph, config: Ros2Config, *, external_ac: bool = False
+    ) -> None:
         super().__init__(spec, clock)
         place, topics = config.robots[spec.id], config.topics
         self._vehicle_clock: Final = clock
@@ -116,7 +119,7 @@ class Ros2Robot(Robot):
         self._heard = 0
         node, velocity = self.node, velocity_type(stamped=config.stamped)
         self._velocities: Final = {SC: node.create_publisher(velocity, topics.cmd_vel_sc, graph.COMMAND)}
-        if not config.external_ac:
+        if not external_ac:
             self._velocities[AC] = node.create_publisher(velocity, topics.cmd_vel_ac, graph.COMMAND)
         self._orders: Final = node.create_publisher(String, topics.order, graph.LATCHED)
         node.create_subscription(String, topics.gate, self._hear_gate, graph.LATCHED)
@@ -211,8 +214,8 @@ class Ros2Robot(Robot):
         return replace(self.declared, reports_battery=bool(self._config.topics.battery))
 
     def _send_goto(self, goal: Goal) -> None:
-        if goal.by is Controller.AC and self._config.external_ac:
-            raise Unsupported(f"robot {self.id}: its AC is somebody else's node; take external_ac out to drive it")
+        if goal.by.value not in self._velocities:
+            raise Unsupported(f"robot {self.id}: its AC is somebody else's node, and is not spoken for")
         self._doing = self._doing._replace(target=goal.target, goal_id=goal.id)
         self._steer()
 

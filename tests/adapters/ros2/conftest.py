@@ -44,10 +44,13 @@ def open_fleet() -> Iterator[Callable[..., Ros2Fleet]]:
 
     with ExitStack() as stack:
 
-        def open_fleet(simulator: Simulator, *, ready: bool = True, **options: Any) -> Ros2Fleet:
+        def open_fleet(
+            simulator: Simulator, *, ready: bool = True, external_ac: bool = False, **options: Any
+        ) -> Ros2Fleet:
             config = simulated(Ros2Config(workspace=ROOM.with_robots(1)), simulator)
             given = {name: getattr(config, name) for name in type(config).model_fields}
-            fleet = Ros2Fleet(Ros2Config.model_validate({**given, **options}), SPECS[:1], None)
+            config = Ros2Config.model_validate({**given, **options})
+            fleet = Ros2Fleet(config, SPECS[:1], None, external_ac=external_ac)
             stack.enter_context(fleet)
             if ready:
                 fleet.robots[0].init(20.0)
