@@ -94,8 +94,10 @@ class TimeSync:
         self._trips_s.append(trip_s)
         if trip_s > _QUICK * min(self._trips_s) + _QUICK_S:
             return
-        self._check(stamp_s, received_s, trip_s)
-        self._clock.observe(self._robot_id, stamp_s, received_s, 0.5 * trip_s)
+        # A first answer may be a slow one. Taken as if all of that was on its way back, it makes samples look too old
+        # by a little until the next one comes, and never too young.
+        first = self._stood_still(stamp_s, received_s, trip_s) or not self._believed
+        self._clock.observe(self._robot_id, stamp_s, received_s, trip_s if first else 0.5 * trip_s)
         self._believed += 1
 
     def _hear_sample(self, message: Any, received_s: float) -> None:
@@ -109,15 +111,17 @@ class TimeSync:
             self._clock.observe(self._robot_id, stamp_s, received_s)
             self._believed += 1
 
-    def _check(self, stamp_s: float, received_s: float, trip_s: float) -> None:
-        """Forget the clock if it is behind what it must show by now: it has stood still."""
+    def _stood_still(self, stamp_s: float, received_s: float, trip_s: float) -> bool:
+        """Return whether the clock is behind what it must show by now; what was known of it is then forgotten."""
         expected_s = self.to_vehicle_s(self._clock.now() - (self._clock.steady_s() - received_s) * self._clock.rate)
         if expected_s is None:
-            return
+            return False
         behind_s = expected_s - trip_s * self._clock.rate - stamp_s
-        if behind_s > _BEHIND_S:
-            logger.info("robot %d: its clock has stood still for %.3f s", self._robot_id, behind_s)
-            self._clock.forget(self._robot_id)
+        if behind_s <= _BEHIND_S:
+            return False
+        logger.info("robot %d: its clock has stood still for %.3f s", self._robot_id, behind_s)
+        self._clock.forget(self._robot_id)
+        return True
 
     def _reboot(self, stamp_s: float) -> None:
         logger.warning("robot %d: it has rebooted, %.1f s ago", self._robot_id, stamp_s)

@@ -93,6 +93,17 @@ def test_a_clock_that_stood_still_is_learned_anew_at_once() -> None:
     assert rig.sync.reboots == 0
 
 
+def test_a_slow_answer_after_a_standstill_makes_no_sample_look_younger_than_it_is() -> None:
+    rig = Rig()
+    rig.settle(30)
+    rig.booted_s += 0.3
+    rig.sync._trips_s.clear()
+    rig.ask(there_s=0.001, back_s=0.06)
+    assert rig.off_s >= -0.002
+    rig.settle(4)
+    assert abs(rig.off_s) <= 0.002
+
+
 def test_a_reboot_is_seen_by_the_first_sample_after_it() -> None:
     rig = Rig()
     rig.settle()
