@@ -163,7 +163,7 @@ class _Checker:
                 break
             if name == COLLISION:
                 try:
-                    check_halves(module, declared.recovery.leg_m(declared.timing.sample_age_s))
+                    check_halves(module, declared.timing, declared.recovery.leg_m(declared.timing.sample_age_s))
                 except IllFormedModule as failure:
                     found.append(Finding(name, "P2a", Verdict.REJECTED, str(failure).partition(": ")[2]))
                     break

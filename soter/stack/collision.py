@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from soter.errors import IllFormedModule
-from soter.rta import Region, RTAModule, Situation, SpeedAccelerationBound, SpeedBound, Threat, Topic
+from soter.rta import Region, RTAModule, Situation, SpeedAccelerationBound, SpeedBound, Threat, Timing, Topic
 from soter.sdk import Waypoint
 from soter.stack.battery import Dock
 from soter.stack.recovery import RecoveryPlanner
@@ -76,15 +76,16 @@ class Separation(Region):
         return noise_m + self.peer_noise_m
 
 
-def check_halves(module: RTAModule, leg_m: float) -> None:
+def check_halves(module: RTAModule, timing: Timing, leg_m: float) -> None:
     """Check under which conditions each of two robots may use up half of the gap between them (P2a).
 
     A safe controller limits its legs along the line to the peer as it is seen now. That line turns while both move;
-    and a robot that brakes takes some way, of which the peer knows nothing. Both are paid for where legs are at most
-    a quarter of the separation long, and where braking from top speed takes no longer than 4 Delta.
+    and a robot that brakes takes some way, of which the peer knows nothing. The first is paid for where legs are at
+    most a quarter of the separation long, the second where the AC loses control early enough; see docs/assurance.md.
 
     Args:
         module: the collision module of one robot.
+        timing: what that robot adds to every horizon.
         leg_m: the longest leg of its safe controllers.
 
     Raises:
@@ -105,12 +106,15 @@ def check_halves(module: RTAModule, leg_m: float) -> None:
     if not isinstance(own, SpeedBound | SpeedAccelerationBound):
         raise IllFormedModule(module.name, "P2a", f"a {type(own).__name__} has no top speed that could be checked")
     braking_s = own.v_max_m_s / own.brake_m_s2
-    if braking_s > 4.0 * module.delta_s + _ROUNDING:
+    early_s = timing.ahead_s(module.delta_s) - module.delta_s
+    needed_s = braking_s / 2.0 - math.sqrt(braking_s * (timing.tick_s + timing.latency_s) / 2.0)
+    if early_s < needed_s - _ROUNDING:
         raise IllFormedModule(
             module.name,
             "P2a",
-            f"braking from top speed takes {braking_s:.3f} s, longer than 4 Delta = {4.0 * module.delta_s:g} s; "
-            f"Delta = {math.ceil(braking_s * 250.0 - 1e-6) / 1000.0:g} s would do",
+            f"braking from top speed takes {braking_s:.3f} s, so that the AC has to lose control {needed_s:.3f} s "
+            f"before it must, and not {early_s:.3f} s; Delta = {math.ceil(needed_s * 1000.0 - 1e-6) / 1000.0:g} s "
+            "would do",
         )
 
 

@@ -91,7 +91,7 @@ class Declared:
         for module in self.modules:
             module.check(self.timing, base_tick_s)
             if module.name == COLLISION:
-                check_halves(module, self.recovery.leg_m(self.timing.sample_age_s))
+                check_halves(module, self.timing, self.recovery.leg_m(self.timing.sample_age_s))
 
 
 def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:

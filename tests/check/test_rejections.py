@@ -63,9 +63,9 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
 }
 # The others, which need more than a declaration.
 OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
-    "more than a quarter of the separation": ("P2a", lambda: check_halves(pair(), 0.2)),
-    "longer than 4 Delta": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), 0.05)),
-    "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), 0.05)),
+    "more than a quarter of the separation": ("P2a", lambda: check_halves(pair(), Timing(), 0.2)),
+    "so that the AC has to lose control": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(), 0.05)),
+    "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), Timing(), 0.05)),
     "which a robot does not promise": (
         "P3", lambda: limits(heading_noise_rad=None).motion("geofence", "unicycle"),
     ),
