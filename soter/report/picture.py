@@ -21,6 +21,7 @@ from matplotlib.patches import Rectangle
 
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Caption
+from soter.report.colours import MODULES, ROBOTS, ac_colour, driver_colour
 from soter.report.strokes import LAST_S, end_s, marks, shares, stretches, time_unit, ways_since_s
 
 WIDTH_PX: Final = 1600
@@ -36,11 +37,6 @@ _LINES_PX: Final = 124.0
 _MOST_PLAN_PX: Final = 1000.0
 _COLUMN_PX: Final = 108.0
 _KEY_ROW_PX: Final = 34.0
-# Colours that stay apart for every kind of colour blindness (after Okabe and Ito): warm and loud for the safety
-# modules, since they are what one looks for; cool and quiet for the untrusted controllers.
-_MODULES: Final = {"collision": "#D55E00", "obstacle": "#A0348C", "geofence": "#E69F00", "battery": "#009E73"}
-_OTHER_MODULES: Final = ("#8C1C13", "#5E4B00", "#3D2B56")
-_ROBOTS: Final = ("#1F6FB2", "#7C8088", "#56B4E9", "#2B3A67", "#9AA9BC", "#3E8E9E")
 _INK, _SOFT, _FAINT = "#22272E", "#6A717B", "#D9DCE1"
 _OUTSIDE, _STRIP, _INSIDE, _BOX, _CHARGER, _ALARM = "#E4E6EA", "#F7F1E3", "#FFFFFF", "#4A515C", "#DDF1EA", "#B3261E"
 
@@ -90,14 +86,9 @@ def make_figure(run: RunTracks, caption: Caption) -> Figure:
     return figure
 
 
-def driver_colour(name: str) -> str:
-    """Return the colour of a safety module."""
-    return _MODULES.get(name) or _OTHER_MODULES[sum(map(ord, name)) % len(_OTHER_MODULES)]
-
-
 def robot_colour(run: RunTracks, robot_id: int) -> str:
     """Return the colour of a robot in AC."""
-    return _ROBOTS[sorted(run.tracks).index(robot_id) % len(_ROBOTS)]
+    return ac_colour(sorted(run.tracks).index(robot_id))
 
 
 # --- the page ----------------------------------------------------------------------------------------------
@@ -182,7 +173,7 @@ def _ground(axes: Axes, run: RunTracks) -> None:
         axes.add_patch(Rectangle((x_m - half_m, y_m - half_m), 2 * half_m, 2 * half_m, fc=_ALARM, ec="none", zorder=2))
     for place in workspace.robots:
         charger = place.charger
-        axes.add_patch(_rectangle(charger, fc=_CHARGER, ec=_MODULES["battery"], lw=1.0))
+        axes.add_patch(_rectangle(charger, fc=_CHARGER, ec=MODULES["battery"], lw=1.0))
     for box in workspace.boxes:
         axes.add_patch(_rectangle(box, fc=_BOX, ec="none", zorder=1.5))
     axes.add_patch(Rectangle((0, 0), width_m, depth_m, fc="none", ec=_INK, lw=1.8, zorder=1.6))
@@ -285,7 +276,7 @@ def _heading(axes: Axes, y: float, text: str, width_px: float, columns: dict[flo
 
 def _driver_row(axes: Axes, y: float, run: RunTracks, driver: int, share: float, bar_end: float) -> None:
     name = run.drivers[driver]
-    colours = [robot_colour(run, robot_id) for robot_id in sorted(run.tracks)][: len(_ROBOTS)] if driver == 0 else []
+    colours = [robot_colour(run, robot_id) for robot_id in sorted(run.tracks)][: len(ROBOTS)] if driver == 0 else []
     colours = colours or [driver_colour(name)]
     for index, colour in enumerate(colours):
         # The robots' lines are fine and stand one above the other; a module's is one bold line.
@@ -300,7 +291,7 @@ def _driver_row(axes: Axes, y: float, run: RunTracks, driver: int, share: float,
 
 def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
     """Return the meaning of every mark, and what draws a sample of it at a height."""
-    robot, modules = _ROBOTS[0], [driver_colour(name) for name in run.drivers[1:4]]
+    robot, modules = ROBOTS[0], [driver_colour(name) for name in run.drivers[1:4]]
 
     def disc(x: float, y: float, size: float, **style: Any) -> Line2D:
         return Line2D([x], [y], marker="o", ms=size, ls="", **style)
@@ -322,7 +313,7 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
             ("given back to the AC", lambda y: [disc(18.0, y, 4, mfc="white", mec=robot, mew=0.9)]),
         ]  # fmt: skip
     samples.append(("box", lambda y: [patch(y, fc=_BOX, ec="none")]))
-    samples.append(("charger", lambda y: [patch(y, fc=_CHARGER, ec=_MODULES["battery"], lw=1.0)]))
+    samples.append(("charger", lambda y: [patch(y, fc=_CHARGER, ec=MODULES["battery"], lw=1.0)]))
     if run.unproved:
         samples.append(("states that are not proved", lambda y: [patch(y, fc=_ALARM, ec="none")]))
     if run.safer_inset_m is not None:
@@ -336,8 +327,8 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
     if caption.safer_charge is not None:
         charge = f"charge over time; given back from {100.0 * caption.safer_charge:.0f} % on"
         samples.append((charge, lambda y: [
-            patch(y, fc=_MODULES["battery"], ec="none", alpha=0.1),
-            Line2D([2.0, 34.0], [y + 3.0, y - 4.0], color=_MODULES["battery"], lw=1.3),
+            patch(y, fc=MODULES["battery"], ec="none", alpha=0.1),
+            Line2D([2.0, 34.0], [y + 3.0, y - 4.0], color=MODULES["battery"], lw=1.3),
             Line2D([2.0, 34.0], [y - 7.0, y - 7.0], color=_SOFT, lw=0.8, ls=(0, (4, 3))),
         ]))  # fmt: skip
     return samples
@@ -387,8 +378,8 @@ def _charge(axes: Axes, track: Track, caption: Caption, unit_s: float) -> None:
     if all(math.isnan(charge) for charge in track.battery):
         axes.text(0.005, 0.3, "charge unknown", transform=axes.transAxes, color=_SOFT, fontsize=8)
         return
-    axes.fill_between(times, _known(track.battery), 0.0, color=_MODULES["battery"], alpha=0.10, lw=0)
-    axes.plot(times, _known(track.battery), color=_MODULES["battery"], lw=1.3)
+    axes.fill_between(times, _known(track.battery), 0.0, color=MODULES["battery"], alpha=0.10, lw=0)
+    axes.plot(times, _known(track.battery), color=MODULES["battery"], lw=1.3)
     if caption.safer_charge is not None:
         axes.axhline(caption.safer_charge, color=_SOFT, lw=0.7, ls=(0, (5, 4)))
 

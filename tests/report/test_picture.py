@@ -22,7 +22,8 @@ pytest.importorskip("matplotlib")
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from soter.report.picture import HEIGHT_PX, MOST_ROWS, WIDTH_PX, draw, draw_png, driver_colour, make_figure
+from soter.report.colours import driver_colour
+from soter.report.picture import HEIGHT_PX, MOST_ROWS, WIDTH_PX, draw, draw_png, make_figure
 
 CAPTION = Caption(
     title="warehouse: a test",
