@@ -24,6 +24,9 @@ BUSY_CAPACITY_BYTES: Final = 1 << 18
 
 _KILLED: Final = "its writer was killed"
 
+READY_S: Final = 10.0
+"""Host time that the writer is given to start."""
+
 CLOSE_S: Final = 30.0
 """Host time that the writer is given at the end for what is still in the pipe."""
 
@@ -98,6 +101,15 @@ class WriterPipe:
             return False
         return True
 
+    def wait_ready(self) -> None:
+        """Wait until the first frame stands in the file, for at most `READY_S`: nothing is recorded before that."""
+        out = self._process.stdout
+        if self.failure or out is None or not select.select([out], [], [], READY_S)[0]:
+            return
+        said = os.read(out.fileno(), 1 << 16).strip()
+        if said:
+            self._fail(said)
+
     def close(self, last: bytes) -> Outcome:
         """Send a last frame and end the writer; wait for at most `CLOSE_S`. Empty if the run has nothing to say."""
         if not self.failure:
@@ -143,8 +155,11 @@ class WriterPipe:
         os.set_blocking(self._process.stdout.fileno(), False)
         said = self._process.stdout.read()
         if said:
-            with contextlib.suppress(msgspec.DecodeError):
-                self.failure = msgspec.json.decode(said, type=Outcome).failure or "its writer has ended"
+            self._fail(said)
+
+    def _fail(self, said: bytes) -> None:
+        with contextlib.suppress(msgspec.DecodeError):
+            self.failure = msgspec.json.decode(said, type=Outcome).failure or "its writer has ended"
 
 
 def _resized(fd: int, capacity_bytes: int) -> int:

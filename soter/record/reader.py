@@ -17,7 +17,7 @@ from msgspec import Struct
 from zstandard import ZstdError
 
 from soter.errors import ConfigError
-from soter.record import messages
+from soter.record import foxglove, messages
 from soter.record.file import PROFILE
 from soter.record.messages import (
     ABOUT_JSON,
@@ -226,6 +226,23 @@ class Recording:
                 robots, events = {}, []
         if events and last is not None:
             yield Tick(last.tick, last.time_s, last.host_ns, {}, tuple(events))
+
+    def ways(self) -> Iterator[tuple[float, int, list[tuple[float, float]]]]:
+        """Yield what ACs meant to drive: fleet time, robot id, and the places that it led through, x and y in metres.
+
+        Raises:
+            BadRecording: see `messages`.
+        """
+        decoder = msgspec.json.Decoder(foxglove.PosesInFrame)
+        robots = {foxglove.WAY_TOPIC.format(robot_id=robot.robot_id): robot.robot_id for robot in self.about.robots}
+        channels: dict[int, int] = {}
+        for record in self._records():
+            if isinstance(record, Channel) and record.topic in robots:
+                channels[record.id] = robots[record.topic]
+            elif isinstance(record, Message) and record.channel_id in channels:
+                way: foxglove.PosesInFrame = self._decode(decoder, record)
+                places = [(pose.position.x, pose.position.y) for pose in way.poses]
+                yield record.log_time / 1e9, channels[record.channel_id], places
 
     # --- as a whole ----------------------------------------------------------------------------------------
 

@@ -158,6 +158,8 @@ class Recorder:
         )
         self._pipe = WriterPipe(self.path, waits=self._waits)
         self._send(self._pipe, packed(frame))
+        self._pipe.wait_ready()
+        self._say(self._pipe.failure, "; the run goes on")
 
     # --- told by others --------------------------------------------------------------------------------------
 

@@ -51,6 +51,9 @@ that takes long."""
 PICTURE_S: Final = 0.1
 """Fleet time between two sets of frames for the eye."""
 
+READY: Final = b"\n"
+"""Said when it stands in the file what is run."""
+
 NICENESS: Final = 5
 _READ_BYTES: Final = 1 << 20
 _MEDIA_TYPES: Final = {".json": "application/json", ".toml": "application/toml", ".xml": "application/xml"}
@@ -213,6 +216,8 @@ def record(source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: floa
                 break
             for frame in intake.take(data):
                 scribe.take(frame)
+                if isinstance(frame, Begin):
+                    os.write(sys.stdout.fileno(), READY)
                 flushed_s = _flushed(file, flushed_s, chunk_s)
         flushed_s = _flushed(file, flushed_s, chunk_s)
         # A run that has filled much of the pipe in this time is about to wait for it.
