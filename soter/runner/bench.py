@@ -7,7 +7,6 @@ happened is judged by true poses.
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,6 +22,7 @@ from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
 from soter.rta import Assumption, DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
 from soter.rta.assumptions import Breach as AssumptionBreach
+from soter.runner.node_failures import failures_of_nodes
 from soter.runner.user_rules import UserRules
 from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
@@ -150,7 +150,7 @@ class ModuleBench:
         specs = self._specs(vector)
         if any(self._terrain.clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
             return Trial(valid=False)
-        with self._open(specs) as fleet, _failures_of_nodes() as failures:
+        with self._open(specs) as fleet, failures_of_nodes() as failures:
             safety = assemble(self._mission, self.workspace, fleet.robots, lambda _: None)
             return _Run(self, safety, fleet, self._commands(vector), failures).trial()
 
@@ -378,28 +378,3 @@ class _Run:
 
 def _module(safety: SafetySide, robot_id: int, name: str) -> RTAModule:
     return next(module for module in safety.modules[robot_id] if module.name == name)
-
-
-class _Collector(logging.Handler):
-    """Keeps what the supervisor logs about nodes that fail, instead of printing it a thousand times."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self.texts: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        failure = record.exc_info[1] if record.exc_info else None
-        self.texts.append(f"{record.getMessage()}: {failure!r}")
-
-
-@contextmanager
-def _failures_of_nodes() -> Iterator[Sequence[str]]:
-    """Collect failures of the code under test for as long as a trial lasts."""
-    logger, collector = logging.getLogger("soter.rta.supervisor"), _Collector()
-    propagates, logger.propagate = logger.propagate, False
-    logger.addHandler(collector)
-    try:
-        yield collector.texts
-    finally:
-        logger.removeHandler(collector)
-        logger.propagate = propagates

@@ -1,0 +1,32 @@
+"""Gathers what supervisors log about nodes that fail, for whoever runs code that may well fail a thousand times."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+
+class Collector(logging.Handler):
+    """Keeps what the supervisor logs about nodes that fail, instead of printing it a thousand times."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        failure = record.exc_info[1] if record.exc_info else None
+        self.texts.append(f"{record.getMessage()}: {failure!r}")
+
+
+@contextmanager
+def failures_of_nodes() -> Iterator[Sequence[str]]:
+    """Collect failures of the code under test for as long as a trial lasts."""
+    logger, collector = logging.getLogger("soter.rta.supervisor"), Collector()
+    propagates, logger.propagate = logger.propagate, False
+    logger.addHandler(collector)
+    try:
+        yield collector.texts
+    finally:
+        logger.removeHandler(collector)
+        logger.propagate = propagates
