@@ -59,7 +59,7 @@ def stamp_s(header: Any) -> float:
 def read_odometry(message: Odometry, origin: Pose) -> Motion:
     """Return what an odometry message says.
 
-    Twists are in the frame of the robot's body, as REP 105 has it; the position in that of its odometry, which reads
+    Twists are in the frame of the robot's body, as nav_msgs has it; the position in that of its odometry, which reads
     0, 0, 0 at `origin`.
     """
     position, turned = message.pose.pose.position, message.pose.pose.orientation

@@ -214,3 +214,26 @@ def test_when_the_robot_dies_its_link_goes_down_and_closing_does_not_hang(
     began_s = fleet.clock.steady_s()
     fleet.close()
     assert fleet.clock.steady_s() - began_s < 3.0
+
+
+def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
+    simulator: Simulator, open_fleet: Open
+) -> None:
+    from soter.adapters.ros2.simulator import Simulator as Another
+
+    fleet = open_fleet(simulator, truth=None)
+    robot = fleet.robots[0]
+    under_way(fleet)
+    simulator.close()
+    assert tick(fleet, lambda: robot.read_state().link is Link.STALE, 5.0)
+    # Its clock, its session and its odometry begin anew.
+    another = Another(ROOM.with_robots(1), SPECS[:1], domain_id=simulator.domain_id)
+    try:
+        assert tick(fleet, lambda: robot.read_state().link is Link.UP, 10.0)
+        assert tick(fleet, lambda: robot.read_state().controller is Controller.SC, 5.0)
+        goal = robot.goto(Waypoint(2.3, 2.6), Controller.SC)
+        assert tick(fleet, lambda: not goal.active, 20.0)
+        assert goal.status is GoalStatus.REACHED
+        assert robot.read_state().age_s(fleet.clock.now()) < 0.3
+    finally:
+        another.close()
