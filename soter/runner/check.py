@@ -124,7 +124,8 @@ class _Checker:
         self._capabilities: Final = capabilities
         self._terrain: Final = Terrain(workspace, max(each.body_radius_m for each in capabilities.values()))
         # Robots that promise the same need one proof, but for their ways home.
-        self._kinds: Final = [*{promised: robot_id for robot_id, promised in capabilities.items()}.values()]
+        first = {promised: robot_id for robot_id, promised in reversed([*capabilities.items()])}
+        self._kinds: Final = sorted(first.values())
         self._declared: Final[dict[int, Declared]] = {place.id: self._declare(place.id) for place in workspace.robots}
         self._unproved: dict[str, Sequence[tuple[Cell, str]]] = {}
         self._broken: dict[str, Sequence[Falsified]] = {}

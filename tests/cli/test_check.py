@@ -75,8 +75,9 @@ def test_a_gap_is_a_rejection_where_that_is_asked_for() -> None:
 
 
 def test_several_robots_are_said_to_be_tested_only() -> None:
-    only = ("--set", "rta.modules=['collision']", "--backend", "kinematic", "--budget", "10")
+    only = ("--set", "rta.modules=['collision', 'obstacle']", "--backend", "kinematic", "--budget", "10")
     done = check(str(EXAMPLES / "surveillance.toml"), *only)
+    assert re.search(r"obstacle +P2a +PARTLY .*; \d+ trials from there broke nothing", done.output)
     assert lines(done)["collision", "P2a"] == "TESTED"
     assert "two robots jointly, not proved" in done.output
 
