@@ -25,8 +25,60 @@ _END_TIMEOUT_S: Final = 3.0
 
 # Ports of DDS are 7400 + 250 * domain and up; beyond this domain they meet those that Linux hands out.
 _DOMAINS: Final = range(1, 101)
-_PORT: Final = 7410
+_PORT: Final = 7400
 _PORTS_PER_DOMAIN: Final = 250
+_NEVER_USED: Final = 5
+_FIRST_PARTICIPANT: Final = 10
+
+
+class Domain:
+    """A ROS domain in which nobody is on this host, drawn at random, and held so that no other of these gets it.
+
+    Attributes:
+        id: its number.
+
+    Raises:
+        RobotUnavailable: there is somebody in every one.
+    """
+
+    def __init__(self) -> None:
+        for number in random.sample(_DOMAINS, len(_DOMAINS)):
+            held = _held(number)
+            if held is not None:
+                break
+        else:
+            raise RobotUnavailable(f"every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this host")
+        self.id: Final = number
+        self._held: Final = held
+
+    def close(self) -> None:
+        """Let go of it. Idempotent."""
+        self._held.close()
+
+
+def _held(domain_id: int) -> socket.socket | None:
+    """Return what holds a domain for this process, or None if somebody is in it."""
+    port = _PORT + _PORTS_PER_DOMAIN * domain_id
+    held = _bound(port + _NEVER_USED)
+    if held is None:
+        return None
+    participant = _bound(port + _FIRST_PARTICIPANT)
+    if participant is None:
+        held.close()
+        return None
+    participant.close()
+    return held
+
+
+def _bound(port: int) -> socket.socket | None:
+    """Return a socket bound to a port of this host, or None if somebody else has it."""
+    found = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        found.bind(("127.0.0.1", port))
+    except OSError:
+        found.close()
+        return None
+    return found
 
 
 class Simulator:
@@ -59,7 +111,11 @@ class Simulator:
         domain_id: int | None = None,
         truth_port: int = 0,
     ) -> None:
-        self.domain_id: Final = free_domain() if domain_id is None else domain_id
+        self._domain: Domain | None = None
+        if domain_id is None:
+            self._domain = Domain()
+            domain_id = self._domain.id
+        self.domain_id: Final = domain_id
         self.namespaces: Final = {spec.id: f"/{spec.name or f'robot{spec.id}'}" for spec in robots}
         self.muxes: Final[dict[int, subprocess.Popen[bytes]]] = {}
         self._stamped: Final = stamped
@@ -102,6 +158,8 @@ class Simulator:
             for pipe in (process.stdin, process.stdout):
                 if pipe is not None and not pipe.closed:
                     pipe.close()
+        if self._domain is not None:
+            self._domain.close()
 
     def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
         kind = subprocess.PIPE if pipes else subprocess.DEVNULL
@@ -132,20 +190,3 @@ class Simulator:
                 raise OSError(f"their process ended with code {self.world.wait()}")
             line += part
         return line
-
-
-def free_domain() -> int:
-    """Return a ROS domain in which nobody is on this host, drawn at random.
-
-    Raises:
-        RobotUnavailable: there is somebody in every one.
-    """
-    for domain_id in random.sample(_DOMAINS, len(_DOMAINS)):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                # Where the first participant of a domain listens.
-                probe.bind(("127.0.0.1", _PORT + _PORTS_PER_DOMAIN * domain_id))
-            except OSError:
-                continue
-            return domain_id
-    raise RobotUnavailable(f"every ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is in use on this host")

@@ -93,6 +93,19 @@ def test_stamped_velocities(open_fleet: Open) -> None:
         simulator.close()
 
 
+def test_two_simulators_never_share_a_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    from soter.adapters.ros2 import simulator as simulators
+
+    # Domains that are not drawn from otherwise.
+    monkeypatch.setattr(simulators, "_DOMAINS", range(111, 114))
+    domains = [simulators.Domain() for _ in range(3)]
+    assert {each.id for each in domains} == {111, 112, 113}
+    with pytest.raises(RobotUnavailable, match="every ROS domain from 111 to 113 is in use on this host"):
+        simulators.Domain()
+    for each in domains:
+        each.close()
+
+
 # --- what is refused, and how it is said -------------------------------------------------------------------
 
 

@@ -75,14 +75,16 @@ def test_the_simulator_says_how_to_meet_it_and_ends_with_ctrl_c() -> None:
 
 
 def test_a_monitor_without_robots_says_what_is_missing_and_moves_nothing() -> None:
-    from soter.adapters.ros2.simulator import free_domain
+    from soter.adapters.ros2.simulator import Domain
 
-    settings = [f"domain_id={free_domain()}", "discovery_s=0.5"]
+    domain = Domain()
+    settings = [f"domain_id={domain.id}", "discovery_s=0.5"]
     with soter(
         "ros2-monitor", str(EXAMPLES / "surveillance.toml"), "--set", "backends.ros2.loopback=true",
         *(part for each in settings for part in ("--set", f"backends.ros2.{each}")),
     ) as process:  # fmt: skip
         _, err = process.communicate(timeout=60)
+    domain.close()
     assert process.returncode == 2
     assert "robot 1 at /robot1: within 0.5 s: nobody publishes odom" in err
 

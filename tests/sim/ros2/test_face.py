@@ -58,10 +58,12 @@ class Client:
 
 
 @pytest.fixture
-def domain_id() -> int:
-    from soter.adapters.ros2.simulator import free_domain
+def domain_id() -> Iterator[int]:
+    from soter.adapters.ros2.simulator import Domain
 
-    return free_domain()
+    domain = Domain()
+    yield domain.id
+    domain.close()
 
 
 @pytest.fixture
