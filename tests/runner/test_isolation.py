@@ -258,7 +258,7 @@ def mission_file(folder: Path, simulator: Simulator) -> Path:
 def test_a_killed_supervisor_leaves_robots_at_rest_and_no_process(tmp_path: Path, simulator: Simulator) -> None:
     truth = Truth(simulator.truth)
     path = os.pathsep.join([str(ADAPTER), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "soter.cli", "run", str(mission_file(tmp_path, simulator)), "--quiet"]
+    command = [sys.executable, "-m", "soter.cli", "run", str(mission_file(tmp_path, simulator)), "-q", "--no-record"]
     supervisor = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path})
     try:
         wait_until(lambda: truth.speed_m_s() > 0.1, 30.0)

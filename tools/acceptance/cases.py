@@ -56,7 +56,7 @@ class Case:
     def arguments(self, scale: float = 1.0) -> list[str]:
         """Return the arguments of `soter`; `scale` shortens the run."""
         duration = f"{self.duration_s * scale:.10g}"
-        return ["run", self.mission, *self.options, "--seed", str(self.seed), "--duration", duration]
+        return ["run", self.mission, *self.options, "--seed", str(self.seed), "--duration", duration, "--no-record"]
 
     def command(self, scale: float = 1.0) -> str:
         """Return the command line that repeats this run."""

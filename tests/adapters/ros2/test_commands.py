@@ -31,7 +31,7 @@ def children(pid: int) -> list[int]:
 def test_a_mission_runs_with_the_same_file_as_everywhere() -> None:
     with soter(
         "run", str(EXAMPLES / "surveillance.toml"), "--backend", "ros2", "--planner", "straight-line",
-        "--duration", "10", "--json", "-",
+        "--duration", "10", "--json", "-", "--no-record",
     ) as process:  # fmt: skip
         out, err = process.communicate(timeout=120)
     assert process.returncode == 0, err
@@ -44,7 +44,7 @@ def test_a_mission_runs_with_the_same_file_as_everywhere() -> None:
 def test_ctrl_c_ends_a_run_and_everything_it_started() -> None:
     with soter(
         "run", str(EXAMPLES / "surveillance.toml"), "--backend", "ros2", "--planner", "straight-line",
-        "--duration", "600", "--json", "-",
+        "--duration", "600", "--json", "-", "--no-record",
     ) as process:  # fmt: skip
         assert process.stderr is not None
         while "of 600 s" not in process.stderr.readline():
