@@ -13,4 +13,4 @@ class FailingHarness(SimulatedHarness):
 
 
 class WireBackend(KinematicBackend):
-    robot_class = WireRobot
+    robot_class = WireRobot  # type: ignore[assignment] # `open` below makes them

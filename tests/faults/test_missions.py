@@ -101,7 +101,7 @@ class WholeFleet(Fleet):
 class WholeBackend(KinematicBackend):
     """A backend whose vehicles cannot be impaired, as on a wire."""
 
-    robot_class: ClassVar[type[Robot]] = WholeRobot
+    robot_class: ClassVar[type[Robot]] = WholeRobot  # type: ignore[assignment] # `open` below makes them
 
     def open(self, config: Any, robots: Any) -> Any:
         return WholeFleet(World(config.workspace, robots, "kinematic"), robots)
