@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -81,6 +82,7 @@ def ros2_monitor(
         from soter.adapters.ros2.telemetry import Telemetry
         from soter.apps.ros2_monitor import Watcher
         from soter.cli.overrides import load_with_engine, merge
+        from soter.runner.real_time import real_time
         from soter.stack.declaration import enabled
 
         options = {"backend": "ros2", "duration_s": duration, "rta.enabled": False if no_rta else None}
@@ -90,7 +92,9 @@ def ros2_monitor(
                 robot.init(_INIT_TIMEOUT_S)
             watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.ros2_robots, enabled(loaded)))
             typer.echo(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.ros2_robots)}")
-            watcher.run(stop, duration)
+            wanted = loaded.isolation.real_time
+            with real_time(required=wanted == "always") if wanted != "never" else nullcontext():
+                watcher.run(stop, duration)
         for robot_id, count in watcher.disengagements.items():
             typer.echo(f"robot {robot_id}: taken over {count} times")
         if watcher.late_ticks:
