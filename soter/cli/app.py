@@ -19,6 +19,8 @@ from soter.cli.info import EXAMPLES as INFO_EXAMPLES
 from soter.cli.info import info
 from soter.cli.replay import EXAMPLES as REPLAY_EXAMPLES
 from soter.cli.replay import replay
+from soter.cli.report import EXAMPLES as REPORT_EXAMPLES
+from soter.cli.report import report
 from soter.cli.ros2 import MONITOR_EXAMPLES as ROS2_MONITOR_EXAMPLES
 from soter.cli.ros2 import MUX_CONTEXT, ros2_monitor, ros2_mux, sim_ros2
 from soter.cli.ros2 import SIM_EXAMPLES as ROS2_SIM_EXAMPLES
@@ -38,6 +40,7 @@ app = typer.Typer(
 app.command(epilog=EXAMPLES)(run)
 app.command(epilog=REPLAY_EXAMPLES)(replay)
 app.command(epilog=INFO_EXAMPLES)(info)
+app.command(epilog=REPORT_EXAMPLES)(report)
 app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
 app.command(epilog=CHECK_EXAMPLES)(check)

@@ -86,17 +86,24 @@ def json_output(path: Path) -> Output | StandardOutput:
     return StandardOutput() if str(path) == "-" else Output(path, "--json")
 
 
-def picture_output(path: Path) -> Output:
-    """Return where `--picture` goes.
+def picture_output(path: Path, option: str = "--picture", suffix: str = ".png") -> Output:
+    """Return where a picture goes.
+
+    Args:
+        path: where.
+        option: the option that named it, for messages.
+        suffix: of its kind, lower case.
 
     Raises:
-        ConfigError: it cannot be written there, it is no PNG, or there is nothing to draw it with.
+        ConfigError: it cannot be written there, it is of another kind, or there is nothing to draw it with.
     """
-    if path.suffix.lower() != ".png":
+    if path.suffix.lower() != suffix:
         raise ConfigError(
-            f"'{path}' does not end in .png; pictures are written as PNG", source="command line", key="--picture"
+            f"'{path}' does not end in {suffix}; it is written as {suffix[1:].upper()}",
+            source="command line",
+            key=option,
         )
-    output = Output(path, "--picture")
+    output = Output(path, option)
     try:
         import soter.report.picture  # noqa: F401 - only whether it can be imported
     except ImportError as failure:
@@ -106,6 +113,6 @@ def picture_output(path: Path) -> Output:
             f"pictures are drawn with matplotlib, which cannot be imported ({failure}); install it with: "
             f"{install_hint('matplotlib')}",
             source="command line",
-            key="--picture",
+            key=option,
         ) from failure
     return output

@@ -22,12 +22,15 @@ from matplotlib.patches import Rectangle
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Caption
 from soter.report.colours import MODULES, ROBOTS, ac_colour, driver_colour
-from soter.report.strokes import LAST_S, end_s, marks, shares, stretches, time_unit, ways_since_s
+from soter.report.strokes import LAST_S, end_s, marks, shares, stretches, time_unit, until, ways_since_s
 
 WIDTH_PX: Final = 1600
 HEIGHT_PX: Final = 1200
 MOST_ROWS: Final = 10
 """Robots beyond this number have no time line."""
+
+TRAIL_S: Final = 60.0
+"""What is drawn of the ways before a moment that is not the end."""
 
 _DPI: Final = 125
 _LEFT_PX: Final = 62.0
@@ -52,18 +55,26 @@ def draw(tracks: RunTracks, caption: Caption | None, path: Path | str) -> None:
     Path(path).write_bytes(draw_png(tracks, caption))
 
 
-def draw_png(tracks: RunTracks, caption: Caption | None = None) -> bytes:
-    """Return the picture of a run as the content of a PNG file."""
+def draw_png(tracks: RunTracks, caption: Caption | None = None, until_s: float | None = None) -> bytes:
+    """Return the picture of a run, or of a moment of it as `make_figure` has it, as the content of a PNG file."""
     buffer = io.BytesIO()
     with mpl.rc_context({"font.family": ["DejaVu Sans"], "font.size": 9.0, "axes.linewidth": 0.8}):
-        figure = make_figure(tracks, caption or Caption())
+        figure = make_figure(tracks, caption or Caption(), until_s)
         FigureCanvasAgg(figure)
         figure.savefig(buffer, format="png", metadata={"Software": "SOTER"})
     return buffer.getvalue()
 
 
-def make_figure(run: RunTracks, caption: Caption) -> Figure:
-    """Return the picture of a run as a figure."""
+def make_figure(run: RunTracks, caption: Caption, until_s: float | None = None) -> Figure:
+    """Return the picture of a run as a figure.
+
+    Args:
+        run: the run.
+        caption: the words above and beside it.
+        until_s: the moment at which it is looked at: what came later is not drawn, but has its place; None for the end.
+    """
+    shown = run if until_s is None else until(run, until_s)
+    since_s = ways_since_s(run) if until_s is None else until_s - TRAIL_S
     figure = Figure(figsize=(WIDTH_PX / _DPI, HEIGHT_PX / _DPI), dpi=_DPI, facecolor="white")
     rows = sorted(run.tracks)[:MOST_ROWS]
     row_px = min(112.0, max(34.0, 345.0 / max(len(rows), 1)))
@@ -74,13 +85,13 @@ def make_figure(run: RunTracks, caption: Caption) -> Figure:
     # The plan is as large as fits, and the key begins where it ends.
     scale = min(height_px / (extent[3] - extent[1]), _MOST_PLAN_PX / (extent[2] - extent[0]))
     width_px = scale * (extent[2] - extent[0])
-    _plan(_axes(figure, _LEFT_PX, _TOP_PX, width_px, scale * (extent[3] - extent[1])), run, extent)
+    _plan(_axes(figure, _LEFT_PX, _TOP_PX, width_px, scale * (extent[3] - extent[1])), shown, extent, since_s)
     key_px = _LEFT_PX + width_px + 80.0
-    _key(_axes(figure, key_px, _TOP_PX, _RIGHT_PX - key_px, height_px), run, caption, _RIGHT_PX - key_px)
+    _key(_axes(figure, key_px, _TOP_PX, _RIGHT_PX - key_px, height_px), shown, caption, _RIGHT_PX - key_px)
     for index, robot_id in enumerate(rows):
         top_px = HEIGHT_PX - 44.0 - lines_px + index * row_px
         axes = _axes(figure, _LINES_PX, top_px, _RIGHT_PX - _LINES_PX, row_px - min(18.0, 0.25 * row_px))
-        _time_line(axes, run, robot_id, caption, last=index == len(rows) - 1)
+        _time_line(axes, shown, robot_id, caption, end_s(run) or 1.0, last=index == len(rows) - 1)
     if len(run.tracks) > len(rows):
         _note(figure, _LEFT_PX, HEIGHT_PX - 14.0, f"and {len(run.tracks) - len(rows)} more robots")
     return figure
@@ -121,9 +132,8 @@ def _bare(axes: Axes) -> None:
 # --- seen from above ---------------------------------------------------------------------------------------
 
 
-def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float]) -> None:
+def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float], since_s: float) -> None:
     workspace = run.workspace
-    since_s = ways_since_s(run)
     axes.set_xlim(extent[0], extent[2])
     axes.set_ylim(extent[1], extent[3])
     axes.set_facecolor(_OUTSIDE)
@@ -141,7 +151,8 @@ def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float])
     for axis, length_m in ((axes.xaxis, workspace.width_m), (axes.yaxis, workspace.depth_m)):
         axis.set_ticks([step * index for index in range(int(length_m / step) + 1)])
     axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=_SOFT, fontsize=8, ha="left", va="top")
-    if since_s > 0.0:
+    shown_s = end_s(run) - since_s
+    if since_s > 0.0 and math.isclose(shown_s, LAST_S):
         axes.text(
             0.5, 0.004, f"the last {LAST_S / 60.0:g} minutes", transform=axes.transAxes, ha="center", va="bottom",
             color=_SOFT, fontsize=8.5, style="italic", zorder=9,
@@ -337,10 +348,9 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
 # --- over time ---------------------------------------------------------------------------------------------
 
 
-def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, *, last: bool) -> None:
+def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, end: float, *, last: bool) -> None:
     """Draw one robot's time: who was in control as a band on top, the charge as a curve below."""
     track, colour = run.tracks[robot_id], robot_colour(run, robot_id)
-    end = end_s(run) or 1.0
     unit_s, unit = time_unit(end)
     axes.set_xlim(0.0, end / unit_s)
     axes.set_ylim(0.0, 1.52)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from soter.record.tracks import RunTracks, Track
@@ -68,6 +69,17 @@ def ways_since_s(run: RunTracks) -> float:
     """Return the time from which on a run's ways are drawn: all of a short run, the end of a long one."""
     end = end_s(run)
     return end - LAST_S if end > LONG_S else 0.0
+
+
+def until(run: RunTracks, time_s: float) -> RunTracks:
+    """Return what there was of a run at a moment."""
+    tracks = {}
+    for robot_id, track in run.tracks.items():
+        end = bisect_right(track.time_s, time_s)
+        tracks[robot_id] = Track(
+            robot_id, track.time_s[:end], track.x_m[:end], track.y_m[:end], track.battery[:end], track.driver[:end]
+        )
+    return replace(run, tracks=tracks, switches=[switch for switch in run.switches if switch.time_s <= time_s])
 
 
 def shares(run: RunTracks) -> list[float]:

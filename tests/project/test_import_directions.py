@@ -106,6 +106,7 @@ LIBRARIES: dict[str, set[str] | None] = {
     "diagnostic_msgs": ROS2,
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
+    "PIL": {"soter.report"},  # what matplotlib writes pictures with
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.

@@ -1,0 +1,1 @@
+"""The page of a recording: one HTML file that needs no network and plays the run."""

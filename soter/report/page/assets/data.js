@@ -1,0 +1,143 @@
+"use strict";
+// The recording: unpacked, and asked what was the case at a moment. Nothing in here knows what a page looks like.
+window.soter = {};
+(() => {
+  const PLUS_INFINITY = 1;
+  const MINUS_INFINITY = 2;
+  const KINDS = { i1: Int8Array, i2: Int16Array, i4: Int32Array, f8: Float64Array };
+  const LONGEST_GAP_S = 1.0; // across longer ones there is no straight line
+
+  async function inflated(base64) {
+    const text = atob(base64);
+    const bytes = new Uint8Array(text.length);
+    for (let at = 0; at < bytes.length; at += 1) bytes[at] = text.charCodeAt(at);
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Response(stream).arrayBuffer();
+  }
+
+  function column(heads, number, buffer, start) {
+    const head = heads[number];
+    const values = new Float64Array(head.count);
+    if (!head.count) return values;
+    const differences = new KINDS[head.kind](
+      buffer.slice(start + head.at, start + head.at + (head.count - 1) * KINDS[head.kind].BYTES_PER_ELEMENT),
+    );
+    let counted = head.first;
+    values[0] = counted * head.quantum;
+    for (let at = 1; at < head.count; at += 1) {
+      counted += differences[at - 1];
+      values[at] = counted * head.quantum;
+    }
+    if (head.flags !== undefined) {
+      column(heads, head.flags, buffer, start).forEach((flag, at) => {
+        if (flag) values[at] = flag === PLUS_INFINITY ? Infinity : flag === MINUS_INFINITY ? -Infinity : NaN;
+      });
+    }
+    return values;
+  }
+
+  // The index of the last value that is not above `wanted`, or -1.
+  function indexAt(values, wanted) {
+    let low = 0;
+    let high = values.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (values[middle] <= wanted) low = middle + 1;
+      else high = middle;
+    }
+    return low - 1;
+  }
+
+  async function unpack(base64) {
+    const buffer = await inflated(base64);
+    const length = new DataView(buffer).getUint32(0, true);
+    const run = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+    const get = (number) => column(run.columns, number, buffer, 4 + length);
+    for (const robot of run.robots) {
+      for (const part of [robot.poses, robot.charge, robot.goals, robot.ways]) {
+        for (const name of Object.keys(part)) part[name] = get(part[name]);
+      }
+      robot.bucketS = get(robot.bucketS);
+      for (const module of robot.modules) {
+        for (const name of ["low", "high", "reach"]) module[name] = get(module[name]);
+      }
+      robot.stretches = robot.stretches.map(([startS, driver], at, all) => (
+        { startS, endS: at + 1 < all.length ? all[at + 1][0] : run.lastS, driver }
+      ));
+      robot.starts = robot.stretches.map((each) => each.startS);
+      robot.targets = robot.targets.map(([id, beginS, endS, xM, yM, outcome]) => ({ id, beginS, endS, xM, yM, outcome }));
+    }
+    run.switches = run.switches.map(([timeS, robot, before, after, module, cause, joined]) => (
+      { timeS, robot, before, after, module, cause, joined }
+    ));
+    for (const robot of run.robots) {
+      robot.switches = run.switches.filter((each) => each.robot === robot.id);
+      robot.switchTimes = robot.switches.map((each) => each.timeS);
+    }
+    run.disengagements = run.switches.filter((each) => each.before === 0 && each.after !== 0);
+    run.truth.violations = run.truth.violations.map(([rule, robots, startS, endS]) => ({ rule, robots, startS, endS }));
+    delete run.columns;
+    return run;
+  }
+
+  function poseAt(robot, timeS) {
+    const { timeS: times, xM, yM, headingRad } = robot.poses;
+    if (!times.length) return null;
+    const at = Math.max(0, indexAt(times, timeS));
+    const span = at + 1 < times.length ? times[at + 1] - times[at] : 0;
+    const part = span > 0 && span <= LONGEST_GAP_S ? Math.min(1, Math.max(0, (timeS - times[at]) / span)) : 0;
+    const between = (values) => (part ? values[at] + part * (values[at + 1] - values[at]) : values[at]);
+    return { xM: between(xM), yM: between(yM), headingRad: between(headingRad) };
+  }
+
+  function goalAt(robot, timeS) {
+    const at = indexAt(robot.goals.beginS, timeS);
+    if (at < 0 || robot.goals.endS[at] <= timeS) return null;
+    return { xM: robot.goals.xM[at], yM: robot.goals.yM[at], byAc: robot.goals.byAc[at] === 1 };
+  }
+
+  function wayAt(robot, timeS) {
+    const at = indexAt(robot.ways.timeS, timeS);
+    if (at < 0) return [];
+    const places = [];
+    for (let each = robot.ways.begin[at]; each < robot.ways.begin[at + 1]; each += 1) {
+      places.push([robot.ways.xM[each], robot.ways.yM[each]]);
+    }
+    return places;
+  }
+
+  function robotAt(run, robot, timeS) {
+    const pose = poseAt(robot, timeS);
+    if (!pose) return null;
+    const stretch = robot.stretches[Math.max(0, indexAt(robot.starts, timeS))];
+    const cause = robot.switches[indexAt(robot.switchTimes, timeS)] || null;
+    const bucket = Math.max(0, indexAt(robot.bucketS, timeS));
+    const margins = robot.modules.map((module) => (
+      { name: module.name, unit: module.unit, edge: module.edge, margin: module.low[bucket], reach: module.reach[bucket] }
+    ));
+    const goal = goalAt(robot, timeS);
+    const way = stretch.driver === 0 ? wayAt(robot, timeS) : [];
+    const target = robot.targets.find((each) => each.beginS <= timeS && (each.endS === null || timeS < each.endS));
+    return {
+      id: robot.id, ...pose, driver: stretch.driver, sinceS: stretch.startS, cause, margins, goal, way,
+      target: target || null, charge: robot.charge.low[bucket],
+      reachM: reachM(run, robot, stretch.driver, margins),
+    };
+  }
+
+  // How far the robot can get until the module that would stop it has acted. While the AC drives that is the module
+  // that needs the longest; otherwise it is the module that drives. Only modules that measure in metres have one.
+  function reachM(run, robot, driver, margins) {
+    const inMetres = margins.filter((each) => each.unit === "m" && Number.isFinite(each.reach));
+    if (driver === 0) return inMetres.length ? Math.max(...inMetres.map((each) => each.reach)) : null;
+    const mine = inMetres.find((each) => each.name === run.drivers[driver].name);
+    return mine ? mine.reach : null;
+  }
+
+  // Everything that a page shows of one moment.
+  function moment(run, timeS) {
+    return { timeS, robots: run.robots.map((robot) => robotAt(run, robot, timeS)).filter((each) => each) };
+  }
+
+  Object.assign(window.soter, { unpack, moment, indexAt });
+})();

@@ -1,0 +1,273 @@
+"use strict";
+// What a page says in words and figures. Texts of a recording only ever become text, never markup.
+(() => {
+  const { clock, percent, colourOf } = window.soter;
+  const LATE_ROWS = 4000; // beyond these a table only makes a page slow
+
+  function element(name, attributes = {}, ...children) {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) {
+      if (key === "style") made.style.cssText = value;
+      else if (value !== null && value !== false) made.setAttribute(key, value === true ? "" : value);
+    }
+    made.append(...children.filter((each) => each !== null));
+    return made;
+  }
+
+  const total = (counts) => Object.values(counts).reduce((sum, each) => sum + each, 0);
+  const many = (count, thing) => `${count.toLocaleString("en")} ${thing}${count === 1 ? "" : "s"}`;
+  const dot = (colour) => element("i", { class: "dot", style: `--dot: ${colour}`, "aria-hidden": "true" });
+  const amount = (value, unit) => (
+    !Number.isFinite(value) ? (value === Infinity ? "∞" : "not known") : unit === "m" ? `${value.toFixed(3)} m` : percent1(value)
+  );
+  const percent1 = (value) => `${(100 * value).toFixed(1)} %`;
+
+  // --- the whole run ---------------------------------------------------------------------------------------
+
+  function subtitle(run) {
+    const { summary } = run;
+    const engine = summary.engine && summary.engine !== summary.backend ? `engine ${summary.engine}` : "";
+    const errand = summary.ac === "mission" ? (summary.planner ? `planner ${summary.planner}` : "") : `AC ${summary.ac}`;
+    const when = summary.startedUtc.replace("T", " ").replace("+00:00", " UTC");
+    return [engine, errand, `seed ${summary.seed}`, summary.virtualTime ? "virtual time" : "wall clock", when].filter((each) => each).join(" · ");
+  }
+
+  function verdict(run, jump) {
+    const { truth } = run;
+    const count = Math.max(total(truth.counts), truth.violations.length);
+    const box = document.getElementById("verdict");
+    const until = truth.endedS === null ? "" : ` up to ${clock(truth.endedS)}; what came later is not known`;
+    let kind = "good";
+    let head = "No violation";
+    let text = `Ground truth judged ${Object.keys(truth.counts).length} rules to the end of the run and saw none of them broken.`;
+    if (count) {
+      kind = "bad";
+      head = many(count, "violation");
+      text = Object.entries(truth.counts).filter(([, each]) => each).map(([rule, each]) => `${rule} ${each}`).join(", ");
+      text += truth.known === "cut off" ? "; seen until the recording was cut off" : until;
+    } else if (truth.known === "no") {
+      kind = "unknown";
+      head = "Violations: not known";
+      text = "This backend has no ground truth. Margins below are what the modules knew.";
+    } else if (truth.known === "cut off") {
+      kind = "unknown";
+      head = "Violations: not known";
+      text = "The recording was cut off before ground truth was summed up; up to there it lists none.";
+    } else if (truth.endedS !== null) {
+      kind = "unknown";
+      head = `No violation up to ${clock(truth.endedS)}, not known since`;
+      text = "Ground truth ended before the run did.";
+    }
+    box.className = `verdict ${kind}`;
+    box.append(element("strong", {}, head), element("span", {}, text));
+    if (truth.violations.length) {
+      const list = element("ul", { class: "violations" });
+      for (const each of truth.violations) {
+        const end = each.endS === null ? "and goes on" : `for ${(each.endS - each.startS).toFixed(1)} s`;
+        const button = element("button", { type: "button", class: "jump" }, clock(each.startS));
+        button.addEventListener("click", () => jump(each.startS));
+        list.append(element("li", {}, button, ` ${each.rule}, robot ${each.robots.join(" and ")}, ${end}`));
+      }
+      box.append(list);
+    }
+  }
+
+  function notices(run) {
+    const { summary, drops } = run;
+    const found = [];
+    if (summary.truncated) found.push(`This recording was cut off: its run was killed, or the disk was full. It is shown up to ${clock(run.lastS)}.`);
+    if (summary.droppedTicks) found.push(`${many(summary.droppedTicks, "tick")} were not recorded, in ${many(drops.length, "gap")}: the writer did not follow.`);
+    if (summary.status === "failed") found.push(`The run failed: ${summary.failure || "it does not say why"}.`);
+    if (summary.status === "interrupted") found.push("The run was interrupted.");
+    for (const [kind, robot, declared, affected] of run.faults) {
+      found.push(`Injected fault ${kind} on robot ${robot}, ${declared ? "declared" : "not declared"}: ${affected} spoilt.`);
+    }
+    document.getElementById("notices").append(...found.map((text) => element("p", { class: "notice", role: "note" }, text)));
+  }
+
+  function figure(name, value, details, extra = null) {
+    return element("div", { class: "figure" }, element("p", { class: "name" }, name), element("p", { class: "value" }, value),
+      extra, element("p", { class: "details" }, ...[details].flat()));
+  }
+
+  function figures(run, style) {
+    const { summary, truth } = run;
+    const spent = run.drivers.map(() => 0);
+    for (const robot of run.robots) for (const each of robot.stretches) spent[each.driver] += each.endS - each.startS;
+    const whole = spent.reduce((sum, each) => sum + each, 0) || 1;
+    const bar = element("div", { class: "bar", role: "img", "aria-label": run.drivers.map((each, at) => `${each.name} ${percent1(spent[at] / whole)}`).join(", ") });
+    run.drivers.forEach((each, at) => {
+      if (spent[at]) bar.append(element("i", { style: `--dot: ${style.shade(each.colour)}; flex-grow: ${spent[at] / whole}`, title: `${each.name} ${percent1(spent[at] / whole)}` }));
+    });
+    const counted = run.drivers.slice(1).map((each) => (
+      element("span", { class: "chip" }, dot(style.shade(each.colour)), `${each.name} ${(summary.disengagements[each.name] || 0).toLocaleString("en")}`)
+    ));
+    const hours = (run.robots.length * (run.lastS - run.firstS)) / 3600;
+    const taken = run.disengagements.length;
+    const ended = total(summary.targets);
+    const givenUp = Object.entries(summary.targets).filter(([name]) => name !== "reached").map(([name, count]) => `${count} ${name.replace("_", " ")}`);
+    const margins = Object.entries(truth.margins).filter(([, value]) => value !== null);
+    document.getElementById("figures").append(
+      figure("AC in control", percent1(summary.acShare), "of the robots' time", bar),
+      figure("Disengagements", taken.toLocaleString("en"), counted.length ? counted : "no safety modules"),
+      figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
+      figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
+      figure("Least true margin", margins.length ? "" : "not known", margins.length
+        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 ? "broken" : null }, amount(value, rule === "battery" ? "" : "m"))))
+        : "there is no ground truth"),
+    );
+  }
+
+  function about(run) {
+    const { summary, thinned } = run;
+    const versions = Object.entries(summary.versions).map(([name, version]) => `${name} ${version}`).join(", ");
+    const rows = [
+      ["file", `${summary.file}, ${(summary.sizeBytes / 1e6).toFixed(1)} MB, ${summary.truncated ? "cut off" : "whole"}`],
+      ["mission", summary.mission || "made in code"],
+      ["backend", summary.engine && summary.engine !== summary.backend ? `${summary.backend}, engine ${summary.engine}` : summary.backend],
+      ["seed", String(summary.seed)],
+      ["started", summary.startedUtc],
+      ["ended", summary.status || "not known: it did not get to say so"],
+      ["ticks", `${summary.ticks.toLocaleString("en")} of ${thinned.tickS} s, ${summary.droppedTicks.toLocaleString("en")} dropped`],
+      ["trace", summary.traceSha256 || "not known"],
+      ["versions", versions],
+    ];
+    document.getElementById("about").append(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+    const each = (ticks) => (ticks === 1 ? "every tick" : `every ${(ticks * thinned.tickS).toFixed(2)} s`);
+    const gathered = thinned.bucketTicks === 1
+      ? "Margins and charges are those of every tick"
+      : `Margins and charges are gathered over ${(thinned.bucketTicks * thinned.tickS).toFixed(2)} s, of which the least and the largest are kept`;
+    document.getElementById("thinned").textContent = `In this page poses are those of ${each(thinned.poseTicks)}, to a millimetre, and lines between. `
+      + `${gathered}. Switches, targets, goals and violations are exact and complete. The recording itself has everything.`;
+  }
+
+  function legend(run, style) {
+    const items = run.robots.map((robot) => [`robot ${robot.id}, AC`, `background: ${style.shade(robot.colour)}`, "round"]);
+    items.push(...run.drivers.slice(1).map((each) => [each.name, `background: ${style.shade(each.colour)}`, "round"]));
+    items.push(["reach R(H)", "", "ring"], ["target", "", "cross"], ["goal", "", "square"], ["charger", "", "charger"], ["taken from its AC", "", "mark"]);
+    if (run.robots.some((robot) => robot.modules.some((each) => each.name === "geofence" && each.edge !== null))) {
+      items.push(["fence, edge of φ_safe", "", "fence"], ["inside: φ_safer", "", "safer"]);
+    }
+    document.getElementById("legend").replaceChildren(
+      ...items.map(([name, css, kind]) => element("li", {}, element("i", { class: `key ${kind}`, style: css, "aria-hidden": "true" }), name)),
+    );
+  }
+
+  // --- the moment ------------------------------------------------------------------------------------------
+
+  class RobotCards {
+    constructor(run, style) {
+      this.run = run;
+      this.style = style;
+      this.cards = new Map();
+      document.getElementById("robots").replaceChildren(...run.robots.map((robot) => this.make(robot)));
+    }
+
+    make(robot) {
+      const parts = {
+        who: element("span", { class: "who" }),
+        why: element("p", { class: "why" }),
+        charge: element("span", { class: "charge" }),
+        bars: robot.modules.map(() => ({ fill: element("i", { class: "fill" }), text: element("span", { class: "amount" }) })),
+      };
+      const rows = robot.modules.map((module, at) => {
+        const scale = scaleOf(module);
+        const reach = Number.isFinite(module.horizonReach) ? `left: ${100 * Math.min(1, module.horizonReach / scale)}%` : "display: none";
+        const colour = this.style.shade(colourOf(this.run, module.name));
+        return element("div", { class: "margin", style: `--dot: ${colour}` }, element("span", {}, module.name),
+          element("span", { class: "gauge" }, parts.bars[at].fill, element("i", { class: "tick", style: reach, title: "reach R(H)" })), parts.bars[at].text);
+      });
+      parts.card = element("article", { class: "robot" },
+        element("div", { class: "line" }, element("b", { class: "number", style: `background: ${this.style.shade(robot.colour)}; color: ${this.style.onColour(this.style.shade(robot.colour))}` }, String(robot.id)), parts.who, parts.charge),
+        parts.why, ...rows);
+      this.cards.set(robot.id, parts);
+      return parts.card;
+    }
+
+    show(moment) {
+      for (const now of moment.robots) {
+        const parts = this.cards.get(now.id);
+        const robot = this.run.robots.find((each) => each.id === now.id);
+        const name = this.run.drivers[now.driver].name;
+        set(parts.who, now.driver === 0 ? "AC in control" : `${name} in control`);
+        const colour = this.style.shade(now.driver === 0 ? robot.colour : this.run.drivers[now.driver].colour);
+        if (parts.colour !== colour) {
+          parts.colour = colour;
+          parts.card.style.setProperty("--dot", colour);
+        }
+        const since = `for ${(moment.timeS - now.sinceS).toFixed(1)} s`;
+        const why = now.cause && now.driver !== 0 && now.cause.cause ? `${now.cause.module}: ${now.cause.cause}, ` : "";
+        set(parts.why, `${why}${since}`);
+        set(parts.charge, Number.isFinite(now.charge) ? percent(now.charge) : "charge not known");
+        now.margins.forEach((each, at) => {
+          const { fill, text } = parts.bars[at];
+          const part = Number.isFinite(each.margin) ? Math.max(0, Math.min(1, each.margin / scaleOf(robot.modules[at]))) : each.margin === Infinity ? 1 : 0;
+          fill.style.transform = `scaleX(${part.toFixed(3)})`;
+          text.classList.toggle("low", each.margin < each.reach);
+          text.classList.toggle("broken", each.margin < 0);
+          set(text, amount(each.margin, each.unit));
+        });
+      }
+    }
+  }
+
+  // A gauge ends a bit above the margin from which on a robot is given back.
+  function scaleOf(module) {
+    return Math.max(module.edge ?? 0, module.horizonReach ?? 0, 1e-3) * 2;
+  }
+
+  function set(holder, text) {
+    if (holder.textContent !== text) holder.textContent = text;
+  }
+
+  class Disengagements {
+    constructor(run, style, jump) {
+      this.run = run;
+      this.style = style;
+      this.jump = jump;
+      this.robot = document.getElementById("filter-robot");
+      this.module = document.getElementById("filter-module");
+      this.robot.append(element("option", { value: "" }, "all"), ...run.robots.map((each) => element("option", { value: each.id }, String(each.id))));
+      this.module.append(element("option", { value: "" }, "all"), ...run.drivers.slice(1).map((each) => element("option", { value: each.name }, each.name)));
+      for (const each of [this.robot, this.module]) each.addEventListener("change", () => this.fill());
+      this.fill();
+    }
+
+    fill() {
+      this.list = this.run.disengagements.filter((each) => (
+        (!this.robot.value || String(each.robot) === this.robot.value) && (!this.module.value || each.module === this.module.value)
+      ));
+      const shown = this.list.slice(0, LATE_ROWS);
+      this.times = shown.map((each) => each.timeS);
+      this.rows = shown.map((each) => this.row(each));
+      document.getElementById("rows").replaceChildren(...this.rows);
+      document.getElementById("no-rows").hidden = shown.length > 0;
+      document.getElementById("shown").textContent = shown.length < this.list.length ? `first ${LATE_ROWS} of ${this.list.length}` : String(this.list.length);
+      this.current = null;
+    }
+
+    row(each) {
+      const button = element("button", { type: "button", class: "jump", "aria-label": `Go to ${clock(each.timeS)}` }, clock(each.timeS));
+      const also = each.joined.length ? ` (also ${each.joined.join(", ")})` : "";
+      const made = element("tr", {}, element("td", {}, button), element("td", {}, String(each.robot)),
+        element("td", {}, dot(this.style.shade(colourOf(this.run, each.module))), each.module), element("td", {}, (each.cause || "no cause was given") + also));
+      made.addEventListener("click", () => this.jump(each.timeS));
+      return made;
+    }
+
+    // The last one before the moment is marked, and kept in sight unless somebody is reading the table.
+    show(timeS) {
+      const at = window.soter.indexAt(this.times, timeS);
+      const row = at < 0 ? null : this.rows[at];
+      if (row === this.current) return;
+      if (this.current) this.current.removeAttribute("aria-current");
+      this.current = row;
+      if (!row) return;
+      row.setAttribute("aria-current", "true");
+      const holder = document.getElementById("table-scroll");
+      if (!holder.matches(":hover")) holder.scrollTop = row.offsetTop - holder.clientHeight / 2;
+    }
+  }
+
+  Object.assign(window.soter, { element, subtitle, verdict, notices, figures, about, legend, RobotCards, Disengagements });
+})();

@@ -1,0 +1,312 @@
+"use strict";
+// The workspace seen from above. The ground is drawn once for a size and a theme, the robots at every frame.
+(() => {
+  const { indexAt } = window.soter;
+  const RIM = 0.035; // of the larger side, around the fence
+  const LEAST_BODY_PX = 8;
+
+  class Plan {
+    constructor(canvas, run, style) {
+      this.canvas = canvas;
+      this.run = run;
+      this.style = style;
+      this.layers = { reach: true, ways: true, targets: true, marks: true };
+      this.trailS = 60;
+      this.extent = extentOf(run);
+      this.marks = new Map(run.robots.map((robot) => [robot.id, run.disengagements.filter((each) => each.robot === robot.id)]));
+    }
+
+    // Take the width that there is; the height follows from the workspace.
+    resize() {
+      const [west, south, east, north] = this.extent;
+      const width = this.canvas.parentElement.clientWidth;
+      const most = Math.max(280, Math.min(window.innerHeight * 0.74, 760));
+      this.scale = Math.min(width / (east - west), most / (north - south));
+      const ratio = window.devicePixelRatio || 1;
+      this.width = Math.round(this.scale * (east - west));
+      this.height = Math.round(this.scale * (north - south));
+      this.canvas.style.width = `${this.width}px`;
+      this.canvas.style.height = `${this.height}px`;
+      this.canvas.width = Math.round(this.width * ratio);
+      this.canvas.height = Math.round(this.height * ratio);
+      this.ratio = ratio;
+      this.ground = null;
+    }
+
+    // Where a place is, in CSS pixels of the canvas.
+    at(xM, yM) {
+      return [(xM - this.extent[0]) * this.scale, (this.extent[3] - yM) * this.scale];
+    }
+
+    colour(robot, driver) {
+      return this.style.shade(driver === 0 ? robot.colour : this.run.drivers[driver].colour);
+    }
+
+    draw(moment) {
+      const context = this.canvas.getContext("2d");
+      if (!this.ground) this.ground = this.drawGround();
+      context.setTransform(1, 0, 0, 1, 0, 0);
+      context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+      context.drawImage(this.ground, 0, 0);
+      context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+      const robots = moment.robots.map((now) => [this.run.robots.find((each) => each.id === now.id), now]);
+      if (this.trailS > 0) for (const [robot] of robots) this.trail(context, robot, moment.timeS);
+      if (this.layers.marks && this.trailS > 0) for (const [robot] of robots) this.drawMarks(context, robot, moment.timeS);
+      if (this.layers.reach) for (const [robot, now] of robots) this.reach(context, robot, now);
+      if (this.layers.targets) for (const [robot, now] of robots) this.target(context, robot, now);
+      if (this.layers.ways) for (const [robot, now] of robots) this.way(context, robot, now);
+      for (const [robot, now] of robots) this.body(context, robot, now);
+    }
+
+    // --- what stays ----------------------------------------------------------------------------------------
+
+    drawGround() {
+      const ground = document.createElement("canvas");
+      ground.width = this.canvas.width;
+      ground.height = this.canvas.height;
+      const context = ground.getContext("2d");
+      context.scale(this.ratio, this.ratio);
+      const { widthM, depthM, boxes, chargers } = this.run.workspace;
+      const paint = this.style.colours;
+      const rectangle = ([west, south, east, north]) => {
+        const [left, top] = this.at(west, north);
+        return [left, top, (east - west) * this.scale, (north - south) * this.scale];
+      };
+      const fence = rectangle([0, 0, widthM, depthM]);
+      context.fillStyle = paint.outside;
+      context.fillRect(0, 0, this.width, this.height);
+      const inset = edgeOf(this.run, "geofence");
+      context.fillStyle = inset === null ? paint.inside : paint.strip;
+      context.fillRect(...fence);
+      if (inset !== null) {
+        const inner = rectangle([inset, inset, widthM - inset, depthM - inset]);
+        context.fillStyle = paint.inside;
+        context.fillRect(...inner);
+      }
+      this.grid(context, widthM, depthM);
+      if (inset !== null) {
+        context.strokeStyle = paint.stripLine;
+        context.lineWidth = 1;
+        context.setLineDash([6, 5]);
+        context.strokeRect(...rectangle([inset, inset, widthM - inset, depthM - inset]));
+        context.setLineDash([]);
+      }
+      for (const charger of chargers) {
+        const [left, top, width, height] = rectangle(charger);
+        context.fillStyle = paint.charger;
+        context.fillRect(left, top, width, height);
+        context.strokeStyle = paint.chargerLine;
+        context.lineWidth = 1.2;
+        context.strokeRect(left, top, width, height);
+        bolt(context, left + width / 2, top + height / 2, Math.min(width, height) * 0.34, paint.chargerLine);
+      }
+      context.fillStyle = paint.box;
+      for (const box of boxes) {
+        const [left, top, width, height] = rectangle(box);
+        context.beginPath();
+        context.roundRect(left, top, width, height, 2);
+        context.fill();
+      }
+      context.strokeStyle = paint.fence;
+      context.lineWidth = 2;
+      context.strokeRect(...fence);
+      return ground;
+    }
+
+    grid(context, widthM, depthM) {
+      const step = Math.max(widthM, depthM) <= 12 ? 1 : 2 * Math.ceil(Math.max(widthM, depthM) / 24);
+      context.strokeStyle = this.style.colours.grid;
+      context.lineWidth = 1;
+      context.beginPath();
+      for (let x = step; x < widthM; x += step) {
+        context.moveTo(...this.at(x, 0));
+        context.lineTo(...this.at(x, depthM));
+      }
+      for (let y = step; y < depthM; y += step) {
+        context.moveTo(...this.at(0, y));
+        context.lineTo(...this.at(widthM, y));
+      }
+      context.stroke();
+      // A bar says how long a metre is, in the corner where nobody drives.
+      const [left, top] = this.at(0, 0);
+      context.fillStyle = this.style.colours.soft;
+      context.font = "11px system-ui, sans-serif";
+      context.textBaseline = "middle";
+      const y = top + Math.min(9, (this.height - top) / 2);
+      context.fillRect(left, y - 1, step * this.scale, 2);
+      context.fillText(`${step} m`, left + step * this.scale + 6, y);
+    }
+
+    // --- what moves ----------------------------------------------------------------------------------------
+
+    trail(context, robot, timeS) {
+      const { timeS: times, xM, yM } = robot.poses;
+      const first = Math.max(0, indexAt(times, timeS - this.trailS));
+      const last = Math.max(0, indexAt(times, timeS));
+      context.lineCap = "round";
+      context.lineJoin = "round";
+      let stretch = Math.max(0, indexAt(robot.starts, times[first]));
+      for (let at = first; at < last;) {
+        while (stretch + 1 < robot.starts.length && robot.starts[stretch + 1] <= times[at]) stretch += 1;
+        const driver = robot.stretches[stretch].driver;
+        const endS = robot.stretches[stretch].endS;
+        context.beginPath();
+        context.moveTo(...this.at(xM[at], yM[at]));
+        do {
+          at += 1;
+          context.lineTo(...this.at(xM[at], yM[at]));
+        } while (at < last && times[at] < endS);
+        context.strokeStyle = this.colour(robot, driver);
+        context.globalAlpha = driver === 0 ? 0.55 : 0.9;
+        context.lineWidth = driver === 0 ? 1.8 : 3;
+        context.stroke();
+      }
+      context.globalAlpha = 1;
+    }
+
+    drawMarks(context, robot, timeS) {
+      for (const each of this.marks.get(robot.id)) {
+        if (each.timeS > timeS || each.timeS < timeS - this.trailS) continue;
+        const pose = window.soter.moment({ ...this.run, robots: [robot] }, each.timeS).robots[0];
+        const [x, y] = this.at(pose.xM, pose.yM);
+        context.beginPath();
+        context.arc(x, y, 4, 0, 2 * Math.PI);
+        context.fillStyle = this.colour(robot, each.after);
+        context.fill();
+        context.strokeStyle = this.style.colours.inside;
+        context.lineWidth = 1.2;
+        context.stroke();
+      }
+    }
+
+    reach(context, robot, now) {
+      if (now.reachM === null) return;
+      const [x, y] = this.at(now.xM, now.yM);
+      const colour = this.colour(robot, now.driver);
+      context.beginPath();
+      context.arc(x, y, Math.max(1, now.reachM * this.scale), 0, 2 * Math.PI);
+      context.globalAlpha = 0.16;
+      context.fillStyle = colour;
+      context.fill();
+      context.globalAlpha = 0.8;
+      context.strokeStyle = colour;
+      context.lineWidth = 1.2;
+      context.stroke();
+      context.globalAlpha = 1;
+    }
+
+    target(context, robot, now) {
+      if (!now.target) return;
+      const [x, y] = this.at(now.target.xM, now.target.yM);
+      context.strokeStyle = this.style.shade(robot.colour);
+      context.lineWidth = 2;
+      context.beginPath();
+      context.arc(x, y, 7, 0, 2 * Math.PI);
+      context.moveTo(x - 11, y);
+      context.lineTo(x + 11, y);
+      context.moveTo(x, y - 11);
+      context.lineTo(x, y + 11);
+      context.stroke();
+    }
+
+    way(context, robot, now) {
+      const places = now.driver === 0 && now.way.length ? now.way : now.goal ? [[now.goal.xM, now.goal.yM]] : [];
+      if (!places.length) return;
+      const colour = this.colour(robot, now.driver);
+      context.strokeStyle = colour;
+      context.lineWidth = 1.4;
+      context.setLineDash([3, 4]);
+      context.beginPath();
+      // The places that were passed already are still part of the way: it is what the AC said when it set out.
+      const rest = remaining(places, now);
+      context.moveTo(...this.at(now.xM, now.yM));
+      for (const [xM, yM] of rest) context.lineTo(...this.at(xM, yM));
+      context.stroke();
+      context.setLineDash([]);
+      if (!now.goal) return;
+      const [x, y] = this.at(now.goal.xM, now.goal.yM);
+      context.beginPath();
+      context.rect(x - 3.5, y - 3.5, 7, 7);
+      context.fillStyle = colour;
+      context.fill();
+    }
+
+    body(context, robot, now) {
+      const [x, y] = this.at(now.xM, now.yM);
+      const radius = Math.max(LEAST_BODY_PX, robot.radiusM * this.scale);
+      const colour = this.colour(robot, now.driver);
+      const nose = [Math.cos(now.headingRad), -Math.sin(now.headingRad)];
+      const side = [-nose[1], nose[0]];
+      // The nose is a wedge outside of the body, so that the number has its room inside.
+      context.beginPath();
+      context.moveTo(x + nose[0] * radius * 1.55, y + nose[1] * radius * 1.55);
+      context.lineTo(x + (nose[0] * 0.55 + side[0] * 0.8) * radius, y + (nose[1] * 0.55 + side[1] * 0.8) * radius);
+      context.lineTo(x + (nose[0] * 0.55 - side[0] * 0.8) * radius, y + (nose[1] * 0.55 - side[1] * 0.8) * radius);
+      context.closePath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.lineWidth = 3;
+      context.lineJoin = "round";
+      context.strokeStyle = this.style.colours.inside;
+      context.stroke();
+      context.fillStyle = colour;
+      context.fill();
+      if (now.driver !== 0) {
+        // The robot's own colour stays visible while a module drives it.
+        context.beginPath();
+        context.arc(x, y, radius * 0.78, 0, 2 * Math.PI);
+        context.lineWidth = 1.5;
+        context.strokeStyle = "#fff";
+        context.stroke();
+      }
+      context.fillStyle = this.style.onColour(colour);
+      context.font = `700 ${Math.round(Math.min(16, radius * 1.1))}px system-ui, sans-serif`;
+      context.textAlign = "center";
+      context.textBaseline = "middle";
+      context.fillText(String(robot.id), x, y + 0.5);
+      context.textAlign = "start";
+    }
+  }
+
+  function extentOf(run) {
+    const { widthM, depthM } = run.workspace;
+    const rim = RIM * Math.max(widthM, depthM);
+    const extent = [0, 0, widthM, depthM];
+    for (const { poses } of run.robots) {
+      for (let at = 0; at < poses.xM.length; at += 1) {
+        extent[0] = Math.min(extent[0], poses.xM[at]);
+        extent[1] = Math.min(extent[1], poses.yM[at]);
+        extent[2] = Math.max(extent[2], poses.xM[at]);
+        extent[3] = Math.max(extent[3], poses.yM[at]);
+      }
+    }
+    return [extent[0] - rim, extent[1] - rim, extent[2] + rim, extent[3] + rim];
+  }
+
+  // The margin at the edge of phi_safer of a module, or null where nobody has it.
+  function edgeOf(run, name) {
+    for (const robot of run.robots) {
+      const module = robot.modules.find((each) => each.name === name);
+      if (module && module.edge !== null) return module.edge;
+    }
+    return null;
+  }
+
+  // What of a way lies ahead: from the goal of the moment on, as far as it is one of the places.
+  function remaining(places, now) {
+    if (!now.goal) return places;
+    const near = places.findIndex(([xM, yM]) => Math.hypot(xM - now.goal.xM, yM - now.goal.yM) < 0.02);
+    return near < 0 ? [[now.goal.xM, now.goal.yM]] : places.slice(near);
+  }
+
+  function bolt(context, x, y, size, colour) {
+    context.beginPath();
+    for (const [right, down] of [[0.25, -1], [-0.6, 0.15], [-0.05, 0.15], [-0.25, 1], [0.6, -0.2], [0.05, -0.2]]) {
+      context.lineTo(x + right * size, y + down * size);
+    }
+    context.closePath();
+    context.fillStyle = colour;
+    context.fill();
+  }
+
+  window.soter.Plan = Plan;
+})();

@@ -1,0 +1,100 @@
+"""Numbers of a run as a page carries them: columns of quantised differences, deflated, in base64.
+
+The data are a JSON document and columns behind it. A column is a first value and the differences of its neighbours, all
+counted in quanta, in the smallest integers that hold them; where numbers are infinite, or are no numbers, a second
+column says so. Steady motion makes small differences, which deflate well.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import zlib
+from collections.abc import Iterable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_LEVEL: Final = 9
+_MOST: Final = (1 << 31) - 1
+# Two neighbours may stand at the two ends of what can be counted; a float holds their difference exactly.
+_KINDS: Final = {"i1": (1 << 7) - 1, "i2": (1 << 15) - 1, "i4": _MOST, "f8": 2 * _MOST}
+
+PLUS_INFINITY: Final = 1
+MINUS_INFINITY: Final = 2
+NO_NUMBER: Final = 3
+
+
+class Columns:
+    """Collects columns; each is known by its number."""
+
+    def __init__(self) -> None:
+        self._heads: Final[list[dict[str, Any]]] = []
+        self._data: Final = bytearray()
+
+    def add(self, values: ArrayLike, quantum: float) -> int:
+        """Add a column and return its number.
+
+        Args:
+            values: what is in it; what is too large for its quantum is cut to what 2^31 quanta can say.
+            quantum: what is told apart, in the values' unit; above 0.
+        """
+        numbers = np.asarray(values, dtype=np.float64)
+        finite = np.isfinite(numbers)
+        head: dict[str, Any] = {"count": len(numbers), "quantum": quantum, "first": 0}
+        if len(numbers):
+            counted = np.clip(np.rint(_filled(numbers, finite) / quantum), -_MOST, _MOST).astype(np.int64)
+            head["first"] = int(counted[0])
+            head["kind"], head["at"] = self._append(np.diff(counted))
+            if not finite.all():
+                flags = np.select(
+                    [finite, np.isposinf(numbers), np.isneginf(numbers)], [0, PLUS_INFINITY, MINUS_INFINITY], NO_NUMBER
+                )
+                # The same coding again: the flags are a column of small numbers.
+                head["flags"] = self.add(flags, 1.0)
+        self._heads.append(head)
+        return len(self._heads) - 1
+
+    def packed(self, document: dict[str, Any]) -> str:
+        """Return a document and all columns as text for a page."""
+        text = json.dumps({**document, "columns": self._heads}, separators=(",", ":"), allow_nan=False).encode()
+        whole = struct.pack("<I", len(text)) + text + bytes(self._data)
+        return base64.b64encode(zlib.compress(whole, _LEVEL)).decode("ascii")
+
+    def _append(self, differences: NDArray[np.int64]) -> tuple[str, int]:
+        largest = int(np.abs(differences).max(initial=0))
+        kind = next(name for name, most in _KINDS.items() if largest <= most)
+        at = len(self._data)
+        self._data.extend(differences.astype(f"<{kind}").tobytes())
+        return kind, at
+
+
+def fewest_steps(count: int, most: int) -> int:
+    """Return into how many neighbours a bucket has to gather so that there are at most so many buckets."""
+    return max(1, -(-count // most))
+
+
+def buckets(values: ArrayLike, step: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least and the largest value of every `step` neighbours; what is no number counts where it is alone."""
+    numbers = np.asarray(values, dtype=np.float64)
+    starts = np.arange(0, len(numbers), step)
+    if not len(starts):
+        return numbers, numbers
+    return np.fmin.reduceat(numbers, starts), np.fmax.reduceat(numbers, starts)
+
+
+def starts_of_runs(values: Iterable[int]) -> list[int]:
+    """Return the indices at which a value differs from the one before, with the first index."""
+    numbers = np.fromiter(values, dtype=np.int64)
+    return [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()] if len(numbers) else []
+
+
+def _filled(numbers: NDArray[np.float64], finite: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the numbers with the last finite one in place of what is not finite, so that differences stay small."""
+    if finite.all():
+        return numbers
+    last = np.maximum.accumulate(np.where(finite, np.arange(len(numbers)), 0))
+    filled = numbers[last]
+    return np.where(np.isfinite(filled), filled, 0.0)
