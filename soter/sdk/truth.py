@@ -17,6 +17,7 @@ logger = logging.getLogger(__name__)
 
 _SILENT_S: Final = 1.0
 _LONGEST_GAP_S: Final = 0.1
+_LAG: Final = 0.1
 _LONGEST_LINE: Final = 1 << 20
 _TOLD: Final = {"time_s", "poses", "speeds", "violations", "min_margin", "contacts"}
 
@@ -41,6 +42,7 @@ class StreamedTruth:
         self._address: Final = address
         self._latest: dict[str, Any] | None = None
         self._offset_s = math.inf
+        self._heard_s = 0.0
         self._warned = False
         self._known: Final = threading.Event()
         try:
@@ -58,7 +60,7 @@ class StreamedTruth:
     def report(self) -> TruthReport:
         """Return what has happened up to now; of a simulator that is gone, up to its end, with a warning."""
         told, offset_s = self._told(), self._offset_s
-        silent_s = self._clock.now() - told["time_s"] - offset_s
+        silent_s = self._clock.now() - self._heard_s
         if silent_s > _SILENT_S and not self._warned:
             self._warned = True
             logger.warning("the simulator has been silent for %.1f s; what happened since then is not known", silent_s)
@@ -69,7 +71,7 @@ class StreamedTruth:
             ),
             told["min_margin"],
             told["contacts"],
-            told["time_s"] + offset_s if silent_s > _SILENT_S else None,
+            self._heard_s if silent_s > _SILENT_S else None,
         )
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
@@ -123,9 +125,14 @@ class StreamedTruth:
     def _take(self, told: Any) -> None:
         if not isinstance(told, dict) or not told.keys() >= _TOLD:
             raise ValueError("this is no truth")
-        offset_s = self._clock.now() - told["time_s"]
-        before = self._latest
-        if before is None or told["time_s"] < before["time_s"] or offset_s < self._offset_s:
+        heard_s = self._clock.now()
+        offset_s, before = heard_s - told["time_s"], self._latest
+        if before is None or told["time_s"] < before["time_s"]:
             self._offset_s = offset_s
+        else:
+            # The quickest line tells best; but a world may fall behind, on a host that lags, and stay there.
+            lag_s = _LAG * (told["time_s"] - before["time_s"])
+            self._offset_s = min(offset_s, self._offset_s + lag_s)
+        self._heard_s = heard_s
         self._latest = told
         self._known.set()

@@ -115,6 +115,27 @@ def test_nobody_there_and_nonsense_are_one_clear_error() -> None:
         talking.join()
 
 
+def test_a_world_that_falls_behind_the_clock_is_not_silent() -> None:
+    with World(ROOM, [RobotSpec(1, 1.0, 1.5, 0.3)]) as world:
+        server = TruthServer(world)
+        now = [0.0]
+        clock = VehicleClock(steady=lambda: now[0])
+        told = threading.Thread(target=lambda: eventually(lambda: bool(server._readers), server.tell))
+        told.start()
+        truth = StreamedTruth(server.address, clock)
+        told.join()
+        # Ten seconds pass, and the world has come five of them.
+        for _ in range(100):
+            now[0] += 0.1
+            world.advance(world.now_s + world.period_s)
+            time_s = world.now_s
+            server.tell()
+            assert eventually(lambda: truth._told()["time_s"] == time_s, lambda: None)  # noqa: B023
+        assert truth.report().ended_s is None
+        truth.close()
+        server.close()
+
+
 def test_a_simulator_that_is_gone_is_said_to_be(caplog: pytest.LogCaptureFixture) -> None:
     with World(ROOM, [RobotSpec(1, 1.0, 1.5, 0.3)]) as world:
         telling = Telling(world)
