@@ -32,6 +32,11 @@ test-ros2: ## The tests of ROS 2, over real DDS on this host, in an environment 
 .PHONY: check
 check: lint types wheel-check test ## Everything a change must pass: lint, types, wheel, tests (docs and imports too)
 
+.PHONY: browser-test
+browser-test: ## Open pages of recordings in Chromium: play, scrub, jump; how long it takes and how large they are
+	@tools/env.sh test
+	$(VENV)/python -m pytest -n 0 -s -rs tests/report/test_browser.py $(PYTEST_ARGS)
+
 .PHONY: accept
 accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped and resumed
 	@tools/env.sh test
