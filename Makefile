@@ -13,7 +13,7 @@ help: ## Say what there is
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
 .PHONY: demo
-demo: ## Ten simulated minutes of the surveillance mission, and a picture of them
+demo: ## Ten simulated minutes of the surveillance mission, a picture of them, and a page that plays them
 	@tools/demo.sh
 
 .PHONY: test

@@ -21,10 +21,10 @@ from soter.report.page.pack import Columns, buckets, fewest_steps, starts_of_run
 from soter.workspace import Box, Workspace
 
 VERSION: Final = 1
-MOST_POSES: Final = 160_000
+MOST_POSES: Final = 320_000
 """Of all robots together."""
 
-MOST_BUCKETS: Final = 12_000
+MOST_BUCKETS: Final = 36_000
 """Of one robot."""
 
 _TIME_S: Final = 1e-3

@@ -19,7 +19,8 @@
     // Take the width that there is; the height follows from the workspace.
     resize() {
       const [west, south, east, north] = this.extent;
-      const width = this.canvas.parentElement.clientWidth;
+      const holder = getComputedStyle(this.canvas.parentElement);
+      const width = parseFloat(holder.width) - parseFloat(holder.paddingLeft) - parseFloat(holder.paddingRight) - 2;
       const most = Math.max(280, Math.min(window.innerHeight * 0.74, 760));
       this.scale = Math.min(width / (east - west), most / (north - south));
       const ratio = window.devicePixelRatio || 1;

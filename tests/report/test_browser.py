@@ -1,0 +1,337 @@
+"""The page of ten minutes, in a real browser: opened, played, scrubbed, read. Nothing may be logged or asked for.
+
+It needs Chromium (on Debian: apt-get install chromium) and Playwright, which drives it. Without them it was NOT RUN.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from soter.record.reader import Content, Recording
+from soter.report.page.html import make_page
+from tests.record.helpers import recorded
+
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="NOT RUN: no page was opened, Playwright is not installed (`make browser-test`)"
+)
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
+pytestmark = [
+    pytest.mark.skipif(
+        CHROMIUM is None, reason=f"NOT RUN: no page was opened, there is none of {', '.join(NAMES)} on the PATH"
+    ),
+    pytest.mark.timeout(300),
+]
+
+DURATION_S = 600.0
+MOST_BYTES = 8_000_000
+MOST_OPENING_S = 3.0
+WAIT_S = 30.0
+PHONE = {"width": 390, "height": 844}
+DESKTOP = {"width": 1440, "height": 900}
+
+
+class Made(NamedTuple):
+    """A page, and what it is of."""
+
+    path: Path
+    content: Content
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("pages")
+    # Robot 2 has so little charge that it has to drive home.
+    recorded(folder / "run.mcap", duration_s=DURATION_S, battery__initial={"2": 0.17})
+    recording = Recording(folder / "run.mcap")
+    (folder / "run.html").write_text(make_page(recording), encoding="utf-8")
+    return Made(folder / "run.html", recording.content())
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        # The sandbox cannot be had as root; the page is our own.
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        started = driver.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield started
+        started.close()
+
+
+@contextmanager
+def opened(browser: Any, path: Path, fragment: str = "", **options: Any) -> Iterator[Any]:
+    """The page in a window of its own; afterwards it must have been silent and alone."""
+    context = browser.new_context(**{"viewport": DESKTOP, "offline": True, **options})
+    page = context.new_page()
+    said: list[str] = []
+    asked: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda failure: said.append(str(failure)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(f"{path.as_uri()}{fragment}")
+    until(page, "window.soter && window.soter.openedMs")
+    yield page
+    context.close()
+    assert said == []
+    assert asked == [path.as_uri()]
+
+
+def until(page: Any, expression: str) -> None:
+    """Wait for something to become true. The page forbids to make programs of texts, so the driver has to ask."""
+    deadline_s = time.monotonic() + WAIT_S
+    while not page.evaluate(expression):
+        assert time.monotonic() < deadline_s, f"it never came true: {expression}"
+        page.wait_for_timeout(20)
+
+
+def moment(page: Any) -> dict[str, Any]:
+    """What the page shows, once it has drawn what was asked for."""
+    until(page, "soter.page.moment && soter.page.moment.timeS === soter.player.timeS")
+    found: dict[str, Any] = page.evaluate("soter.page.moment")
+    return found
+
+
+def pixel(page: Any, x_m: float, y_m: float) -> tuple[int, int, int]:
+    """The colour of a place on the plan."""
+    red, green, blue = page.evaluate(
+        """([x, y]) => {
+            const plan = soter.page.plan;
+            const [right, down] = plan.at(x, y).map((each) => Math.round(each * plan.ratio));
+            const probe = new OffscreenCanvas(1, 1).getContext("2d", {willReadFrequently: true});
+            probe.drawImage(plan.canvas, right, down, 1, 1, 0, 0, 1, 1);
+            return [...probe.getImageData(0, 0, 1, 1).data.slice(0, 3)];
+        }""",
+        [x_m, y_m],
+    )
+    return red, green, blue
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """A colour of the page's own, in numbers."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def distance(one: tuple[int, int, int], other: tuple[int, int, int]) -> float:
+    return math.dist(one, other)
+
+
+# --- opening -----------------------------------------------------------------------------------------------
+
+
+def test_it_opens_quickly_and_is_small(browser: Any, made: Made) -> None:
+    assert made.path.stat().st_size < MOST_BYTES * DURATION_S / 7200.0
+    with opened(browser, made.path) as page:
+        opening_s = page.evaluate("soter.openedMs") / 1000.0
+        print(f"\n{made.path.stat().st_size / 1e6:.2f} MB, open after {opening_s:.2f} s")
+        assert opening_s < MOST_OPENING_S
+        assert page.is_visible("#main")
+        assert not page.is_visible("#loading")
+
+
+def test_it_shows_the_figures_of_the_recording(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        assert "No violation" in page.inner_text("#verdict")
+        figures = page.inner_text("#figures")
+        assert f"{len(made.content.disengagements)}" in figures
+        drivers = [each for series in made.content.series.values() for each in series.driver]
+        assert f"{100.0 * drivers.count(0) / len(drivers):.1f} %" in figures
+        assert page.locator("#rows tr").count() == len(made.content.disengagements)
+        about = page.inner_text("#about")
+        for expected in ("seed", "12,000 of 0.05 s, 0 dropped", "soter-rta", "kinematic"):
+            assert expected in about
+
+
+# --- moving in time ----------------------------------------------------------------------------------------
+
+
+def test_what_it_draws_is_what_was_recorded(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        for time_s in (0.0, 100.0, 300.0, 599.0):
+            page.evaluate("(timeS) => soter.player.seek(timeS)", time_s)
+            for robot in moment(page)["robots"]:
+                series = made.content.series[robot["id"]]
+                index = round(time_s / 0.05)
+                assert robot["xM"] == pytest.approx(series.x_m[index], abs=2e-3)
+                assert robot["yM"] == pytest.approx(series.y_m[index], abs=2e-3)
+                assert robot["driver"] == series.driver[index]
+                for margin in robot["margins"]:
+                    assert margin["margin"] == pytest.approx(series.margins[margin["name"]][index], abs=1e-3)
+
+
+def test_a_robot_is_drawn_where_it_is_in_the_colour_of_who_drives_it(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        page.uncheck('[data-layer="marks"]')
+        for switch in made.content.disengagements[:20:4]:
+            page.evaluate("(timeS) => soter.player.jump(timeS)", switch.time_s)
+            for robot in moment(page)["robots"]:
+                wanted = page.evaluate(
+                    """(id) => {
+                        const of = (all) => all.robots.find((each) => each.id === id);
+                        return soter.page.plan.colour(of(soter.run), of(soter.page.moment).driver);
+                    }""",
+                    robot["id"],
+                )  # fmt: skip
+                # Around its number, inside of the ring.
+                around = (0.065 * cmath.exp(0.25j * math.pi * step) for step in range(8))
+                found = [pixel(page, robot["xM"] + each.real, robot["yM"] + each.imag) for each in around]
+                assert min(distance(each, rgb(wanted)) for each in found) < 6.0, (switch.time_s, robot["id"])
+
+
+def test_it_plays_pauses_and_stops_at_the_end(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        page.select_option("#speed", "100")
+        before = page.evaluate("soter.page.plan.canvas.toDataURL()")
+        page.click("#play")
+        until(page, "soter.player.timeS > 60")
+        assert page.get_attribute("#play", "aria-label") == "Pause"
+        page.click("#play")
+        assert page.get_attribute("#play", "aria-label") == "Play"
+        stopped_s = moment(page)["timeS"]
+        assert page.evaluate("soter.page.plan.canvas.toDataURL()") != before
+        page.wait_for_timeout(150)
+        assert page.evaluate("soter.player.timeS") == stopped_s
+        page.evaluate("soter.player.seek(590)")
+        page.click("#play")
+        until(page, "!soter.player.playing")
+        assert page.evaluate("soter.player.timeS") == pytest.approx(made.content.last_s)
+
+
+def test_a_speed_is_that_many_times_real_time(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        page.select_option("#speed", "5")
+        page.click("#play")
+        until(page, "soter.player.timeS > 0")
+        began_s, host_s = page.evaluate("soter.player.timeS"), time.monotonic()
+        until(page, f"soter.player.timeS > {began_s + 5.0}")
+        # Frames that come late on a busy machine make it slower, never faster.
+        assert time.monotonic() - host_s > 0.8
+
+
+def test_scrubbing_moves_the_run(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        for selector in ("#scrub", "#lanes canvas", "#margins canvas"):
+            page.evaluate("soter.player.play()")
+            place = page.locator(selector).first
+            place.scroll_into_view_if_needed()
+            box = place.bounding_box()
+            down = box["y"] + min(box["height"] / 2, 30)
+            page.mouse.move(box["x"] + box["width"] * 0.3, down)
+            page.mouse.down()
+            page.mouse.move(box["x"] + box["width"] * 0.75, down, steps=4)
+            page.mouse.up()
+            assert moment(page)["timeS"] == pytest.approx(0.75 * DURATION_S, abs=0.03 * DURATION_S)
+            assert not page.evaluate("soter.player.playing")
+
+
+def test_the_table_jumps_to_a_disengagement(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        switch = made.content.disengagements[7]
+        page.locator("#rows tr").nth(7).locator("button").click()
+        shown = moment(page)
+        assert shown["timeS"] == pytest.approx(switch.time_s)
+        robot = next(each for each in shown["robots"] if each["id"] == switch.robot_id)
+        assert made.content.drivers[robot["driver"]] == switch.after
+        assert robot["cause"]["cause"] == switch.cause
+        card = page.locator("#robots article").nth(switch.robot_id - 1).inner_text()
+        assert f"{switch.after} in control" in card
+        assert switch.cause in card
+        assert page.locator("#rows tr").nth(7).get_attribute("aria-current") == "true"
+
+
+def test_the_table_can_be_narrowed(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        page.select_option("#filter-robot", "2")
+        page.select_option("#filter-module", "battery")
+        wanted = [each for each in made.content.disengagements if (each.robot_id, each.module) == (2, "battery")]
+        assert len(wanted) > 0
+        assert page.locator("#rows tr").count() == len(wanted)
+
+
+def test_keys(browser: Any, made: Made) -> None:
+    first, second = (each.time_s for each in made.content.disengagements[:2])
+    with opened(browser, made.path) as page:
+        for key, wanted in (
+            ("ArrowRight", 1.0), ("Shift+ArrowRight", 11.0), ("ArrowLeft", 10.0), ("Home", 0.0),
+            ("n", first), ("n", second), ("p", first), ("End", made.content.last_s),
+        ):  # fmt: skip
+            page.keyboard.press(key)
+            assert moment(page)["timeS"] == pytest.approx(wanted), key
+        page.keyboard.press("+")
+        assert page.evaluate("soter.player.speed") == 20
+        page.keyboard.press("-")
+        assert page.evaluate("soter.player.speed") == 10
+        page.keyboard.press("Space")
+        assert page.evaluate("soter.player.playing")
+        page.keyboard.press("Space")
+        page.keyboard.press("?")
+        assert page.is_visible("#help")
+        page.keyboard.press("Escape")
+        assert not page.is_visible("#help")
+
+
+# --- looks -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_has_both_themes(browser: Any, made: Made, scheme: str) -> None:
+    def brightness(page: Any) -> float:
+        text = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        return sum(int(each) for each in text[4:-1].split(",")) / 3.0
+
+    with opened(browser, made.path, color_scheme=scheme) as page:
+        before = brightness(page)
+        assert (before < 60.0) == (scheme == "dark")
+        on_plan = pixel(page, 4.0, 4.0)
+        page.click("#theme")
+        assert (brightness(page) < 60.0) != (before < 60.0)
+        assert distance(pixel(page, 4.0, 4.0), on_plan) > 100.0
+
+
+def test_it_fits_a_phone_and_scrubs_by_touch(browser: Any, made: Made) -> None:
+    with opened(browser, made.path, viewport=PHONE, has_touch=True, is_mobile=True) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        box = page.locator("#scrub").bounding_box()
+        page.touchscreen.tap(box["x"] + box["width"] * 0.5, box["y"] + box["height"] / 2)
+        assert moment(page)["timeS"] == pytest.approx(DURATION_S / 2, abs=0.05 * DURATION_S)
+
+
+def test_everything_that_can_be_used_has_a_name(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        nameless = page.evaluate(
+            """() => [...document.querySelectorAll("button, select, input, canvas:not([aria-hidden])")]
+                .filter((each) => !each.getAttribute("aria-label"))
+                .filter((each) => each.tagName !== "BUTTON" || !each.textContent.trim())
+                .filter((each) => ![...(each.labels || [])].some((label) => label.textContent.trim()))
+                .map((each) => each.outerHTML.slice(0, 80))"""
+        )
+        assert nameless == []
+        page.keyboard.press("Tab")
+        page.keyboard.press("Tab")
+        assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") != "none"
+
+
+def test_a_moment_can_be_linked_to(browser: Any, made: Made) -> None:
+    with opened(browser, made.path, "#t=123.4") as page:
+        assert moment(page)["timeS"] == pytest.approx(123.4)
+
+
+def test_a_page_whose_data_are_damaged_says_so(browser: Any, made: Made, tmp_path: Path) -> None:
+    text = made.path.read_text(encoding="utf-8")
+    at = text.index('id="recording">') + 5000
+    broken = tmp_path / "broken.html"
+    broken.write_text(text[:at] + text[at + 400 :], encoding="utf-8")
+    page = browser.new_page()
+    page.goto(broken.as_uri())
+    until(page, "document.getElementById('loading').textContent.startsWith('This page cannot be shown')")
+    page.close()

@@ -1,0 +1,191 @@
+"""The page of a recording: what is in it, that it is exact where it says so, and that it loads nothing."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from soter.record.reader import Content, Recording
+from soter.report.page import extract
+from soter.report.page.html import make_page
+from tests.record.helpers import recorded, rewrite
+from tests.report.unpacked import Unpacked, of_page
+
+DURATION_S = 120.0
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two minutes in which a lot happens."""
+    path = tmp_path_factory.mktemp("pages") / "run.mcap"
+    recorded(path, duration_s=DURATION_S, seed=4, targets="hostile")
+    return path
+
+
+@pytest.fixture(scope="module")
+def content(path: Path) -> Content:
+    return Recording(path).content()
+
+
+@pytest.fixture(scope="module")
+def page(path: Path) -> str:
+    return make_page(Recording(path))
+
+
+@pytest.fixture(scope="module")
+def data(page: str) -> Unpacked:
+    return of_page(page)
+
+
+def without_result(path: Path, target: Path) -> Path:
+    """The recording as it is when its run was killed: cut off in the middle of the last chunk but some."""
+    whole = path.read_bytes()
+    target.write_bytes(whole[: len(whole) * 2 // 3])
+    return target
+
+
+# --- what is in it -----------------------------------------------------------------------------------------
+
+
+def test_the_page_loads_nothing(page: str) -> None:
+    assert "default-src 'none'" in page
+    assert re.findall(r"""(?:src|href)=["'](?!#|data:)|url\(|@import|\bfetch\(|https?://(?!www\.w3)""", page) == []
+
+
+def test_poses_are_those_of_the_recording(data: Unpacked, content: Content) -> None:
+    for robot in data.document["robots"]:
+        series, poses = content.series[robot["id"]], robot["poses"]
+        assert data.column(poses["timeS"]) == pytest.approx(np.asarray(series.time_s), abs=1e-3)
+        assert data.column(poses["xM"]) == pytest.approx(np.asarray(series.x_m), abs=1e-3)
+        assert data.column(poses["yM"]) == pytest.approx(np.asarray(series.y_m), abs=1e-3)
+        turned = data.column(poses["headingRad"]) - np.asarray(series.heading_rad)
+        assert np.cos(turned) == pytest.approx(np.ones(len(turned)), abs=1e-5)
+
+
+def test_margins_are_those_of_the_recording(data: Unpacked, content: Content) -> None:
+    for robot in data.document["robots"]:
+        for module in robot["modules"]:
+            margins = content.series[robot["id"]].margins[module["name"]]
+            assert data.column(module["low"]) == pytest.approx(np.asarray(margins), abs=1e-4)
+            assert (data.column(module["low"]) <= data.column(module["high"]) + 1e-9).all()
+
+
+def test_who_drove_is_exact(data: Unpacked, content: Content) -> None:
+    for robot in data.document["robots"]:
+        series = content.series[robot["id"]]
+        again: list[int] = []
+        stretches = [*robot["stretches"], [float("inf"), None]]
+        for (start_s, driver), (end_s, _) in pairwise(stretches):
+            again += [driver for time_s in series.time_s if start_s <= time_s < end_s]
+        assert again == list(series.driver)
+
+
+def test_every_switch_has_its_cause(data: Unpacked, content: Content) -> None:
+    rows = data.document["switches"]
+    assert [(time_s, robot, module, cause) for time_s, robot, _, _, module, cause, _ in rows] == [
+        (each.time_s, each.robot_id, each.module, each.cause) for each in content.switches
+    ]
+    assert len([1 for _, _, before, after, *_ in rows if before == 0 and after != 0]) == len(content.disengagements) > 3
+
+
+def test_targets_and_goals_have_begin_and_end(data: Unpacked, content: Content) -> None:
+    targets = [target for robot in data.document["robots"] for target in robot["targets"]]
+    assert len(targets) == len([each for each in content.targets if not each.outcome])
+    assert {outcome for *_, outcome in targets} - {""} == {each.outcome for each in content.targets} - {""}
+    for robot in data.document["robots"]:
+        begins, ends = (data.column(robot["goals"][name]) for name in ("beginS", "endS"))
+        assert len(begins) == len([
+            each for each in content.goals if each.robot_id == robot["id"] and each.status == "active"
+        ])  # fmt: skip
+        assert (ends >= begins).all()
+        assert (begins[1:] >= ends[:-1] - 1e-9).all()
+
+
+def test_ways_are_those_that_were_meant(data: Unpacked, path: Path) -> None:
+    ways = list(Recording(path).ways())
+    assert ways
+    for robot in data.document["robots"]:
+        mine = [(time_s, places) for time_s, robot_id, places in ways if robot_id == robot["id"]]
+        begins = data.column(robot["ways"]["begin"]).astype(int)
+        xs_m, ys_m = data.column(robot["ways"]["xM"]), data.column(robot["ways"]["yM"])
+        for index, (_, places) in enumerate(mine):
+            found = [(xs_m[at], ys_m[at]) for at in range(begins[index], begins[index + 1])]
+            assert np.asarray(found) == pytest.approx(np.asarray(places), abs=1e-3)
+
+
+# --- thinning out ------------------------------------------------------------------------------------------
+
+
+def test_a_long_run_is_thinned_out_and_says_so(path: Path, content: Content, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extract, "MOST_POSES", 400)
+    monkeypatch.setattr(extract, "MOST_BUCKETS", 50)
+    thin = of_page(make_page(Recording(path)))
+    assert thin.document["thinned"] == {"tickS": 0.05, "poseTicks": 12, "bucketTicks": 48}
+    for robot in thin.document["robots"]:
+        series = content.series[robot["id"]]
+        times_s = thin.column(robot["poses"]["timeS"])
+        assert len(times_s) <= 202
+        assert times_s[-1] == pytest.approx(series.time_s[-1])
+        for module in robot["modules"]:
+            low = thin.column(module["low"])
+            assert len(low) == 50
+            assert low.min() == pytest.approx(min(series.margins[module["name"]]), abs=1e-4)
+    assert len(thin.document["switches"]) == len(content.switches)
+
+
+# --- what ground truth said --------------------------------------------------------------------------------
+
+
+def test_truth_is_known_to_the_end(data: Unpacked, path: Path) -> None:
+    truth = data.document["truth"]
+    result = Recording(path).result
+    assert result is not None
+    assert truth["known"] == "yes"
+    assert truth["counts"] == result["violations"]
+    assert data.document["summary"]["traceSha256"] == result["trace_sha256"]
+
+
+def test_violations_are_listed(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run = recorded(path, duration_s=DURATION_S, targets="hostile", rta__enabled=False)
+    assert run.result.violated
+    truth = of_page(make_page(Recording(path))).document["truth"]
+    assert truth["counts"] == run.result.violations
+    assert {rule for rule, *_ in truth["violations"]} == {rule for rule, count in truth["counts"].items() if count}
+
+
+def test_a_recording_that_was_cut_off_does_not_claim_to_be_safe(path: Path, tmp_path: Path) -> None:
+    cut = Recording(without_result(path, tmp_path / "cut.mcap"))
+    document = of_page(make_page(cut)).document
+    assert document["truth"]["known"] == "cut off"
+    assert document["summary"]["truncated"]
+    assert 0.0 < document["lastS"] < DURATION_S - 1.0
+    assert document["summary"]["status"] is None
+
+
+def test_a_backend_without_truth_is_not_called_safe(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = Recording(path)
+    result = {**(recording.result or {}), "violations": None, "min_margin": None}
+    monkeypatch.setattr(Recording, "result", property(lambda _: result))
+    truth = of_page(make_page(recording)).document["truth"]
+    assert (truth["known"], truth["margins"]) == ("no", {})
+
+
+# --- what is foreign ---------------------------------------------------------------------------------------
+
+
+def test_names_of_a_recording_are_no_markup(path: Path, tmp_path: Path) -> None:
+    evil = "</script><script>alert(1)</script>.toml"
+    target = tmp_path / "evil.mcap"
+    rewrite(path, target, lambda topic, message: message)
+    recording = Recording(target)
+    recording.about.source = evil
+    page = make_page(recording)
+    assert evil not in page
+    assert "<title>script&gt;" in page or escape("script>") in page
+    assert of_page(page).document["summary"]["mission"] == evil
