@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Ten minutes of the surveillance mission, and a picture of them: `make demo`. Extra arguments go to `soter run`.
+# Ten minutes of the surveillance mission, a picture of them, and a page that plays them: `make demo`. Extra arguments
+# go to `soter run`.
 #
 # It runs on PyBullet if there is a wheel of it or a compiler to build it with, else on the kinematic engine.
 set -euo pipefail
@@ -7,6 +8,8 @@ cd "$(dirname "$0")/.."
 
 python=.venv/bin/python
 picture=out/surveillance.png
+recording=out/surveillance.mcap
+page=out/surveillance.html
 
 have_pybullet() {
     "$python" -c 'import pybullet' >/dev/null 2>&1
@@ -42,12 +45,16 @@ if ! have_pybullet; then
 fi
 
 mkdir -p "$(dirname "$picture")"
+rm -f "$picture" "$recording" "$page"
 status=0
 # Robot 2 has so little charge that it has to drive home within the ten minutes.
 .venv/bin/soter run examples/surveillance.toml --backend "$backend" --duration 600 --set battery.initial.2=0.17 \
-    --picture "$picture" --json out/surveillance.json "$@" || status=$?
+    --picture "$picture" --json out/surveillance.json --record "$recording" "$@" || status=$?
 if [ -e "$picture" ]; then
     printf '\nThe run as a picture: %s\n' "$picture"
+fi
+if [ -e "$recording" ] && .venv/bin/soter report "$recording" -o "$page" >/dev/null; then
+    printf 'The run as a page that plays it in a browser: %s\n' "$page"
 fi
 if [ -n "$missing" ]; then
     printf '\n%s\n' "$missing"

@@ -32,7 +32,7 @@ class Unpacked:
             return np.zeros(0)
         kind = np.dtype(f"<{head['kind']}")
         differences = np.frombuffer(self._data, kind, head["count"] - 1, head["at"]).astype(np.float64)
-        values = np.cumsum(np.concatenate([[float(head["first"])], differences])) * head["quantum"]
+        values: NDArray[np.float64] = np.cumsum(np.concatenate([[float(head["first"])], differences])) * head["quantum"]
         for index, flag in enumerate(self.column(head["flags"]) if "flags" in head else ()):
             if flag:
                 values[index] = SPECIAL[int(flag)]

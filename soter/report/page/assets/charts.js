@@ -159,7 +159,7 @@
   // A module's margin for all robots, with what it is compared with.
   class Margin extends Chart {
     constructor(holder, run, style, name) {
-      super(holder, run, style, { label: `Margin of ${name} over time`, height: 128 });
+      super(holder, run, style, { label: `Margin of ${name} over time`, height: 150 });
       this.name = name;
       this.curves = run.robots.flatMap((robot) => {
         const module = robot.modules.find((each) => each.name === name);
@@ -185,7 +185,7 @@
         }
       }
       const level = Math.max(this.edge ?? 0, reach, 1e-3);
-      const high = Math.min(Math.max(most, level * 1.15), level * 4);
+      const high = Math.min(Math.max(most, level * 1.15), level * 3);
       const low = Math.min(0, Number.isFinite(least) ? least : 0);
       return [low - 0.06 * (high - low), high * 1.04];
     }
@@ -206,10 +206,8 @@
       context.beginPath();
       context.rect(LEFT, 0, wide, height);
       context.clip();
-      this.curves.forEach(({ robot, module }, index) => {
-        if (index === 0) this.reach(context, robot, module, height);
-        this.curve(context, robot, module, height);
-      });
+      for (const { robot, module } of this.curves) this.reach(context, robot, module, height);
+      for (const { robot, module } of this.curves) this.curve(context, robot, module, height);
       context.restore();
     }
 

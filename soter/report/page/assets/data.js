@@ -120,9 +120,17 @@ window.soter = {};
     const target = robot.targets.find((each) => each.beginS <= timeS && (each.endS === null || timeS < each.endS));
     return {
       id: robot.id, ...pose, driver: stretch.driver, sinceS: stretch.startS, cause, margins, goal, way,
-      target: target || null, charge: robot.charge.low[bucket],
+      target: target || null, breaks: brokenAt(run, robot.id, timeS), charge: robot.charge.low[bucket],
       reachM: reachM(run, robot, stretch.driver, margins),
     };
+  }
+
+  // The rules that ground truth saw this robot break at that moment.
+  function brokenAt(run, id, timeS) {
+    const found = run.truth.violations.filter((each) => (
+      each.robots.includes(id) && each.startS <= timeS && (each.endS === null || timeS < each.endS)
+    ));
+    return [...new Set(found.map((each) => each.rule))];
   }
 
   // How far the robot can get until the module that would stop it has acted. While the AC drives that is the module

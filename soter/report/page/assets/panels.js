@@ -18,7 +18,7 @@
   const many = (count, thing) => `${count.toLocaleString("en")} ${thing}${count === 1 ? "" : "s"}`;
   const dot = (colour) => element("i", { class: "dot", style: `--dot: ${colour}`, "aria-hidden": "true" });
   const amount = (value, unit) => (
-    !Number.isFinite(value) ? (value === Infinity ? "∞" : "not known") : unit === "m" ? `${value.toFixed(3)} m` : percent1(value)
+    !Number.isFinite(value) ? (value === Infinity ? "∞" : "not known") : unit === "m" ? `${value.toFixed(3).replace("-", "−")} m` : percent1(value)
   );
   const percent1 = (value) => `${(100 * value).toFixed(1)} %`;
 
@@ -113,7 +113,7 @@
       figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
       figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
       figure("Least true margin", margins.length ? "" : "not known", margins.length
-        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 ? "broken" : null }, amount(value, rule === "battery" ? "" : "m"))))
+        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? "" : "m"))))
         : "there is no ground truth"),
     );
   }
@@ -144,7 +144,9 @@
   function legend(run, style) {
     const items = run.robots.map((robot) => [`robot ${robot.id}, AC`, `background: ${style.shade(robot.colour)}`, "round"]);
     items.push(...run.drivers.slice(1).map((each) => [each.name, `background: ${style.shade(each.colour)}`, "round"]));
-    items.push(["reach R(H)", "", "ring"], ["target", "", "cross"], ["goal", "", "square"], ["charger", "", "charger"], ["taken from its AC", "", "mark"]);
+    if (run.drivers.length > 1) items.push(["reach: body and R(H)", "", "ring"], ["taken from its AC", "", "mark"]);
+    items.push(["target", "", "cross"], ["way to the next goal", "", "way"], ["charger", "", "charger"]);
+    if (run.truth.violations.length) items.push(["breaks a rule", "", "breaks"]);
     if (run.robots.some((robot) => robot.modules.some((each) => each.name === "geofence" && each.edge !== null))) {
       items.push(["fence, edge of φ_safe", "", "fence"], ["inside: φ_safer", "", "safer"]);
     }
@@ -197,7 +199,8 @@
         }
         const since = `for ${(moment.timeS - now.sinceS).toFixed(1)} s`;
         const why = now.cause && now.driver !== 0 && now.cause.cause ? `${now.cause.module}: ${now.cause.cause}, ` : "";
-        set(parts.why, `${why}${since}`);
+        set(parts.why, `${why}${since}${now.breaks.length ? `; breaks ${now.breaks.join(", ")}` : ""}`);
+        parts.why.classList.toggle("broken", now.breaks.length > 0);
         set(parts.charge, Number.isFinite(now.charge) ? percent(now.charge) : "charge not known");
         now.margins.forEach((each, at) => {
           const { fill, text } = parts.bars[at];

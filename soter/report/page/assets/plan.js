@@ -2,7 +2,7 @@
 // The workspace seen from above. The ground is drawn once for a size and a theme, the robots at every frame.
 (() => {
   const { indexAt } = window.soter;
-  const RIM = 0.035; // of the larger side, around the fence
+  const RIM = 0.05; // of the larger side, around the fence
   const LEAST_BODY_PX = 8;
 
   class Plan {
@@ -185,7 +185,7 @@
       const [x, y] = this.at(now.xM, now.yM);
       const colour = this.colour(robot, now.driver);
       context.beginPath();
-      context.arc(x, y, Math.max(1, now.reachM * this.scale), 0, 2 * Math.PI);
+      context.arc(x, y, (robot.radiusM + now.reachM) * this.scale, 0, 2 * Math.PI);
       context.globalAlpha = 0.16;
       context.fillStyle = colour;
       context.fill();
@@ -257,6 +257,13 @@
         context.arc(x, y, radius * 0.78, 0, 2 * Math.PI);
         context.lineWidth = 1.5;
         context.strokeStyle = "#fff";
+        context.stroke();
+      }
+      if (now.breaks.length) {
+        context.beginPath();
+        context.arc(x, y, radius * 1.75, 0, 2 * Math.PI);
+        context.lineWidth = 3;
+        context.strokeStyle = this.style.colours.alarm;
         context.stroke();
       }
       context.fillStyle = this.style.onColour(colour);
