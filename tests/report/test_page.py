@@ -162,7 +162,7 @@ def test_violations_are_listed(tmp_path: Path) -> None:
 def test_a_recording_that_was_cut_off_does_not_claim_to_be_safe(path: Path, tmp_path: Path) -> None:
     cut = Recording(without_result(path, tmp_path / "cut.mcap"))
     document = of_page(make_page(cut)).document
-    assert document["truth"]["known"] == "cut off"
+    assert document["truth"]["known"] == "not summed up"
     assert document["summary"]["truncated"]
     assert 0.0 < document["lastS"] < DURATION_S - 1.0
     assert document["summary"]["status"] is None

@@ -215,8 +215,8 @@ def _truth(recording: Recording, content: Content, summary: Summary) -> dict[str
     counted = None if result is None else result.get("violations")
     margins = (result or {}).get("min_margin") or {}
     return {
-        # Three cases: judged to its end, never judged, or cut off before the judgement was written down.
-        "known": "cut off" if result is None else "no" if counted is None else "yes",
+        # Three cases: judged, never judged, or ended before the judgement was written down.
+        "known": "not summed up" if result is None else "no" if counted is None else "yes",
         "endedS": (result or {}).get("truth_ended_s"),
         "counts": summary.violations,
         "margins": {rule: _finite(margin) for rule, margin in margins.items()},

@@ -44,15 +44,15 @@
       kind = "bad";
       head = many(count, "violation");
       text = Object.entries(truth.counts).filter(([, each]) => each).map(([rule, each]) => `${rule} ${each}`).join(", ");
-      text += truth.known === "cut off" ? "; seen until the recording was cut off" : until;
+      text += truth.known === "not summed up" ? "; as far as the recording goes" : until;
     } else if (truth.known === "no") {
       kind = "unknown";
       head = "Violations: not known";
       text = "This backend has no ground truth. Margins below are what the modules knew.";
-    } else if (truth.known === "cut off") {
+    } else if (truth.known === "not summed up") {
       kind = "unknown";
       head = "Violations: not known";
-      text = "The recording was cut off before ground truth was summed up; up to there it lists none.";
+      text = "The run did not get to sum up what ground truth saw; as far as it goes, the recording lists none.";
     } else if (truth.endedS !== null) {
       kind = "unknown";
       head = `No violation up to ${clock(truth.endedS)}, not known since`;
@@ -76,6 +76,7 @@
     const { summary, drops } = run;
     const found = [];
     if (summary.truncated) found.push(`This recording was cut off: its run was killed, or the disk was full. It is shown up to ${clock(run.lastS)}.`);
+    else if (summary.status === null) found.push("The run was killed; this is what it did until then.");
     if (summary.droppedTicks) found.push(`${many(summary.droppedTicks, "tick")} were not recorded, in ${many(drops.length, "gap")}: the writer did not follow.`);
     if (summary.status === "failed") found.push(`The run failed: ${summary.failure || "it does not say why"}.`);
     if (summary.status === "interrupted") found.push("The run was interrupted.");
@@ -114,7 +115,7 @@
       figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
       figure("Least true margin", margins.length ? "" : "not known", margins.length
         ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? "" : "m"))))
-        : "there is no ground truth"),
+        : truth.known === "no" ? "there is no ground truth" : "the run did not get to say it"),
     );
   }
 

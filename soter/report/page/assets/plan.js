@@ -21,7 +21,7 @@
       const [west, south, east, north] = this.extent;
       const holder = getComputedStyle(this.canvas.parentElement);
       const width = parseFloat(holder.width) - parseFloat(holder.paddingLeft) - parseFloat(holder.paddingRight) - 2;
-      const most = Math.max(280, Math.min(window.innerHeight * 0.74, 760));
+      const most = Math.max(340, Math.min(window.innerHeight - 350, 760));
       this.scale = Math.min(width / (east - west), most / (north - south));
       const ratio = window.devicePixelRatio || 1;
       this.width = Math.round(this.scale * (east - west));
