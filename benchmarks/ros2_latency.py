@@ -61,6 +61,7 @@ def measure(rounds: int) -> tuple[list[float], list[float]]:
     from soter.adapters.ros2.loopback import environment
     from soter.adapters.ros2.options import Ros2Config
     from soter.adapters.ros2.simulator import Simulator
+    from soter.runner.real_time import real_time
     from soter.sdk import Controller, RobotSpec, Waypoint
     from soter.workspace import Box, RobotPlace, Workspace
 
@@ -92,6 +93,8 @@ def measure(rounds: int) -> tuple[list[float], list[float]]:
                 robot.renew_lease()
 
         tick(10)
+        # As the supervisor of a run is, where the kernel allows it; the bare publisher is in the same process.
+        stack.enter_context(real_time(required=False))
         for number in range(rounds):
             robot.switch_ac_sc(Controller.AC, "benchmark")
             # To and fro, so that the AC always asks for something.
