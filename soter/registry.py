@@ -28,7 +28,12 @@ BUILT_IN: Final[Mapping[str, str]] = {
 }
 """The backends of this distribution. They are found without it being installed, and nobody can take their names."""
 
-LIBRARIES: Final[Mapping[str, str]] = {"pybullet": "pybullet", "mavlink": "pymavlink", "mavsdk": "mavsdk"}
+LIBRARIES: Final[Mapping[str, str]] = {
+    "pybullet": "pybullet",
+    "ros2": "rclpy",
+    "mavlink": "pymavlink",
+    "mavsdk": "mavsdk",
+}
 """Built-in backends that import a vendor library only when they are opened, and that library."""
 
 INSTALL_HINTS: Final[Mapping[str, str]] = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
-from soter.adapters.ros2.graph import Graph
 from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.robot import Ros2Robot
 from soter.adapters.ros2.simulator import Simulator
@@ -37,6 +36,8 @@ class Ros2Fleet(Fleet):
         *,
         external_ac: bool = False,
     ) -> None:
+        from soter.adapters.ros2.graph import Graph
+
         self.simulator: Final = simulator
         clock = VehicleClock()
         self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)

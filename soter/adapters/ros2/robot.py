@@ -7,29 +7,23 @@ import secrets
 import threading
 from dataclasses import replace
 from math import isfinite
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState
-from std_msgs.msg import String
-
-from soter.adapters.ros2 import graph
-from soter.adapters.ros2.graph import Graph
-from soter.adapters.ros2.messages import (
-    KINDS,
-    Charge,
-    Motion,
-    make_velocity,
-    read_battery,
-    read_odometry,
-    velocity_type,
-)
 from soter.adapters.ros2.options import Ros2Config
 from soter.adapters.ros2.wire import AC, SC, GateReport, Order
 from soter.clock import VehicleClock
 from soter.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
 from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import BatteryState
+    from std_msgs.msg import String
+
+    # Imported where they are used: what a robot promises can be read where ROS is not installed.
+    from soter.adapters.ros2.graph import Graph
+    from soter.adapters.ros2.messages import Charge, Motion
 
 logger = logging.getLogger(__name__)
 
@@ -102,6 +96,13 @@ class Ros2Robot(Robot):
     def __init__(
         self, spec: RobotSpec, clock: VehicleClock, ros: Graph, config: Ros2Config, *, external_ac: bool = False
     ) -> None:
+        from nav_msgs.msg import Odometry
+        from sensor_msgs.msg import BatteryState
+        from std_msgs.msg import String
+
+        from soter.adapters.ros2 import graph
+        from soter.adapters.ros2.messages import velocity_type
+
         super().__init__(spec, clock)
         place, topics = config.robots[spec.id], config.topics
         self._vehicle_clock: Final = clock
@@ -130,6 +131,8 @@ class Ros2Robot(Robot):
     # --- the graph's thread --------------------------------------------------------------------------------
 
     def _hear_odometry(self, message: Odometry) -> None:
+        from soter.adapters.ros2.messages import read_odometry
+
         received_s = self.clock.steady_s()
         motion = read_odometry(message, self._origin)
         if not all(map(isfinite, motion)):
@@ -166,6 +169,8 @@ class Ros2Robot(Robot):
         self._steer()
 
     def _hear_battery(self, message: BatteryState) -> None:
+        from soter.adapters.ros2.messages import read_battery
+
         charge = read_battery(message)
         if charge is None:
             logger.warning("robot %d: dropped a charge of %s", self.id, message.percentage)
@@ -182,6 +187,8 @@ class Ros2Robot(Robot):
 
     def _steer(self) -> None:
         """Publish the velocity that the controller in charge asks for now; nothing once its lease is dead."""
+        from soter.adapters.ros2.messages import make_velocity
+
         with self._steering:
             doing, latest = self._doing, self._latest
             publisher = self._velocities.get(doing.controller)
@@ -251,6 +258,8 @@ class Ros2Robot(Robot):
 
     def _say(self, **changes: object) -> None:
         """Tell the mux all that is to hold, with these changes, under a new number."""
+        from std_msgs.msg import String
+
         order = self._order._replace(seq=self._order.seq + 1, **changes)  # type: ignore[arg-type]
         self._order = order
         self._orders.publish(String(data=order.encode()))
@@ -281,6 +290,9 @@ class Ros2Robot(Robot):
 
     def _missing(self) -> str:
         """Return what was not heard, and why that may be."""
+        from soter.adapters.ros2 import graph
+        from soter.adapters.ros2.messages import KINDS
+
         config, node = self._config, self.node
         topics, missing = config.topics, []
         if self._heard < _SETTLED:
@@ -305,6 +317,9 @@ class Ros2Robot(Robot):
 
     def _refuse_others(self, timeout_s: float) -> None:
         """Refuse a robot that others may drive past the mux, or in the SC's name."""
+        from soter.adapters.ros2 import graph
+        from soter.adapters.ros2.messages import KINDS
+
         node, topics = self.node, self._config.topics
         self._ros.wait_for(lambda: graph.all_named(node, topics.cmd_vel, topics.cmd_vel_sc), timeout_s)
         own = f"{node.get_namespace().rstrip('/')}/{graph.NODE_NAME}"
