@@ -30,8 +30,9 @@ def draw_gif(tracks: RunTracks, caption: Caption | None = None) -> bytes:
     words = caption or Caption()
     frames = [_frame(draw_png(tracks, _at(tracks, words, moment), moment)) for moment in moments]
     frames.append(_frame(draw_png(tracks, words)))
-    # One palette for all: that of the last frame, which has every colour that there is.
-    palette = frames[-1].quantize(_COLOURS)
+    # One palette for all: that of the last frame, which has every colour that there is. An octree keeps colours of
+    # thin lines, which a median cut gives away for shades of the background.
+    palette = frames[-1].quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
     quantised = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()
     quantised[0].save(

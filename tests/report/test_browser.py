@@ -326,6 +326,36 @@ def test_a_moment_can_be_linked_to(browser: Any, made: Made) -> None:
         assert moment(page)["timeS"] == pytest.approx(123.4)
 
 
+def test_violations_are_the_first_thing_that_one_sees(browser: Any, tmp_path: Path) -> None:
+    recorded(tmp_path / "run.mcap", duration_s=120.0, targets="hostile", rta__enabled=False)
+    recording = Recording(tmp_path / "run.mcap")
+    path = tmp_path / "run.html"
+    path.write_text(make_page(recording), encoding="utf-8")
+    violations = recording.content().violations
+    assert violations
+    with opened(browser, path) as page:
+        verdict = page.locator("#verdict")
+        assert f"{len(violations)} violation" in verdict.inner_text()
+        assert "bad" in verdict.get_attribute("class")
+        verdict.locator("button").first.click()
+        shown = moment(page)
+        assert shown["timeS"] == pytest.approx(violations[0].start_s)
+        broken = [robot for robot in shown["robots"] if robot["breaks"]]
+        assert [robot["id"] for robot in broken] == list(violations[0].robots)
+        assert f"breaks {violations[0].rule}" in page.locator("#robots").inner_text()
+
+
+def test_a_recording_that_was_cut_off_says_so(browser: Any, made: Made, tmp_path: Path) -> None:
+    whole = made.path.with_name("run.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 3])
+    path = tmp_path / "cut.html"
+    path.write_text(make_page(Recording(tmp_path / "cut.mcap")), encoding="utf-8")
+    with opened(browser, path) as page:
+        assert "not known" in page.inner_text("#verdict")
+        assert "was cut off" in page.inner_text("#notices")
+        assert 0.0 < page.evaluate("soter.run.lastS") < DURATION_S / 2.0
+
+
 def test_a_page_whose_data_are_damaged_says_so(browser: Any, made: Made, tmp_path: Path) -> None:
     text = made.path.read_text(encoding="utf-8")
     at = text.index('id="recording">') + 5000
