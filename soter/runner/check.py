@@ -14,16 +14,17 @@ from soter.errors import IllFormedModule
 from soter.faults import read_faults
 from soter.faults.robot import widened
 from soter.registry import load_backend
-from soter.rta import Port, RTAModule, Topic
+from soter.rta import RTAModule
 from soter.runner.bench import ModuleBench
 from soter.runner.proof import Setting, prove_retreat, prove_way_home
+from soter.runner.specs import read_options
+from soter.runner.speedup import declare_all
 from soter.sdk import Capabilities
-from soter.stack.actuator import PortForwarder
 from soter.stack.battery import ChargeForTheWayHome
 from soter.stack.collision import check_halves
-from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared, PeerBounds, declare
-from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
-from soter.stack.safe_controller import LOOK_AGAIN_S, WAYPOINT
+from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
+from soter.stack.right_of_way import BATTERY, COLLISION
+from soter.stack.safe_controller import LOOK_AGAIN_S
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
@@ -76,7 +77,8 @@ def check_mission(mission: Mission, budget: int = 200, seed: int = 0, on_progres
         BackendError: the mission's backend cannot be loaded.
     """
     workspace = mission.read_workspace()
-    declared = load_backend(mission.backend, to_open=False).robot_class.declared
+    backend = load_backend(mission.backend, to_open=False)
+    declared = backend.promises(read_options(backend, mission, workspace))
     ids = [place.id for place in workspace.robots]
     faults = read_faults(mission, ids)
     capabilities = {
@@ -126,19 +128,10 @@ class _Checker:
         # Robots that promise the same need one proof, but for their ways home.
         first = {promised: robot_id for robot_id, promised in reversed([*capabilities.items()])}
         self._kinds: Final = sorted(first.values())
-        self._declared: Final[dict[int, Declared]] = {place.id: self._declare(place.id) for place in workspace.robots}
+        self._declared: Final[dict[int, Declared]] = declare_all(mission, workspace, capabilities)
         self._unproved: dict[str, Sequence[tuple[Cell, str]]] = {}
         self._broken: dict[str, Sequence[Falsified]] = {}
         self._benches: dict[str, ModuleBench] = {}
-
-    def _declare(self, robot_id: int) -> Declared:
-        waypoint: Topic[Any] = Topic(WAYPOINT)
-        forwarder = PortForwarder(Port(robot_id, lambda _: None), waypoint, self._mission.base_tick_s)
-        peers = PeerBounds.of([*self._capabilities.values()])
-        return declare(
-            self._mission, self._workspace, self._terrain, robot_id, self._capabilities[robot_id], peers, forwarder,
-            waypoint, RightOfWay(),
-        )  # fmt: skip
 
     def report(self) -> Report:
         """Check everything."""

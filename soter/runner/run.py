@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from soter.config import Mission, validate_options
+from soter.config import Mission
 from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.record.recorder import Recorder, RecordingReport
@@ -26,7 +26,8 @@ from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
 from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
-from soter.runner.specs import robot_specs
+from soter.runner.specs import read_options, robot_specs
+from soter.runner.speedup import refused_at
 from soter.runner.trace import Trace
 from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
@@ -103,13 +104,7 @@ def run_mission(
     """
     workspace = mission.read_workspace()
     backend_class = load_backend(mission.backend)
-    config = validate_options(
-        backend_class.config_model,
-        mission.backends.get(mission.backend, {}),
-        mission.source,
-        f"backends.{mission.backend}",
-        {"workspace": workspace, "seed": mission.seed},
-    )
+    config = read_options(backend_class, mission, workspace)
     specs = robot_specs(mission, workspace)
     faults = read_faults(mission, [spec.id for spec in specs])
     with ExitStack() as stack:
@@ -134,7 +129,10 @@ def run_mission(
         side.ready()
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
-        loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder)
+        try:
+            loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder)
+        except IllFormedModule as failure:
+            raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks)

@@ -1,9 +1,9 @@
-"""Which robots a mission asks a backend for."""
+"""Which robots a mission asks a backend for, and with which options."""
 
 from __future__ import annotations
 
-from soter.config import Mission
-from soter.sdk import RobotSpec
+from soter.config import Mission, validate_options
+from soter.sdk import Backend, BackendConfig, RobotSpec
 from soter.workspace import Workspace
 
 
@@ -17,3 +17,18 @@ def robot_specs(mission: Mission, workspace: Workspace) -> list[RobotSpec]:
         )
         for place in workspace.robots
     ]  # fmt: skip
+
+
+def read_options(backend: type[Backend], mission: Mission, workspace: Workspace) -> BackendConfig:
+    """Return the mission's options of a backend, checked by its model.
+
+    Raises:
+        ConfigError: an option that the backend does not have or allow; the message names its key.
+    """
+    return validate_options(
+        backend.config_model,
+        mission.backends.get(mission.backend, {}),
+        mission.source,
+        f"backends.{mission.backend}",
+        {"workspace": workspace, "seed": mission.seed},
+    )

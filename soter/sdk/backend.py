@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, InstanceOf
 
 from soter.clock import Clock
 from soter.sdk.robot import Robot
-from soter.sdk.values import RULES, RobotSpec, TruthReport, Violation
+from soter.sdk.values import RULES, Capabilities, RobotSpec, TruthReport, Violation
 from soter.workspace import Workspace
 
 __all__ = ["INTERFACE_VERSION", "RULES", "Backend", "BackendConfig", "Fleet", "Truth", "TruthReport", "Violation"]
@@ -97,6 +97,11 @@ class Backend(ABC):
     interface_version: ClassVar[int]
     config_model: ClassVar[type[BackendConfig]]
     robot_class: ClassVar[type[Robot]]
+
+    @classmethod
+    def promises(cls, config: Any) -> Capabilities:
+        """Return what robots promise under these options, before any is opened: `declared`, unless options matter."""
+        return cls.robot_class.declared
 
     @abstractmethod
     def open(self, config: Any, robots: Sequence[RobotSpec]) -> Fleet:

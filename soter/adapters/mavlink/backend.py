@@ -66,6 +66,10 @@ class VehicleBackend(Backend):
     config_model: ClassVar[type[BackendConfig]] = MavlinkConfig
     robot_class: ClassVar[type[Robot]] = MavlinkRobot
 
+    @classmethod
+    def promises(cls, config: MavlinkConfig) -> Capabilities:
+        return config.promised()
+
     def open(self, config: MavlinkConfig, robots: Sequence[RobotSpec]) -> MavlinkFleet:
         """Open the link, and start simulated vehicles where none are given; they are not ready before `init()`.
 
