@@ -237,6 +237,8 @@ def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
     fleet = open_fleet(simulator, truth=None)
     robot = fleet.robots[0]
     under_way(fleet)
+    # A clock that began anew is known by stamps that go back: it must have been on for longer than it will be off.
+    tick(fleet, lambda: robot.read_state().vehicle_stamp_s > 1020.0, 30.0)
     simulator.close()
     assert tick(fleet, lambda: robot.read_state().link is Link.STALE, 5.0)
     # Its clock, its session and its odometry begin anew.

@@ -67,7 +67,7 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
             lambda each: told["disengagements"].append(each.status[0].message), LATCHED,
         )  # fmt: skip
         node.create_subscription(
-            DiagnosticArray, "/diagnostics", lambda each: told["diagnostics"].append(each.status[0].name), SENSOR
+            DiagnosticArray, "/diagnostics", lambda each: told["diagnostics"].append(each.status[0].name), 10
         )
         env = {**environment(), "ROS_DOMAIN_ID": str(simulator.domain_id), "PYTHONPATH": ":".join(sys.path)}
         settings = [f"domain_id={simulator.domain_id}", f'truth="{simulator.truth}"']
