@@ -167,7 +167,7 @@ def test_a_robot_that_follows_another_program_is_refused(simulator: Simulator, o
     renewing.start()
     try:
         with pytest.raises(RobotUnavailable, match="its mux follows somebody else, whose lease lives"):
-            other.robots[0].init(2.0)
+            other.robots[0].init(5.0)
     finally:
         done.set()
         renewing.join()
