@@ -249,6 +249,17 @@ def test_the_table_jumps_to_a_disengagement(browser: Any, made: Made) -> None:
         assert page.locator("#rows tr").nth(7).get_attribute("aria-current") == "true"
 
 
+def test_a_time_line_says_who_drove_and_why(browser: Any, made: Made) -> None:
+    switch = made.content.disengagements[3]
+    with opened(browser, made.path) as page:
+        lane = page.locator("#lanes canvas").nth(list(made.content.series).index(switch.robot_id))
+        down = page.evaluate("(timeS) => soter.page.charts[0].x(timeS)", switch.time_s) + 0.5
+        lane.hover(position={"x": down, "y": 20})
+        words = lane.get_attribute("title")
+        assert f"robot {switch.robot_id}: {switch.after} in control since" in words
+        assert switch.cause in words
+
+
 def test_the_table_can_be_narrowed(browser: Any, made: Made) -> None:
     with opened(browser, made.path) as page:
         page.select_option("#filter-robot", "2")

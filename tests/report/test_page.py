@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from soter.record.messages import Drop
 from soter.record.reader import Content, Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
@@ -166,6 +167,38 @@ def test_a_recording_that_was_cut_off_does_not_claim_to_be_safe(path: Path, tmp_
     assert document["summary"]["truncated"]
     assert 0.0 < document["lastS"] < DURATION_S - 1.0
     assert document["summary"]["status"] is None
+
+
+def test_a_recording_that_ended_before_its_first_tick_has_a_page(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:20_000])
+    document = of_page(make_page(Recording(cut))).document
+    assert (document["summary"]["ticks"], document["lastS"], document["truth"]["known"]) == (0, 0.0, "not summed up")
+
+
+def test_gaps_are_said(path: Path, tmp_path: Path) -> None:
+    gap = Drop(time_s=60.0, first_tick=1200, ticks=40)
+    target = tmp_path / "gap.mcap"
+    rewrite(path, target, lambda topic, message: None if in_gap(message) else message)
+    recording = Recording(target)
+    whole = recording.content
+    with pytest.MonkeyPatch.context() as patch:
+        # The gap itself is said by the writer; here it is said for it.
+        patch.setattr(Recording, "content", lambda self: with_drop(whole(), gap))
+        document = of_page(make_page(recording)).document
+    assert document["drops"] == [[60.0, 1200, 40]]
+    assert document["summary"]["droppedTicks"] == 40
+
+
+def in_gap(message: bytes) -> bool:
+    """Whether a message is a tick from 1200 on, for 40 ticks."""
+    found = re.match(rb'{"tick":(\d+),', message)
+    return found is not None and 1200 <= int(found[1]) < 1240
+
+
+def with_drop(content: Content, drop: Drop) -> Content:
+    content.drops.append(drop)
+    return content
 
 
 def test_a_backend_without_truth_is_not_called_safe(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

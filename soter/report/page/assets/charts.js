@@ -154,6 +154,15 @@
       }
       context.restore();
     }
+
+    // Who was in control of a robot at a moment, and why, in words.
+    describe(timeS) {
+      const { run, robot } = this;
+      const now = window.soter.moment({ ...run, robots: [robot] }, timeS).robots[0];
+      if (!now) return "";
+      const why = now.driver !== 0 && now.cause && now.cause.cause ? `: ${now.cause.cause}` : "";
+      return `${clock(timeS)}, robot ${robot.id}: ${run.drivers[now.driver].name} in control since ${clock(now.sinceS)}${why}`;
+    }
   }
 
   // A module's margin for all robots, with what it is compared with.

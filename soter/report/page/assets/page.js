@@ -156,7 +156,7 @@
       }
       byId("margins-note").textContent = names.length
         ? "One curve a robot. Below 0 the rule is broken as the module knows it (red). Below the coloured line, its reach R(H), the module takes over; from the dashed line on it gives the robot back. Large margins leave the plot at the top."
-        : "No safety modules took part in this run.";
+        : run.drivers.length > 1 ? "No margin was recorded." : "No safety modules took part in this run.";
       const battery = run.robots.flatMap((robot) => robot.modules).find((each) => each.name === "battery");
       if (run.robots.some((robot) => robot.charge.low.some((each) => !Number.isNaN(each)))) {
         const plot = soter.element("figure", { class: "whole" }, soter.element("figcaption", {}));
@@ -276,6 +276,7 @@
       });
       chart.canvas.addEventListener("pointermove", (event) => {
         if (holding) seek(event);
+        else if (chart.describe) chart.canvas.title = chart.describe(chart.timeAt(event.offsetX));
       });
       for (const name of ["pointerup", "pointercancel"]) chart.canvas.addEventListener(name, () => { holding = false; });
     }

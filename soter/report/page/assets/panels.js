@@ -2,6 +2,7 @@
 // What a page says in words and figures. Texts of a recording only ever become text, never markup.
 (() => {
   const { clock, percent, colourOf } = window.soter;
+  const CHARGE = "of a charge"; // the unit of margins that are parts of one
   const LATE_ROWS = 4000; // beyond these a table only makes a page slow
 
   function element(name, attributes = {}, ...children) {
@@ -17,10 +18,13 @@
   const total = (counts) => Object.values(counts).reduce((sum, each) => sum + each, 0);
   const many = (count, thing) => `${count.toLocaleString("en")} ${thing}${count === 1 ? "" : "s"}`;
   const dot = (colour) => element("i", { class: "dot", style: `--dot: ${colour}`, "aria-hidden": "true" });
-  const amount = (value, unit) => (
-    !Number.isFinite(value) ? (value === Infinity ? "∞" : "not known") : unit === "m" ? `${value.toFixed(3).replace("-", "−")} m` : percent1(value)
-  );
   const percent1 = (value) => `${(100 * value).toFixed(1)} %`;
+
+  function amount(value, unit) {
+    if (!Number.isFinite(value)) return Number.isNaN(value) ? "not known" : value > 0 ? "∞" : "−∞";
+    const text = unit === CHARGE ? percent1(value) : `${value.toFixed(3)} ${unit}`.trim();
+    return text.replace("-", "−");
+  }
 
   // --- the whole run ---------------------------------------------------------------------------------------
 
@@ -77,6 +81,7 @@
     const found = [];
     if (summary.truncated) found.push(`This recording was cut off: its run was killed, or the disk was full. It is shown up to ${clock(run.lastS)}.`);
     else if (summary.status === null) found.push("The run was killed; this is what it did until then.");
+    if (!summary.ticks) found.push("There is no tick in it: it ended before the first one was written.");
     if (summary.droppedTicks) found.push(`${many(summary.droppedTicks, "tick")} were not recorded, in ${many(drops.length, "gap")}: the writer did not follow.`);
     if (summary.status === "failed") found.push(`The run failed: ${summary.failure || "it does not say why"}.`);
     if (summary.status === "interrupted") found.push("The run was interrupted.");
@@ -109,12 +114,12 @@
     const givenUp = Object.entries(summary.targets).filter(([name]) => name !== "reached").map(([name, count]) => `${count} ${name.replace("_", " ")}`);
     const margins = Object.entries(truth.margins).filter(([, value]) => value !== null);
     document.getElementById("figures").append(
-      figure("AC in control", percent1(summary.acShare), "of the robots' time", bar),
+      figure("AC in control", summary.ticks ? percent1(summary.acShare) : "–", "of the robots' time", bar),
       figure("Disengagements", taken.toLocaleString("en"), counted.length ? counted : "no safety modules"),
       figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
       figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
       figure("Least true margin", margins.length ? "" : "not known", margins.length
-        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? "" : "m"))))
+        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? CHARGE : "m"))))
         : truth.known === "no" ? "there is no ground truth" : "the run did not get to say it"),
     );
   }

@@ -21,6 +21,7 @@
       const [west, south, east, north] = this.extent;
       const holder = getComputedStyle(this.canvas.parentElement);
       const width = parseFloat(holder.width) - parseFloat(holder.paddingLeft) - parseFloat(holder.paddingRight) - 2;
+      if (!(width > 0)) return; // a page that is not shown has no size
       const most = Math.max(340, Math.min(window.innerHeight - 350, 760));
       this.scale = Math.min(width / (east - west), most / (north - south));
       const ratio = window.devicePixelRatio || 1;
@@ -44,6 +45,7 @@
     }
 
     draw(moment) {
+      if (!this.width) return;
       const context = this.canvas.getContext("2d");
       if (!this.ground) this.ground = this.drawGround();
       context.setTransform(1, 0, 0, 1, 0, 0);
