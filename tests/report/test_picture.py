@@ -167,3 +167,10 @@ def test_the_global_state_of_matplotlib_is_left_alone() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
     assert done.stderr == ""
+
+
+def test_a_moment_of_a_run_is_drawn_in_the_place_that_it_has_in_the_whole(run: RunTracks) -> None:
+    whole, moment = make_figure(run, Caption()), make_figure(run, Caption(), 3.0)
+    assert [axes.get_xlim() for axes in moment.axes] == [axes.get_xlim() for axes in whole.axes]
+    assert [axes.get_position().bounds for axes in moment.axes] == [axes.get_position().bounds for axes in whole.axes]
+    assert draw_png(run, None, 3.0) != draw_png(run)

@@ -16,6 +16,7 @@ from soter.report.strokes import (
     shares,
     stretches,
     time_unit,
+    until,
     ways_since_s,
 )
 from soter.rta import SwitchRecord
@@ -86,3 +87,13 @@ def test_of_a_long_run_only_the_end_is_drawn(run: RunTracks) -> None:
 @pytest.mark.parametrize(("seconds", "unit"), [(60.0, "s"), (600.0, "min"), (7200.0, "min"), (86400.0, "h")])
 def test_time_units(seconds: float, unit: str) -> None:
     assert time_unit(seconds)[1] == unit
+
+
+def test_a_run_until_a_moment_has_nothing_of_later() -> None:
+    run = make_run()
+    part = until(run, 4.5)
+    assert [list(track.time_s) for track in part.tracks.values()] == [[0.0, 1.0, 2.0, 3.0, 4.0]] * 2
+    assert [len(track.driver) for track in part.tracks.values()] == [5, 5]
+    assert part.switches == [switch for switch in run.switches if switch.time_s <= 4.5] != run.switches
+    assert until(run, 100.0) == run
+    assert end_s(until(run, -1.0)) == 0.0
