@@ -309,6 +309,18 @@ def test_it_has_both_themes(browser: Any, made: Made, scheme: str) -> None:
         assert distance(pixel(page, 4.0, 4.0), on_plan) > 100.0
 
 
+def test_the_system_decides_about_the_theme_until_somebody_has(browser: Any, made: Made) -> None:
+    with opened(browser, made.path, color_scheme="light") as page:
+        page.emulate_media(color_scheme="dark")
+        until(page, "soter.page.style.dark")
+        page.keyboard.press("t")
+        assert not page.evaluate("soter.page.style.dark")
+        page.emulate_media(color_scheme="light")
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_timeout(50)
+        assert not page.evaluate("soter.page.style.dark")
+
+
 def test_it_fits_a_phone_and_scrubs_by_touch(browser: Any, made: Made) -> None:
     with opened(browser, made.path, viewport=PHONE, has_touch=True, is_mobile=True) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]

@@ -305,15 +305,20 @@
       }
       byId("help-open").addEventListener("click", () => byId("help").showModal());
       byId("theme").addEventListener("click", () => this.otherTheme());
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-        this.theme();
-        this.show();
+      // The system decides until somebody has chosen here.
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ({ matches }) => {
+        if (!this.chosen) this.setTheme(matches ? "dark" : "light");
       });
       document.addEventListener("keydown", (event) => this.key(event));
     }
 
     otherTheme() {
-      document.documentElement.dataset.theme = this.style.dark ? "light" : "dark";
+      this.chosen = true;
+      this.setTheme(this.style.dark ? "light" : "dark");
+    }
+
+    setTheme(name) {
+      document.documentElement.dataset.theme = name;
       this.theme();
       this.show();
     }
