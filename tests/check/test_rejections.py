@@ -15,10 +15,13 @@ from soter.adapters.pybullet import KinematicBackend
 from soter.check import Verdict, conditions
 from soter.errors import IllFormedModule
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
+from soter.runner.specs import read_options
+from soter.runner.speedup import refused_at
 from soter.stack.collision import Separation, check_halves
 from soter.stack.reach import Limits
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, Above, FakeNode, module
+from tests.runner.test_speedup import HastyBackend, mission
 
 PROMISED = KinematicBackend.robot_class.declared
 
@@ -44,6 +47,13 @@ def pair(brake_m_s2: float = 1.0) -> RTAModule:
     return RTAModule("collision", node, node, 0.1, safe, safer, PairBound(speed, speed))
 
 
+def hasty() -> None:
+    asked = mission(HastyBackend, 20.0)
+    workspace = asked.read_workspace()
+    config = read_options(HastyBackend, asked, workspace)
+    raise refused_at(IllFormedModule("collision", "P3", "too late"), asked, workspace, HastyBackend, config)
+
+
 def limits(**changes: object) -> Limits:
     return Limits.of(replace(PROMISED, **changes))  # type: ignore[arg-type]
 
@@ -66,6 +76,7 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
     "more than a quarter of the separation": ("P2a", lambda: check_halves(pair(), Timing(), 0.2)),
     "so that the AC has to lose control": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(), 0.05)),
     "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), Timing(), 0.05)),
+    "or backends.": ("P3", hasty),
     "which a robot does not promise": (
         "P3", lambda: limits(heading_noise_rad=None).motion("geofence", "unicycle"),
     ),
