@@ -16,7 +16,7 @@ from soter.check import Verdict, conditions
 from soter.errors import IllFormedModule
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
 from soter.runner.specs import read_options
-from soter.runner.speedup import refused_at
+from soter.runner.speedup import declare_all, refused_at
 from soter.stack.collision import Separation, check_halves
 from soter.stack.reach import Limits
 from tests.project.source import ROOT
@@ -51,7 +51,11 @@ def hasty() -> None:
     asked = mission(HastyBackend, 20.0)
     workspace = asked.read_workspace()
     config = read_options(HastyBackend, asked, workspace)
-    raise refused_at(IllFormedModule("collision", "P3", "too late"), asked, workspace, HastyBackend, config)
+    promised = HastyBackend.promises(config)
+    with pytest.raises(IllFormedModule) as caught:
+        for declared in declare_all(asked, workspace, {1: promised, 2: promised}).values():
+            declared.check(asked.base_tick_s)
+    raise refused_at(caught.value, asked, workspace, HastyBackend, config)
 
 
 def limits(**changes: object) -> Limits:
