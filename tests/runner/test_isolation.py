@@ -30,7 +30,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SURVEILLANCE = EXAMPLES / "surveillance.toml"
 ADAPTER = EXAMPLES / "adapter-zmq"
 ZMQ = "soter_zmq.adapter:ZmqBackend"
-SILENT_S = 0.5
+SILENT_S = 1.0
 LATEST_MS = 1e3 * SILENT_S / 2.0
 """A tick that waits for a mission that hangs would be later."""
 
@@ -90,12 +90,12 @@ def in_ac(run: Run, since_s: float, until_s: float) -> bool:
 @pytest.mark.parametrize(
     ("ac", "words"),
     [
-        ("Hangs", "silent for 0.5 s of host time; it is in handler Hangs.act"),
-        ("Spins", "silent for 0.5 s of host time; it is in handler Spins.act"),
-        ("SpinsInC", "silent for 0.5 s of host time"),
+        ("Hangs", "silent for 1 s of host time; it is in handler Hangs.act"),
+        ("Spins", "silent for 1 s of host time; it is in handler Spins.act"),
+        ("SpinsInC", "silent for 1 s of host time"),
         ("Exits", "its process has ended with exit code 7"),
         ("Crashes", "its process has ended with signal SIGSEGV"),
-        ("Chatters", "silent for 0.5 s of host time; it is in handler Chatters.act"),
+        ("Chatters", "silent for 1 s of host time; it is in handler Chatters.act"),
         ("FloodsWithTurns", "garbage: an answer to tick"),
         ("FloodsWithGarbage", "garbage: "),
         ("SendsTooMuch", "garbage: a message of more than 65536 bytes"),
