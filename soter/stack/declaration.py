@@ -29,7 +29,7 @@ OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"
 
 HOME_CLEARANCE_M: Final = 0.15
-"""Body clearance that ways home keep from boxes, so that the obstacle module does not interfere."""
+"""Body clearance that ways home keep from boxes at least."""
 
 _SLACK_M: Final = 0.02
 _REFUGE_PEER_M: Final = 0.5
@@ -138,7 +138,7 @@ def declare(
     dock = Dock(
         terrain,
         next(place.charger for place in workspace.robots if place.id == robot_id),
-        HOME_CLEARANCE_M,
+        _home_clearance_m(mission, capabilities),
         _inset_m(mission, capabilities),
         _cost_per_m(mission, capabilities),
     )
@@ -230,6 +230,17 @@ def _rules(mission: Mission) -> RecoveryRules:
         pairs=COLLISION in names,
         separation_m=mission.rta.collision.phi_safe_m,
     )
+
+
+def _home_clearance_m(mission: Mission, capabilities: Capabilities) -> float:
+    """Return what ways home keep from boxes: so much that the obstacle module, which goes first, does not step in."""
+    if OBSTACLE not in enabled(mission):
+        return HOME_CLEARANCE_M
+    obstacle = mission.rta.obstacle
+    speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
+    ahead_s = timing_of(capabilities, mission.base_tick_s).ahead_s(obstacle.delta_s)
+    reach_m = speed.bound(ahead_s + capabilities.latency_s + capabilities.jitter_s)
+    return max(HOME_CLEARANCE_M, obstacle.phi_safe_m + reach_m + _unsure_m(capabilities))
 
 
 def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
