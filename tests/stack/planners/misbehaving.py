@@ -134,7 +134,8 @@ class WritesToTheSocket(BadPlanner):
     """Finds the socket to the mission and writes to it."""
 
     def misbehave(self, request: PlanRequest) -> Any:
-        for fd in range(3, 20):
+        # Its number is the mission's, and high in a mission that has many files open.
+        for fd in [int(name) for name in os.listdir("/proc/self/fd") if int(name) > 2]:
             try:
                 os.write(fd, b'[0, 0, [["x", 1]]')
             except OSError:
