@@ -1,7 +1,7 @@
 """The conformance kit: anyone can prove an adapter right. See docs/conformance.md.
 
-`Harness` is what an adapter's author writes; `judge` tries every clause on it and returns the record;
-`soter.conformance.testing.AdapterSuite` makes tests of them.
+`Harness` is what an adapter's author writes (`RelayedHarness` for robots in another process); `judge` tries every
+clause on it and returns the record; `soter.conformance.testing.AdapterSuite` makes tests of them.
 """
 
 from soter.conformance.clause import CLAUSES, Clause, Tier
@@ -9,6 +9,7 @@ from soter.conformance.find import InProcessHarness, find_harness
 from soter.conformance.harness import HOOKS, Harness
 from soter.conformance.kit import judge, select, try_clause
 from soter.conformance.record import KIT_VERSION, Outcome, Overall, Record, Verdict
+from soter.conformance.relayed import RelayedHarness
 
 __all__ = [
     "CLAUSES",
@@ -20,6 +21,7 @@ __all__ = [
     "Outcome",
     "Overall",
     "Record",
+    "RelayedHarness",
     "Tier",
     "Verdict",
     "find_harness",

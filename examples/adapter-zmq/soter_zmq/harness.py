@@ -9,7 +9,7 @@ from typing import Any, Final
 import zmq
 
 from soter.clock import VehicleClock
-from soter.conformance import Harness, driver
+from soter.conformance import RelayedHarness
 from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
 from soter_zmq.adapter import ZmqConfig, ZmqFleet
@@ -26,80 +26,27 @@ _ROOM: Final = Workspace(
 )  # fmt: skip
 
 
-class ZmqHarness(Harness):
+class ZmqHarness(RelayedHarness):
     """Opens simulated robots behind a relay, for every fleet anew."""
 
     name = "zmq"
     room_m = 2.4
 
-    def __init__(self) -> None:
-        self._fleet: Fleet | None = None
-        self._simulator: Simulator | None = None
-        self._relay: Relay | None = None
-        self._witness: _Witness | None = None
-        self._drivers: list[subprocess.Popen[bytes]] = []
-
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
-        self._relay = relay = Relay(simulator.endpoints)
-        self._fleet = _fleet(relay.endpoints, simulator.truth, robots)
-        return self._fleet
-
-    def close(self) -> None:
-        for process in self._drivers:
-            process.kill()
-            process.wait()
-        self._drivers.clear()
-        if self._relay is not None:
-            self._relay.cut, self._relay.delay_s, self._relay.loss = frozenset(), 0.0, 0.0
-        if self._fleet is not None:
-            self._fleet.close()
-        for each in (self._relay, self._witness, self._simulator):
-            if each is not None:
-                each.close()
-        self._fleet = self._relay = self._witness = self._simulator = None
-
-    # --- faults on the wire --------------------------------------------------------------------------------
-
-    def cut(self, robot_id: int) -> None:
-        self._link().cut |= {robot_id}
-
-    def restore(self, robot_id: int) -> None:
-        self._link().cut -= {robot_id}
-
-    def delay(self, seconds: float) -> None:
-        self._link().delay_s = seconds
-
-    def loss(self, fraction: float) -> None:
-        self._link().loss = fraction
-
-    def duplicate(self, fraction: float) -> None:
-        self._link().duplicate = fraction
-
-    def reorder(self, fraction: float) -> None:
-        self._link().reorder = fraction
-
-    # --- when the other side dies or hangs -----------------------------------------------------------------
+        self.relay = relay = Relay(simulator.endpoints)
+        self.fleet = _fleet(relay.endpoints, simulator.truth, robots)
+        return self.fleet
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
         argument = json.dumps({"robots": simulator.endpoints, "truth": simulator.truth})
-        process = driver.spawn(f"{__name__}:open_given", argument, target)
-        self._drivers.append(process)
-        return process
-
-    def observe(self, robot_id: int) -> tuple[float, float, float]:
-        assert self._witness is not None
-        return self._witness.truth.pose(robot_id)
+        return self.driven(f"{__name__}:open_given", argument, target)
 
     def _start(self, robots: int) -> Simulator:
-        self._simulator = simulator = Simulator(describe(_ROOM, _specs(robots)))
-        self._witness = _Witness(simulator.truth)
+        self.simulator = simulator = Simulator(describe(_ROOM, _specs(robots)))
+        self.witness = _Witness(simulator.truth)
         return simulator
-
-    def _link(self) -> Relay:
-        assert self._relay is not None
-        return self._relay
 
 
 def open_given(argument: str) -> Fleet:
@@ -115,12 +62,16 @@ class _Witness:
         clock = VehicleClock()
         self.truth: Final = StreamedTruth(clock)
         self._context: Final = zmq.Context()
+        self._context.linger = 0
         self._receiver: Final = Receiver(self._context, clock, {address: self.truth.hear})
         self._receiver.wait_for(lambda: self.truth.known, 5.0)
 
+    def pose(self, robot_id: int) -> tuple[float, float, float]:
+        return self.truth.pose(robot_id)
+
     def close(self) -> None:
         self._receiver.close()
-        self._context.destroy(linger=0)
+        self._context.destroy()
 
 
 def _specs(robots: int) -> list[RobotSpec]:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import subprocess
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from soter.errors import RobotUnavailable
-from soter.sdk import RobotSpec
+from soter.sdk import RobotSpec, program
 from soter.workspace import Box, Workspace
 
 START_TIMEOUT_S: Final = 20.0
-_END_TIMEOUT_S: Final = 3.0
 
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any]:
@@ -70,7 +67,7 @@ class Simulator:
             start_new_session=True,
         )  # fmt: skip
         try:
-            found = json.loads(self._first_line(json.dumps(world).encode()))
+            found = json.loads(program.first_line(self.process, json.dumps(world).encode(), START_TIMEOUT_S))
         except (ValueError, OSError) as failure:
             self.close()
             raise RobotUnavailable(
@@ -82,35 +79,7 @@ class Simulator:
 
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""
-        process = self.process
-        process.terminate()
-        try:
-            process.wait(_END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None and not pipe.closed:
-                pipe.close()
-
-    def _first_line(self, world: bytes) -> bytes:
-        """Hand over the world and return the first line that the child prints."""
-        into, out = self.process.stdin, self.process.stdout
-        assert into is not None
-        assert out is not None
-        into.write(world)
-        into.close()
-        until_s = time.perf_counter() + START_TIMEOUT_S
-        line = b""
-        while not line.endswith(b"\n"):
-            left_s = until_s - time.perf_counter()
-            if left_s <= 0.0 or not select.select([out], [], [], left_s)[0]:
-                raise OSError(f"nothing was heard of them within {START_TIMEOUT_S:g} s")
-            part = os.read(out.fileno(), 65536)
-            if not part:
-                raise OSError(f"their process ended with code {self.process.wait()}")
-            line += part
-        return line
+        program.end([self.process])
 
 
 def _edges(box: Box) -> tuple[float, float, float, float]:

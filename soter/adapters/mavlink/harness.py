@@ -16,7 +16,7 @@ from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.relay import Relay
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
 from soter.clock import VehicleClock
-from soter.conformance import Harness, driver
+from soter.conformance import RelayedHarness
 from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
 from soter.workspace import Box, RobotPlace, Workspace
@@ -30,7 +30,7 @@ _ROOM: Final = Workspace(
 )  # fmt: skip
 
 
-class MavlinkHarness(Harness):
+class MavlinkHarness(RelayedHarness):
     """Opens simulated rovers behind a relay, for every fleet anew.
 
     Attributes:
@@ -46,85 +46,32 @@ class MavlinkHarness(Harness):
     options: ClassVar[dict[str, Any]] = {}
     simulator_options: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self) -> None:
-        self._fleet: Fleet | None = None
-        self._simulator: Simulator | None = None
-        self._relay: Relay | None = None
-        self._witness: StreamedTruth | None = None
-        self._drivers: list[subprocess.Popen[bytes]] = []
-
     def open(self, robots: int) -> Fleet:
         port = free_port()
-        self._relay = relay = Relay(port)
+        self.relay = relay = Relay(port)
         simulator = self._start(robots, relay.port)
-        self._fleet = fleet = self._opened(port, simulator.truth, robots)
-        return fleet
-
-    def close(self) -> None:
-        for process in self._drivers:
-            process.kill()
-            process.wait()
-        self._drivers.clear()
-        if self._relay is not None:
-            self._relay.cut, self._relay.delay_s, self._relay.loss = frozenset(), 0.0, 0.0
-        if self._fleet is not None:
-            self._fleet.close()
-        for each in (self._relay, self._witness, self._simulator):
-            if each is not None:
-                each.close()
-        self._fleet = self._relay = self._witness = self._simulator = None
-
-    # --- faults on the wire --------------------------------------------------------------------------------
-
-    def cut(self, robot_id: int) -> None:
-        self._link().cut |= {robot_id}
-
-    def restore(self, robot_id: int) -> None:
-        self._link().cut -= {robot_id}
-
-    def delay(self, seconds: float) -> None:
-        self._link().delay_s = seconds
-
-    def loss(self, fraction: float) -> None:
-        self._link().loss = fraction
-
-    def duplicate(self, fraction: float) -> None:
-        self._link().duplicate = fraction
-
-    def reorder(self, fraction: float) -> None:
-        self._link().reorder = fraction
-
-    # --- when the other side dies or hangs -----------------------------------------------------------------
+        self.fleet = self._opened(port, simulator.truth, robots)
+        return self.fleet
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
         simulator = self._start(1, port)
-        self._witness = StreamedTruth(simulator.truth, VehicleClock())
+        self.witness = StreamedTruth(simulator.truth, VehicleClock())
         harness = f"{type(self).__module__}:{type(self).__qualname__}"
         argument = json.dumps({"harness": harness, "port": port, "truth": simulator.truth})
-        process = driver.spawn(f"{__name__}:open_given", argument, target)
-        self._drivers.append(process)
-        return process
-
-    def observe(self, robot_id: int) -> tuple[float, float, float]:
-        assert self._witness is not None
-        return self._witness.pose(robot_id)
+        return self.driven(f"{__name__}:open_given", argument, target)
 
     def _start(self, robots: int, port: int) -> Simulator:
         rate_hz = self.options.get("stream_hz", STREAM_HZ)
         options = ("--vehicle", self.options.get("vehicle", "rover"), "--rate", str(rate_hz), *self.simulator_options)
-        self._simulator = Simulator(describe(_ROOM, _specs(robots)), port, *options)
-        return self._simulator
+        self.simulator = simulator = Simulator(describe(_ROOM, _specs(robots)), port, *options)
+        return simulator
 
     def _opened(self, port: int, truth: str, robots: int) -> MavlinkFleet:
         config = MavlinkConfig.model_validate(
             {"workspace": _ROOM, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
         )
         return self.backend().open(config, _specs(robots))
-
-    def _link(self) -> Relay:
-        assert self._relay is not None
-        return self._relay
 
 
 class CopterHarness(MavlinkHarness):

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from soter.errors import RobotUnavailable
-from soter.sdk import RobotSpec
+from soter.sdk import RobotSpec, program
 from soter.workspace import Box, Workspace
 
 START_TIMEOUT_S: Final = 30.0
-_END_TIMEOUT_S: Final = 3.0
 
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any]:
@@ -69,7 +66,7 @@ class Simulator:
             env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
         )  # fmt: skip
         try:
-            ready = json.loads(self._first_line(json.dumps(world).encode()))
+            ready = json.loads(program.first_line(self.process, json.dumps(world).encode(), START_TIMEOUT_S))
             self.truth: Final[str] = ready["truth"]
         except (ValueError, KeyError, OSError) as failure:
             self.close()
@@ -80,35 +77,7 @@ class Simulator:
 
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""
-        process = self.process
-        process.terminate()
-        try:
-            process.wait(_END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None and not pipe.closed:
-                pipe.close()
-
-    def _first_line(self, world: bytes) -> bytes:
-        """Hand over the world and return the first line that the child prints."""
-        into, out = self.process.stdin, self.process.stdout
-        assert into is not None
-        assert out is not None
-        into.write(world)
-        into.close()
-        until_s = time.perf_counter() + START_TIMEOUT_S
-        line = b""
-        while not line.endswith(b"\n"):
-            left_s = until_s - time.perf_counter()
-            if left_s <= 0.0 or not select.select([out], [], [], left_s)[0]:
-                raise OSError(f"nothing was heard of them within {START_TIMEOUT_S:g} s")
-            part = os.read(out.fileno(), 65536)
-            if not part:
-                raise OSError(f"their process ended with code {self.process.wait()}")
-            line += part
-        return line
+        program.end([self.process])
 
 
 def _edges(box: Box) -> tuple[float, float, float, float]:

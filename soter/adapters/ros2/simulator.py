@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 import os
 import random
-import select
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -17,11 +15,10 @@ from pydantic import TypeAdapter
 
 from soter.adapters.ros2.loopback import environment
 from soter.errors import RobotUnavailable
-from soter.sdk import RobotSpec
+from soter.sdk import RobotSpec, program
 from soter.workspace import Workspace
 
 START_TIMEOUT_S: Final = 30.0
-_END_TIMEOUT_S: Final = 3.0
 
 # Ports of DDS are 7400 + 250 * domain and up; beyond this domain they meet those that Linux hands out.
 _DOMAINS: Final = range(1, 101)
@@ -128,7 +125,7 @@ class Simulator:
             for robot_id in self.namespaces:
                 self.start_mux(robot_id)
             described = TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).dump_json((workspace, tuple(robots)))
-            self.truth: Final[str] = json.loads(self._first_line(described))["truth"]
+            self.truth: Final[str] = json.loads(program.first_line(self.world, described, START_TIMEOUT_S))["truth"]
         except (ValueError, OSError) as failure:
             self.close()
             raise RobotUnavailable(
@@ -146,18 +143,7 @@ class Simulator:
 
     def close(self) -> None:
         """End the processes and wait until they are gone. Idempotent."""
-        processes = [self.world, *self.muxes.values()]
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            try:
-                process.wait(_END_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            for pipe in (process.stdin, process.stdout):
-                if pipe is not None and not pipe.closed:
-                    pipe.close()
+        program.end([self.world, *self.muxes.values()])
         if self._domain is not None:
             self._domain.close()
 
@@ -171,22 +157,3 @@ class Simulator:
             stdin=kind, stdout=kind, start_new_session=True,
             env={**environment(), "ROS_DOMAIN_ID": str(self.domain_id), "PYTHONPATH": paths},
         )  # fmt: skip
-
-    def _first_line(self, described: bytes) -> bytes:
-        """Hand over the world and return the first line that its process prints."""
-        into, out = self.world.stdin, self.world.stdout
-        assert into is not None
-        assert out is not None
-        into.write(described)
-        into.close()
-        until_s = time.monotonic() + START_TIMEOUT_S
-        line = b""
-        while not line.endswith(b"\n"):
-            left_s = until_s - time.monotonic()
-            if left_s <= 0.0 or not select.select([out], [], [], left_s)[0]:
-                raise OSError(f"nothing was heard of them within {START_TIMEOUT_S:g} s")
-            part = os.read(out.fileno(), 65536)
-            if not part:
-                raise OSError(f"their process ended with code {self.world.wait()}")
-            line += part
-        return line
