@@ -275,6 +275,7 @@ class ZmqFleet(Fleet):
             truth_address = simulator.truth
         self.simulator: Final = simulator
         self._context: Final = zmq.Context()
+        self._context.linger = 0
         clock = VehicleClock()
         robots = [ZmqRobot(spec, clock, self._connected(endpoints[spec.id].command)) for spec in specs]
         truth = StreamedTruth(clock) if truth_address is not None else None
@@ -294,7 +295,6 @@ class ZmqFleet(Fleet):
     def _connected(self, address: str) -> zmq.Socket[bytes]:
         socket = self._context.socket(zmq.PUSH)
         socket.setsockopt(zmq.CONFLATE, 1)
-        socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.RECONNECT_IVL, 50)
         socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
         socket.connect(address)

@@ -45,7 +45,6 @@ class Receiver:
             socket = context.socket(zmq.SUB)
             # The socket keeps the last message only, so that who is slow hears what is new and not what is first.
             socket.setsockopt(zmq.CONFLATE, 1)
-            socket.setsockopt(zmq.LINGER, 0)
             socket.setsockopt(zmq.RECONNECT_IVL, 50)
             socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
             socket.setsockopt(zmq.SUBSCRIBE, b"")

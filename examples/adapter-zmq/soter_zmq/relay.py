@@ -36,6 +36,8 @@ class Relay:
         self.endpoints: Final[dict[int, dict[str, str]]] = {}
         self._random: Final = random.Random(0)
         self._context: Final = zmq.Context()
+        # From the first, for every socket: set when sockets are closed it has let the library hang, once in some 200.
+        self._context.linger = 0
         self._lines: Final[list[_Line]] = []
         for robot_id, real in endpoints.items():
             command_in, report_out = self._bound(zmq.PULL), self._bound(zmq.PUB)
@@ -57,7 +59,7 @@ class Relay:
         """End the thread and close the sockets. Idempotent."""
         self._done.set()
         self._thread.join()
-        self._context.destroy(linger=0)
+        self._context.destroy()
 
     def _bound(self, kind: int) -> zmq.Socket[bytes]:
         socket = self._context.socket(kind)

@@ -56,7 +56,6 @@ class SimulatedRobot:
         self._reports: Final = context.socket(zmq.PUB)
         for socket, port in ((self.commands, command_port), (self._reports, report_port)):
             socket.setsockopt(zmq.CONFLATE, 1)
-            socket.setsockopt(zmq.LINGER, 0)
             socket.bind(f"tcp://{address}:{port or '*'}")
 
     @property
@@ -109,11 +108,11 @@ class Simulation:
     def __init__(self, values: dict[str, Any], ports: dict[int, tuple[int, int]], address: str = "127.0.0.1") -> None:
         self.world: Final = World.read(values)
         self._context: Final = zmq.Context()
+        self._context.linger = 0
         self.robots: Final = [
             SimulatedRobot(self._context, body, address, *ports.get(body.id, (0, 0))) for body in self.world.bodies
         ]
         self._truth: Final = self._context.socket(zmq.PUB)
-        self._truth.setsockopt(zmq.LINGER, 0)
         self._truth.bind(f"tcp://{address}:*")
 
     @property
@@ -151,7 +150,7 @@ class Simulation:
 
     def close(self) -> None:
         """Close the sockets."""
-        self._context.destroy(linger=0)
+        self._context.destroy()
 
     def _tell(self) -> bytes:
         world = self.world

@@ -135,7 +135,9 @@ class WritesToTheSocket(BadPlanner):
 
     def misbehave(self, request: PlanRequest) -> Any:
         # Its number is the mission's, and high in a mission that has many files open.
-        for fd in [int(name) for name in os.listdir("/proc/self/fd") if int(name) > 2]:
+        for fd in [int(entry.name) for entry in Path("/proc/self/fd").iterdir()]:
+            if fd <= 2:
+                continue
             try:
                 os.write(fd, b'[0, 0, [["x", 1]]')
             except OSError:
