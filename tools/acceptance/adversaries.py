@@ -47,6 +47,7 @@ Delays are whole ticks where they can be: what is declared beyond these is never
 """
 
 STRETCHED: Final = (
+    "workspace=../tools/acceptance/alone.xml",
     "rta.modules=['obstacle', 'geofence', 'battery']",
     "rta.obstacle.phi_safer_m=0.3",
     "rta.geofence.delta_s=0.05",
@@ -54,7 +55,7 @@ STRETCHED: Final = (
 )
 """The worst latency that the obstacle module, given room, can admit, and modules that look at every tick.
 
-Without the collision module: it admits no such latency, whatever room it is given.
+Without the collision module: it admits no such latency, whatever room it is given. So the robot is alone.
 """
 
 _WORST_LATENCY_S: Final = 1.15

@@ -20,7 +20,7 @@ _GROUPS: Final = {
     },
     "stretched": (
         "The worst latency",
-        f"With {', '.join(f'`{setting}`' for setting in STRETCHED)}: robots collide, since nothing keeps them apart.",
+        f"One robot alone, with {', '.join(f'`{setting}`' for setting in STRETCHED[1:])}.",
     ),
 }
 
