@@ -49,6 +49,8 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "std_msgs": "ros2",
     "rosgraph_msgs": "ros2",
     "diagnostic_msgs": "ros2",
+    "zenoh": "zenoh",
+    "pycdr2": "zenoh",
 }
 """Vendor libraries, and the extra of this distribution that brings each of them."""
 

@@ -66,6 +66,15 @@ ALLOWED: dict[str, set[str]] = {
     "soter.cli": {"soter", "soter_sim"},
     "soter": {"soter"},
     "soter_sim": {"soter.sdk.values", "soter.drive", "soter.mux"},
+    # Its face on Zenoh speaks as the adapter does: one codec and one way to open a session, not two.
+    "soter_sim.zenoh": {
+        "soter.adapters.zenoh.messages",
+        "soter.adapters.zenoh.session",
+        "soter.sdk.values",
+        "soter.drive",
+        "soter.mux",
+        "soter_sim",
+    },
 }
 BASE = {
     "soter.clock",
@@ -80,6 +89,7 @@ BASE = {
 STDLIB_ONLY = {"soter.clock", "soter.errors", "soter.drive", "soter.mux", "soter.child", "soter.machine"}
 
 ROS2 = {"soter.adapters.ros2", "soter_sim.ros2"}
+ZENOH = {"soter.adapters.zenoh", "soter_sim.zenoh"}
 
 # Where a library may be imported that is not Python's own; `None` is anywhere but in STDLIB_ONLY.
 LIBRARIES: dict[str, set[str] | None] = {
@@ -104,13 +114,15 @@ LIBRARIES: dict[str, set[str] | None] = {
     "sensor_msgs": ROS2,
     "rosgraph_msgs": ROS2,
     "diagnostic_msgs": ROS2,
+    "zenoh": ZENOH,
+    "pycdr2": {"soter.adapters.zenoh.messages"},
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
     "PIL": {"soter.report"},  # what matplotlib writes pictures with
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.
-VENDORS = {"pybullet", "pymavlink", "mavsdk", "rclpy", "ompl", "matplotlib"}
+VENDORS = {"pybullet", "pymavlink", "mavsdk", "rclpy", "zenoh", "pycdr2", "ompl", "matplotlib"}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 
 
