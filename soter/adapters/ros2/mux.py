@@ -12,14 +12,8 @@ namespace and take ROS's own remappings; parameters are read once, at the start:
 from __future__ import annotations
 
 import argparse
-import os
-import signal
 import sys
-import threading
-import time
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import Any, Final
 
 import rclpy
@@ -32,15 +26,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from soter.adapters.ros2.gate import REST, Gate, Velocity
-from soter.adapters.ros2.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC, Order
-
-LEASE_S: Final = 0.13
-COMMAND_S: Final = 0.25
-V_MAX_M_S: Final = 0.22
-YAW_RATE_MAX_RAD_S: Final = 2.84
-PERIOD_S: Final = 0.02
-"""How often it looks whether what it passes is still to be passed."""
+from soter.mux.gate import REST, Gate, Velocity
+from soter.mux.program import Ending, favour
+from soter.mux.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
+from soter.mux.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC
 
 # What matches publishers of either kind: a controller that streams has sent something newer before a repeat arrives.
 _STREAM: Final = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -60,25 +49,34 @@ class MuxNode(Node):
     def __init__(self, namespace: str = "", **options: Any) -> None:
         super().__init__("soter_mux", namespace=namespace or None, start_parameter_services=False, **options)
         number = self._number
-        self._gate: Final = Gate(
+        gate = Gate(
             number("lease_s", LEASE_S), number("command_s", COMMAND_S), number("v_max_m_s", V_MAX_M_S),
             number("yaw_rate_max_rad_s", YAW_RATE_MAX_RAD_S),
         )  # fmt: skip
         self._stamped: Final = bool(self.declare_parameter("stamped", False).value)
         kind = TwistStamped if self._stamped else Twist
-        self._passed = False
         self._velocities: Final = self.create_publisher(kind, CMD_VEL, 1)
         self._reports: Final = self.create_publisher(String, GATE, _LATCHED)
+        self._station: Final = _RosStation(gate, self)
         self.create_subscription(String, ORDER, self._hear_order, _LATCHED)
         self.create_subscription(kind, CMD_VEL_AC, lambda message: self._hear(AC, message), _STREAM)
         self.create_subscription(kind, CMD_VEL_SC, lambda message: self._hear(SC, message), _STREAM)
         # Not ROS time: where that stands still, the robot must stop all the same.
-        self.create_timer(PERIOD_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._report()
+        self.create_timer(PERIOD_S, self._station.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._station.report()
 
-    def stop(self) -> None:
-        """Publish rest."""
-        self._publish(REST)
+    def pass_on(self, velocity: Velocity) -> None:
+        """Publish a velocity for the base."""
+        message: Any = TwistStamped() if self._stamped else Twist()
+        twist = message.twist if self._stamped else message
+        twist.linear.x, twist.angular.z = velocity
+        if self._stamped:
+            message.header.stamp = self.get_clock().now().to_msg()
+        self._velocities.publish(message)
+
+    def say(self, report: str) -> None:
+        """Publish what the gate does."""
+        self._reports.publish(String(data=report))
 
     def _number(self, name: str, default: float) -> float:
         value = self.declare_parameter(name, default).value
@@ -87,41 +85,33 @@ class MuxNode(Node):
         return float(value)
 
     def _hear_order(self, message: String) -> None:
-        now_s = time.monotonic()
         try:
-            order = Order.decode(message.data)
+            self._station.hear_order(message.data)
         except ValueError as failure:
             self.get_logger().warning(f"dropped an order that makes no sense: {failure}")
-            return
-        clock_s = self.get_clock().now().nanoseconds * 1e-9
-        # With simulated time the clock shows 0 until /clock is heard.
-        age_s = None if clock_s <= 0.0 or order.renewed_s is None else clock_s - order.renewed_s
-        if self._gate.take(order, age_s, now_s):
-            self._report()
-            self._look()
 
     def _hear(self, by: str, message: Any) -> None:
         twist = message.twist if self._stamped else message
-        if self._gate.give(by, Velocity(twist.linear.x, twist.angular.z), time.monotonic()):
-            self._look()
+        self._station.hear(by, Velocity(twist.linear.x, twist.angular.z))
 
-    def _look(self) -> None:
-        velocity = self._gate.passing(time.monotonic())
-        if (velocity is not None) != self._passed:
-            self._passed = velocity is not None
-            self._report()
-        self._publish(velocity or REST)
 
-    def _publish(self, velocity: Velocity) -> None:
-        message: Any = TwistStamped() if self._stamped else Twist()
-        twist = message.twist if self._stamped else message
-        twist.linear.x, twist.angular.z = velocity
-        if self._stamped:
-            message.header.stamp = self.get_clock().now().to_msg()
-        self._velocities.publish(message)
+class _RosStation(Station):
+    """The gate at work behind a node."""
 
-    def _report(self) -> None:
-        self._reports.publish(String(data=self._gate.report(time.monotonic()).encode()))
+    def __init__(self, gate: Gate, node: MuxNode) -> None:
+        super().__init__(gate)
+        self._node: Final = node
+
+    def _clock_s(self) -> float | None:
+        clock_s = float(self._node.get_clock().now().nanoseconds * 1e-9)
+        # With simulated time the clock shows 0 until /clock is heard.
+        return clock_s if clock_s > 0.0 else None
+
+    def _pass_on(self, velocity: Velocity) -> None:
+        self._node.pass_on(velocity)
+
+    def _say(self, report: str) -> None:
+        self._node.say(report)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -137,10 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     known = parser.parse_args(given[:cut])
     # Its own handlers: by the time that rclpy's have run, nothing can be published any more.
     rclpy.init(args=given[cut:], signal_handler_options=SignalHandlerOptions.NO)
-    ended = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        # Not an exception: it could come where rclpy ignores it.
-        signal.signal(number, lambda *_: ended.set())
+    ended = Ending(known.parent)
     try:
         node = MuxNode(known.robot)
     except (ValueError, ParameterException) as failure:
@@ -148,25 +135,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(str(failure))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    _favour()
+    favour()
     try:
-        while not ended.is_set() and (known.parent is None or os.getppid() == known.parent):
+        while not ended():
             executor.spin_once(timeout_sec=0.5)
     except ExternalShutdownException:
         return
     finally:
         if rclpy.ok():
-            node.stop()
+            node.pass_on(REST)
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
-
-
-def _favour() -> None:
-    """Schedule all threads before what is not real-time, where the kernel allows it: what stops a robot comes first."""
-    with suppress(OSError):
-        for task in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(task.name), os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
-from soter.adapters.ros2.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
+from soter.mux.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import BackendConfig
 
 _NAME: Final = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")

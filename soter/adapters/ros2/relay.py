@@ -17,7 +17,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 
 from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
-from soter.adapters.ros2.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
+from soter.mux.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 
 FAR: Final = "/far"
 """What stands before a robot's namespace on SOTER's side of the relay."""

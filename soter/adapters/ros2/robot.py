@@ -10,10 +10,10 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from soter.adapters.ros2.options import Ros2Config
-from soter.adapters.ros2.wire import AC, SC, GateReport, Order
 from soter.clock import VehicleClock
 from soter.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
 from soter.errors import RobotUnavailable, Unsupported
+from soter.mux.wire import AC, SC, GateReport, Order
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
 
 if TYPE_CHECKING:

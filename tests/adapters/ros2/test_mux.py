@@ -20,10 +20,12 @@ ITS_OWN = {
     "soter",
     "soter.adapters",
     "soter.adapters.ros2",
-    "soter.adapters.ros2.gate",
     "soter.adapters.ros2.mux",
-    "soter.adapters.ros2.wire",
     "soter.mux",
+    "soter.mux.gate",
+    "soter.mux.program",
+    "soter.mux.station",
+    "soter.mux.wire",
 }
 
 
@@ -78,7 +80,7 @@ def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(simulat
     from std_msgs.msg import String
 
     from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR
-    from soter.adapters.ros2.wire import AC, Order
+    from soter.mux.wire import AC, Order
 
     node = graph.node("/somebody")
     passed: list[float] = []

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from soter.adapters.ros2.wire import AC, SC, GateReport, Order
+from soter.mux.wire import AC, SC, GateReport, Order
 
 
 @pytest.mark.parametrize("order", [Order("ab12", 7, AC, 1012.5), Order("ab12", 8, SC, None)])

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.adapters.ros2.gate import Gate, Velocity
-from soter.adapters.ros2.wire import AC, SC, GateReport, Order
+from soter.mux.gate import Gate, Velocity
+from soter.mux.wire import AC, SC, GateReport, Order
 
 FORWARDS = Velocity(0.2, 0.0)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from soter.adapters.ros2.wire import SC, GateReport, Order
 from soter.mux import Mux
+from soter.mux.wire import SC, GateReport, Order
 
 
 class Velocity(NamedTuple):

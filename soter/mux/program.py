@@ -1,0 +1,40 @@
+"""What programs on a robot have in common: how they end, and how they are scheduled. Standard library only."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+
+class Ending:
+    """Notices when a program is to end: a request to terminate, Ctrl-C, or the end of its parent.
+
+    Args:
+        parent: the process id of the parent to end with, or None.
+    """
+
+    def __init__(self, parent: int | None = None) -> None:
+        self._parent = parent
+        self._asked = threading.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            # Not an exception: it could come where a library ignores it.
+            signal.signal(number, lambda *_: self._asked.set())
+
+    def __call__(self) -> bool:
+        """Return whether it is to end now."""
+        return self._asked.is_set() or (self._parent is not None and os.getppid() != self._parent)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait, at most so long, for a request to end; return whether it is to end now."""
+        self._asked.wait(timeout_s)
+        return self()
+
+
+def favour() -> None:
+    """Schedule all threads before what is not real-time, where the kernel allows it: what stops a robot comes first."""
+    with suppress(OSError):
+        for task in Path("/proc/self/task").iterdir():
+            os.sched_setscheduler(int(task.name), os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))

@@ -1,0 +1,80 @@
+"""The gate at work on a robot: what it makes of what is heard, whatever carries it. Standard library only."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import Final
+
+from soter.mux.gate import REST, Gate, Velocity
+from soter.mux.wire import Order
+
+LEASE_S: Final = 0.13
+COMMAND_S: Final = 0.25
+V_MAX_M_S: Final = 0.22
+YAW_RATE_MAX_RAD_S: Final = 2.84
+PERIOD_S: Final = 0.02
+"""How often `look` is to be called: whether what it passes is still to be passed."""
+
+
+class Station(ABC):
+    """One robot's gate between what is heard and what is said. Not thread-safe.
+
+    Whoever carries the messages calls `hear_order` and `hear` with what arrives, `look` every `PERIOD_S`, and fills the
+    underscored methods.
+
+    Args:
+        gate: of the robot.
+        rate: seconds of the robot's clock by second of the host, above 1 in a simulated world that runs faster.
+    """
+
+    def __init__(self, gate: Gate, rate: float = 1.0) -> None:
+        self._gate: Final = gate
+        self._rate: Final = rate
+        self._passed = False
+
+    def hear_order(self, text: str) -> None:
+        """Take an order, and say what becomes of it.
+
+        Raises:
+            ValueError: it is none; nothing has changed.
+        """
+        order = Order.decode(text)
+        now_s, clock_s = self._now_s(), self._clock_s()
+        age_s = None if clock_s is None or order.renewed_s is None else clock_s - order.renewed_s
+        if self._gate.take(order, age_s, now_s):
+            self.report()
+            self.look()
+
+    def hear(self, by: str, velocity: Velocity) -> None:
+        """Take what a controller asks for."""
+        if self._gate.give(by, velocity, self._now_s()):
+            self.look()
+
+    def look(self) -> None:
+        """Pass on what may move the robot now, or rest."""
+        velocity = self._gate.passing(self._now_s())
+        if (velocity is not None) != self._passed:
+            self._passed = velocity is not None
+            self.report()
+        self._pass_on(velocity or REST)
+
+    def report(self) -> None:
+        """Say what the gate does."""
+        self._say(self._gate.report(self._now_s()).encode())
+
+    def _now_s(self) -> float:
+        # Not the robot's clock: where that is set or stands still, the robot must stop all the same.
+        return time.monotonic() * self._rate
+
+    @abstractmethod
+    def _clock_s(self) -> float | None:
+        """Return what the robot's clock shows, or None while that is not known."""
+
+    @abstractmethod
+    def _pass_on(self, velocity: Velocity) -> None:
+        """Send a velocity to the base."""
+
+    @abstractmethod
+    def _say(self, report: str) -> None:
+        """Send what the gate does to whoever commands the robot."""
