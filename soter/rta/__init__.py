@@ -18,12 +18,14 @@ from soter.rta.models import (
 )
 from soter.rta.module import Region, RTAModule, Timing
 from soter.rta.monitors import ModuleMonitor, PeerMonitor
+from soter.rta.peers import PEER_SILENT_S, RemotePeer, StillPeers
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
 from soter.rta.situation import Mode, Sample, Situation
 from soter.rta.supervisor import SUPERVISOR, Actuator, RobotSupervisor, SwitchRecord, Watch
 from soter.rta.topics import Node, Topic
 
 __all__ = [
+    "PEER_SILENT_S",
     "SUPERVISOR",
     "Actuator",
     "Assumption",
@@ -47,6 +49,7 @@ __all__ = [
     "RTAModule",
     "ReachModel",
     "Region",
+    "RemotePeer",
     "Report",
     "Request",
     "RobotSupervisor",
@@ -54,6 +57,7 @@ __all__ = [
     "Situation",
     "SpeedAccelerationBound",
     "SpeedBound",
+    "StillPeers",
     "Supervisor",
     "SwitchRecord",
     "Threat",

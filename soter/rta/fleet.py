@@ -6,9 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
+from soter.rta.assumptions import Assumption
 from soter.rta.monitors import Finding, PeerMonitor
 from soter.rta.neighbours import Neighbours
+from soter.rta.peers import PEER_SILENT_S, RemotePeer, StillPeers
+from soter.rta.situation import Sample
 from soter.rta.supervisor import RobotSupervisor
+
+_ROUNDING_S: Final = 1e-9
 
 
 class Supervisor:
@@ -21,6 +26,8 @@ class Supervisor:
             distance at which a module or safe controller takes notice of a peer.
         before_decisions: called once a tick, after all robots were sensed and before any decides: the arbiter.
         peers: tests what robots report of themselves, for those that hear it; None where no module looks at peers.
+        still: bounds where silent robots are; None where no module looks at peers.
+        remote: robots of other supervisors, which are peers of all these.
     """
 
     def __init__(
@@ -30,6 +37,8 @@ class Supervisor:
         neighbour_radius_m: float,
         before_decisions: Callable[[float, Mapping[int, RobotSupervisor]], None] | None = None,
         peers: PeerMonitor | None = None,
+        still: StillPeers | None = None,
+        remote: Sequence[RemotePeer] = (),
     ) -> None:
         self.robots: Final = {robot.robot_id: robot for robot in robots}
         self.base_tick_s: Final = base_tick_s
@@ -37,15 +46,20 @@ class Supervisor:
         self._neighbours = Neighbours(neighbour_radius_m)
         self._before_decisions = before_decisions
         self._peers = peers
+        self._still = still
+        self._remote: Final = tuple(remote)
         self._tick = 0
 
     def tick(self, now_s: float) -> None:
         """Do one tick at fleet time `now_s`; call it every `base_tick_s`."""
         robots = self._list
         samples = [robot.sense(now_s) for robot in robots]
-        self._neighbours.assign(robots, samples)
-        if self._peers is not None:
-            self._distrust(self._peers.look(now_s, samples))
+        found = {} if self._peers is None else self._peers.look(now_s, samples)
+        others = self._hear(now_s, found) if self._remote else ()
+        if found and self._still is not None:
+            samples = [self._still.bounded(now_s, sample) for sample in samples]
+        self._neighbours.assign(robots, samples, others)
+        self._distrust(found)
         if self._before_decisions is not None:
             self._before_decisions(now_s, self.robots)
         tick = self._tick
@@ -58,6 +72,24 @@ class Supervisor:
             robot.act()
         self._tick = tick + 1
 
+    def _hear(self, now_s: float, found: dict[int, Finding]) -> list[Sample]:
+        """Return what is known of the robots of other supervisors, and have all robots hold where that is not enough.
+
+        Both sides hold: who does not hear the other, and who does not know that the other hears it.
+        """
+        samples = []
+        for peer in self._remote:
+            sample, finding = peer.sample(), peer.found()
+            if finding is not None:
+                found[peer.robot_id] = finding
+            if sample is not None:
+                samples.append(sample if self._still is None else self._still.bounded(now_s, sample))
+            for robot in self._list:
+                held = _silence(now_s, peer, sample, robot.robot_id)
+                if held:
+                    robot.hold(Finding(Assumption.PEERS, held))
+        return samples
+
     def _distrust(self, found: Mapping[int, Finding]) -> None:
         """Tell every robot which of its peers do not keep to what is assumed of them."""
         if not found:
@@ -67,3 +99,16 @@ class Supervisor:
                 finding = found.get(peer.robot_id)
                 if finding is not None:
                     robot.distrust(finding)
+
+
+def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: int) -> str:
+    """Return in words why a robot may not move because of a peer's silence; empty if it may."""
+    if sample is None:
+        return f"robot {peer.robot_id}: not heard of yet"
+    silent_s = now_s - sample.stamp_s
+    if silent_s > PEER_SILENT_S + _ROUNDING_S:
+        return f"robot {peer.robot_id}: not heard of for {silent_s:.3f} s"
+    unheard_s = now_s - peer.heard_of(robot_id)
+    if unheard_s > PEER_SILENT_S + _ROUNDING_S:
+        return f"robot {peer.robot_id} is not known to have heard of this one for {unheard_s:.3f} s"
+    return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from soter.rta.assumptions import Assumption
@@ -249,7 +249,7 @@ class PeerMonitor:
         self._silent_s: Final = silent_s
         self._before: dict[int, Sample] = {}
 
-    def look(self, now_s: float, samples: Sequence[Sample]) -> Mapping[int, Finding]:
+    def look(self, now_s: float, samples: Sequence[Sample]) -> dict[int, Finding]:
         """Return what is wrong, by the id of the robot whose sample it is."""
         before, found = self._before, {}
         for sample in samples:

@@ -25,12 +25,20 @@ class Neighbours:
     def __init__(self, radius_m: float) -> None:
         self._per_m = 1.0 / radius_m
 
-    def assign(self, robots: Sequence[RobotSupervisor], samples: Sequence[Sample]) -> None:
-        """Refresh `situation.peers` of every robot."""
+    def assign(
+        self, robots: Sequence[RobotSupervisor], samples: Sequence[Sample], others: Sequence[Sample] = ()
+    ) -> None:
+        """Refresh `situation.peers` of every robot.
+
+        Args:
+            robots: whose situations.
+            samples: of each of them.
+            others: of robots that are not among them, peers of all that are.
+        """
         count = len(robots)
         if count <= FEW:
             for index, robot in enumerate(robots):
-                robot.situation.peers = (*samples[:index], *samples[index + 1 :])
+                robot.situation.peers = (*samples[:index], *samples[index + 1 :], *others)
             return
         per_m, floor = self._per_m, math.floor
         cells: dict[tuple[int, int], list[Sample]] = {}
@@ -47,4 +55,5 @@ class Neighbours:
                     if members:
                         peers += members
             peers.remove(sample)
+            peers += others
             robot.situation.peers = peers

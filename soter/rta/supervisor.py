@@ -98,6 +98,7 @@ class RobotSupervisor:
         models: reach models against which every sample is tested.
         timing: the robot's declared timing.
         watches: told of switches.
+        heard_within_s: a robot whose sample is older is not driven on: its lease is left to run out.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class RobotSupervisor:
         models: Sequence[ReachModel],
         timing: Timing,
         watches: Sequence[Watch] = (),
+        heard_within_s: float = math.inf,
     ) -> None:
         self.robot_id: Final = robot_id
         self.modules: Final = tuple(modules)
@@ -139,6 +141,8 @@ class RobotSupervisor:
         # Modules begin in SC, and so does a robot that is ready.
         self._handed_over_s = -math.inf if modules else math.inf
         self._disowned = False
+        self._heard_within_s: Final = heard_within_s
+        self._held = self._was_held = False
 
     def fail_ac(self, cause: str) -> None:
         """Never give this robot to its AC again: that has failed for good, and the cause says how.
@@ -158,6 +162,7 @@ class RobotSupervisor:
         situation = self.situation
         before = situation.own
         self._alarm = ""
+        self._held = False
         if now_s < situation.now_s:
             self._clock_went_back(situation.now_s - now_s)
         situation.now_s = now_s
@@ -205,6 +210,11 @@ class RobotSupervisor:
 
     def distrust(self, finding: Finding) -> None:
         """Take control from the AC for a while, because of what was found out about a peer."""
+        self._raise_alarm(*finding)
+
+    def hold(self, finding: Finding) -> None:
+        """Have the robot stand at this tick, whoever would drive it, because nobody knows where a peer is, or it."""
+        self._held = True
         self._raise_alarm(*finding)
 
     def _raise_alarm(self, assumption: Assumption, cause: str) -> None:
@@ -282,17 +292,25 @@ class RobotSupervisor:
         driver = self.driver
         node = self._ac if driver is None else driver.module.sc
         waypoint = self._waypoint
-        try:
-            node.step(situation)
-        except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
-            self._isolate(node, failure)
-            self._sent = waypoint.count
-        if waypoint.count != self._sent:
-            self._sent = waypoint.count
-            self._drive(waypoint.value)
-        if not self._refused and not self._disowned:
+        if self._held:
+            self._drive(None)
+        else:
+            try:
+                if self._was_held:
+                    # Where it was going was dropped.
+                    node.engage(situation)
+                node.step(situation)
+            except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
+                self._isolate(node, failure)
+                self._sent = waypoint.count
+            if waypoint.count != self._sent:
+                self._sent = waypoint.count
+                self._drive(waypoint.value)
+        self._was_held = self._held
+        withheld = self._refused or self._disowned or situation.age_s > self._heard_within_s + _ROUNDING_S
+        if not withheld:
             self._attempt(self.actuator.renew)
-        self._stop.lease(situation.now_s, situation.own, withheld=self._refused or self._disowned)
+        self._stop.lease(situation.now_s, situation.own, withheld=self._refused or withheld)
         self._refused = False
 
     def _hand_over(self, module: str, cause: str) -> None:

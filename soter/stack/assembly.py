@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -9,24 +10,26 @@ from typing import Any, Final
 from soter.config import Mission
 from soter.errors import IllFormedModule
 from soter.rta import (
+    PEER_SILENT_S,
     Actuator,
     DecisionModule,
     Mode,
     PeerMonitor,
     Port,
     ReachModel,
+    RemotePeer,
     Report,
     RobotSupervisor,
     RTAModule,
     SpeedBound,
+    StillPeers,
     Supervisor,
     Topic,
     Watch,
 )
-from soter.sdk import Robot, RobotState, Waypoint
+from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
-from soter.stack.collision import PEER_STALE_S
 from soter.stack.declaration import PeerBounds, declare, enabled, timing_of
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
@@ -75,6 +78,8 @@ def assemble(
     on_ill_formed: Callable[[IllFormedModule], None] | None = None,
     deltas: float | None = None,
     safer_alone: bool = False,
+    remote: Sequence[RemotePeer] = (),
+    remote_promises: Sequence[Capabilities] = (),
 ) -> SafetySide:
     """Declare the enabled modules for every robot, check them against its capabilities, and bind them.
 
@@ -88,13 +93,18 @@ def assemble(
         on_ill_formed: takes the refusal of a module and has it bound all the same; for questions, never for robots.
         deltas: how many Delta the modules look ahead when they judge, in place of what proofs need; a question too.
         safer_alone: the modules give back wherever phi_safer holds, within reach of phi_safe's edge or not; another.
+        remote: the robots that other processes supervise.
+        remote_promises: what each of those promises.
 
     Raises:
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
     """
-    right_of_way = RightOfWay()
-    peers = PeerBounds.of([robot.capabilities for robot in robots])
-    terrain = Terrain(workspace, max(robot.capabilities.body_radius_m for robot in robots))
+    promises = [*(robot.capabilities for robot in robots), *remote_promises]
+    apart = COLLISION in enabled(mission)
+    low = {peer.robot_id: peer.needs_charge for peer in remote}
+    right_of_way = RightOfWay(lambda robot_id: robot_id in low and low[robot_id]())
+    peers = PeerBounds.of(promises)
+    terrain = Terrain(workspace, max(each.body_radius_m for each in promises))
     ports: dict[int, Port[Waypoint, RobotState]] = {}
     recoveries: dict[int, RecoveryPlanner] = {}
     forwarders: dict[int, PortForwarder] = {}
@@ -130,6 +140,7 @@ def assemble(
                 _monitored(declared.modules),
                 declared.timing,
                 watches,
+                PEER_SILENT_S if apart and len(promises) > 1 else math.inf,
             )
         )
         ports[robot.id], recoveries[robot.id], docks[robot.id] = port, declared.recovery, declared.dock
@@ -142,10 +153,12 @@ def assemble(
             )
         right_of_way.update(now_s, bound)
 
-    watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_STALE_S)
+    watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_SILENT_S)
     supervisor = Supervisor(
         supervisors, mission.base_tick_s, NEIGHBOUR_M, before_decisions,
-        watched if COLLISION in enabled(mission) else None,
+        watched if apart else None,
+        StillPeers(_still_s(promises, mission.base_tick_s)) if apart else None,
+        remote if apart else (),
     )  # fmt: skip
     bound = supervisor.robots
     return SafetySide(
@@ -155,17 +168,29 @@ def assemble(
         forwarders,
         modules,
         terrain,
-        _trigger_m(mission, robots),
+        _trigger_m(mission, promises),
         lambda robot_id: docks[robot_id].charging(bound[robot_id].situation),
         own,
     )
 
 
-def _trigger_m(mission: Mission, robots: Sequence[Robot]) -> float:
+def _still_s(promises: Sequence[Capabilities], base_tick_s: float) -> float:
+    """Return how long a robot moves on at most after the last sample that was heard of it, braking as half.
+
+    One that its own supervisor does not hear of has its lease renewed while the sample is `PEER_SILENT_S` old at most.
+    One of another supervisor is told to hold at the next tick after that: it knows which sample was heard.
+    """
+    return PEER_SILENT_S + max(
+        max(each.lease_s, base_tick_s + each.jitter_s) + each.latency_s + each.v_max_m_s / (2.0 * each.brake_m_s2)
+        for each in promises
+    )
+
+
+def _trigger_m(mission: Mission, promises: Sequence[Capabilities]) -> float:
     collision = mission.rta.collision
-    timings = [timing_of(robot.capabilities, mission.base_tick_s) for robot in robots]
+    timings = [timing_of(each, mission.base_tick_s) for each in promises]
     look_s = max(timing.ahead_s(collision.delta_s) + timing.latency_s + timing.jitter_s for timing in timings)
-    reach_m = max(SpeedBound(r.capabilities.v_max_m_s, r.capabilities.brake_m_s2).bound(look_s) for r in robots)
+    reach_m = max(SpeedBound(each.v_max_m_s, each.brake_m_s2).bound(look_s) for each in promises)
     return collision.phi_safe_m + 2.0 * reach_m
 
 

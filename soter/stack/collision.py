@@ -15,9 +15,6 @@ from soter.stack.refuge import RefugeFinder
 from soter.stack.right_of_way import RightOfWay
 from soter.stack.safe_controller import Retreat
 
-PEER_STALE_S: Final = 0.5
-"""A peer not heard of for longer makes the margin minus infinity: nobody knows where it is."""
-
 RETREAT_M: Final = 0.75
 _ROUNDING: Final = 1e-9
 
@@ -46,8 +43,6 @@ class Separation(Region):
             dx, dy = peer.x_m - x, peer.y_m - y
             distance = math.sqrt(dx * dx + dy * dy)
             if peer.stamp_s < stamp_s:
-                if situation.now_s - peer.stamp_s > PEER_STALE_S:
-                    return -math.inf
                 distance -= self.peer_v_max_m_s * (stamp_s - peer.stamp_s)
             if distance < nearest:
                 nearest = distance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -45,9 +45,16 @@ class Encounter:
 
 
 class RightOfWay:
-    """The arbiter of re-engagement. One for a fleet; called by the supervisor before decisions are made."""
+    """The arbiter of re-engagement. One for a supervisor's robots; called by it before decisions are made.
 
-    def __init__(self) -> None:
+    Supervisors that share peers come to the same order, up to the time it takes to hear of each other.
+
+    Args:
+        needs_charge: whether a robot of another supervisor is on its way to charge, and low.
+    """
+
+    def __init__(self, needs_charge: Callable[[int], bool] = lambda _: False) -> None:
+        self._remote_needs_charge: Final = needs_charge
         self._met_s: dict[tuple[int, int], float] = {}
         self._encounters: dict[int, Encounter] = {}
         self._disengaged_s: dict[int, float] = {}
@@ -58,11 +65,12 @@ class RightOfWay:
         for robot_id, robot in robots.items():
             own = robot.situation.own
             for peer in robot.situation.peers:
-                if peer.robot_id <= robot_id:
+                peer_id = peer.robot_id
+                if peer_id <= robot_id and peer_id in robots:
                     continue
                 dx, dy = peer.x_m - own.x_m, peer.y_m - own.y_m
                 if dx * dx + dy * dy < NEAR_M * NEAR_M:
-                    met[robot_id, peer.robot_id] = now_s
+                    met[min(robot_id, peer_id), max(robot_id, peer_id)] = now_s
             for module in robot.modules:
                 if module.name == COLLISION:
                     self._disengaged_s[robot_id] = module.since_s if module.mode is Mode.SC else now_s
@@ -102,18 +110,20 @@ class RightOfWay:
                 continue
             # A group that grows or shrinks goes on with the order of its oldest part.
             since_s = min((e.since_s for m in members if (e := self._encounters.get(m)) is not None), default=now_s)
-            ranked = sorted(members, key=lambda member: (not _needs_charge(robots.get(member)), member))
+            ranked = sorted(members, key=lambda member: (not self._needs_charge(robots, member), member))
             turn = int((now_s - since_s) / TURN_S) % len(ranked)
             encounter = Encounter(members, since_s, tuple(ranked[turn:] + ranked[:turn]))
             for member in members:
                 encounters[member] = encounter
         self._encounters = encounters
 
+    def _needs_charge(self, robots: Mapping[int, RobotSupervisor], robot_id: int) -> bool:
+        robot = robots.get(robot_id)
+        return self._remote_needs_charge(robot_id) if robot is None else needs_charge(robot)
 
-def _needs_charge(robot: RobotSupervisor | None) -> bool:
-    """Whether a robot is on its way to charge and low: it goes before all others."""
-    if robot is None:
-        return False
+
+def needs_charge(robot: RobotSupervisor) -> bool:
+    """Return whether a robot is on its way to charge and low: it goes before all others."""
     charge = robot.situation.own.battery
     low = charge is not None and charge < LOW_CHARGE
     return low and any(module.name == BATTERY and module.mode is Mode.SC for module in robot.modules)

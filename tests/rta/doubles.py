@@ -193,6 +193,7 @@ class Rig:
         timing: Timing | None = None,
         robot_id: int = 1,
         models: Sequence[ReachModel] = (SPEED,),
+        heard_within_s: float = math.inf,
     ) -> None:
         self.actuator = FakeActuator(robot_id)
         self.watch = Watcher()
@@ -211,8 +212,9 @@ class Rig:
         ]  # fmt: skip
         self.modules = {each.name: DecisionModule(each, timing, TICK_S) for each in declared}
         self.robot = RobotSupervisor(
-            robot_id, self.actuator, list(self.modules.values()), self.ac, self.topic, models, timing, [self.watch]
-        )
+            robot_id, self.actuator, list(self.modules.values()), self.ac, self.topic, models, timing, [self.watch],
+            heard_within_s,
+        )  # fmt: skip
         self.ticks = 0
         self.fresh = True
 
