@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any, Final
@@ -18,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 
 from soter.adapters.ros2.loopback import loopback
+from soter.streamed.robot import wait_for
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +37,6 @@ LATCHED: Final = QoSProfile(
 NODE_NAME: Final = "soter"
 
 _UNNAMED: Final = "_NODE_NAME_UNKNOWN_"
-_LOOK_S: Final = 0.005
 _END_TIMEOUT_S: Final = 5.0
 
 
@@ -77,12 +76,7 @@ class Graph:
 
     def wait_for(self, holds: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until something holds, which callbacks bring about; return whether it does in time."""
-        until_s = time.monotonic() + timeout_s
-        while not holds():
-            if time.monotonic() >= until_s:
-                return False
-            time.sleep(_LOOK_S)
-        return True
+        return wait_for(holds, timeout_s)
 
     def close(self) -> None:
         """End everything: the executor, its thread, the nodes, the context. Idempotent."""

@@ -180,7 +180,7 @@ def test_an_ac_that_is_somebody_elses_is_not_spoken_for(simulator: Simulator, op
     robot = fleet.robots[0]
     assert graphs.publishers(graph.node("/looking"), "/robot1/cmd_vel_ac") == []
     robot.switch_ac_sc(Controller.AC, "test")
-    with pytest.raises(Unsupported, match="its AC is somebody else's node"):
+    with pytest.raises(Unsupported, match="its AC is somebody else's program"):
         robot.goto(Waypoint(2.3, 2.6), Controller.AC)
 
 

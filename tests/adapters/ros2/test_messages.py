@@ -12,7 +12,7 @@ pytestmark = pytest.mark.rclpy
 def test_odometry_is_placed_in_the_workspace(heading: float, scale: float) -> None:
     from nav_msgs.msg import Odometry
 
-    from soter.adapters.ros2.messages import read_odometry
+    from soter.streamed.motion import read_odometry
 
     message = Odometry()
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 500_000_000
@@ -30,35 +30,15 @@ def test_odometry_is_placed_in_the_workspace(heading: float, scale: float) -> No
     assert (east * c + north * s, north * c - east * s) == pytest.approx((0.2, 0.1))
 
 
-def test_where_it_will_be() -> None:
-    from soter.adapters.ros2.messages import Motion
-
-    later = Motion(0.0, 1.0, 1.0, 0.0, 0.2, 0.0, math.pi).after(0.5)
-    assert later.heading_rad == pytest.approx(math.pi / 2)
-    assert (later.x_m, later.y_m) == pytest.approx(
-        (1.0 + 0.1 * math.cos(math.pi / 4), 1.0 + 0.1 * math.sin(math.pi / 4))
-    )
-
-
 @pytest.mark.parametrize("percentage", [math.nan, -0.1, 1.5])
 def test_a_charge_that_is_none_is_not_read(percentage: float) -> None:
     from sensor_msgs.msg import BatteryState
 
-    from soter.adapters.ros2.messages import read_battery
+    from soter.streamed.motion import read_battery
 
     message = BatteryState()
     message.percentage = percentage
     assert read_battery(message) is None
-
-
-def test_between_two_reports_a_battery_is_taken_to_be_driving() -> None:
-    from soter.adapters.ros2.messages import Charge
-
-    charge = Charge(100.0, 0.5)
-    assert charge.at_least(100.0, 0.001) == 0.5
-    assert charge.at_least(110.0, 0.001) == pytest.approx(0.49)
-    assert charge.at_least(90.0, 0.001) == 0.5, "a clock that went back charges nothing"
-    assert charge.at_least(1e6, 0.001) == 0.0
 
 
 @pytest.mark.parametrize("stamped", [False, True])

@@ -1,0 +1,103 @@
+"""Where a robot is and how it moves, and what is left in its battery: read from messages as ROS defines them.
+
+Messages are read by the names of their fields, so that any library's classes will do.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, pi, remainder, sin
+from typing import Any, NamedTuple
+
+Pose = tuple[float, float, float]
+"""East and north in metres, heading in radians counter-clockwise from east."""
+
+
+class Motion(NamedTuple):
+    """Where a robot was at a moment, and how it moved, in the workspace frame.
+
+    Attributes:
+        stamp_s: the robot's time.
+        x_m: east.
+        y_m: north.
+        heading_rad: in (-pi, pi].
+        forward_m_s: along its heading.
+        leftward_m_s: to its left; 0 for a differential drive.
+        turn_rad_s: counter-clockwise.
+    """
+
+    stamp_s: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    forward_m_s: float
+    leftward_m_s: float
+    turn_rad_s: float
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """East and north, in m/s."""
+        c, s = cos(self.heading_rad), sin(self.heading_rad)
+        return self.forward_m_s * c - self.leftward_m_s * s, self.forward_m_s * s + self.leftward_m_s * c
+
+    def after(self, seconds: float) -> Motion:
+        """Return where it is so much later if it goes on as it does."""
+        turned = self.turn_rad_s * seconds
+        length = self.forward_m_s * seconds
+        middle = self.heading_rad + 0.5 * turned
+        return self._replace(
+            x_m=self.x_m + length * cos(middle), y_m=self.y_m + length * sin(middle),
+            heading_rad=self.heading_rad + turned,
+        )  # fmt: skip
+
+
+def stamp_s(header: Any) -> float:
+    """Return the time of a std_msgs/Header, in seconds."""
+    return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
+
+
+def read_odometry(message: Any, origin: Pose) -> Motion:
+    """Return what a nav_msgs/Odometry says.
+
+    Twists are in the frame of the robot's body, as nav_msgs has it; the position in that of its odometry, which reads
+    0, 0, 0 at `origin`.
+    """
+    position, turned = message.pose.pose.position, message.pose.pose.orientation
+    twist = message.twist.twist
+    # The yaw of a quaternion that need not be that of a robot on level ground, nor of length 1.
+    yaw = atan2(
+        2.0 * (turned.w * turned.z + turned.x * turned.y),
+        turned.w * turned.w + turned.x * turned.x - turned.y * turned.y - turned.z * turned.z,
+    )
+    c, s = cos(origin[2]), sin(origin[2])
+    heading = remainder(origin[2] + yaw, 2.0 * pi)
+    return Motion(
+        stamp_s(message.header),
+        origin[0] + c * position.x - s * position.y,
+        origin[1] + s * position.x + c * position.y,
+        pi if heading == -pi else heading,
+        twist.linear.x,
+        twist.linear.y,
+        twist.angular.z,
+    )
+
+
+class Charge(NamedTuple):
+    """What was said of a battery, and when.
+
+    Attributes:
+        stamp_s: the robot's time.
+        level: 0 to 1.
+    """
+
+    stamp_s: float
+    level: float
+
+    def at_least(self, now_s: float, drive_per_s: float) -> float:
+        """Return the charge that is left at the robot's time `now_s`, if it has driven ever since."""
+        return max(0.0, self.level - drive_per_s * max(0.0, now_s - self.stamp_s))
+
+
+def read_battery(message: Any) -> Charge | None:
+    """Return what a sensor_msgs/BatteryState says; None where it says nonsense, or NaN: it does not know."""
+    level = float(message.percentage)
+    return Charge(stamp_s(message.header), level) if 0.0 <= level <= 1.0 else None
