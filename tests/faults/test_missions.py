@@ -44,6 +44,18 @@ def test_a_bound_that_the_modules_cannot_pay_for_is_refused() -> None:
     assert run({"kind": "delay", "commands_s": 0.1, "declared": False}, duration_s=5.0).status == "completed"
 
 
+@pytest.mark.parametrize("kind", ["kill", "freeze"])
+def test_a_robot_goes_home_to_charge_although_its_peer_is_silent_for_good(kind: str) -> None:
+    """Its charge would last for ten minutes; that of the silent one, which nobody can drive home, for all the run."""
+    silent = {"kind": kind, "robot": 2, "start_s": 60.0, "declared": False}
+    battery = {"drive_s": 1000.0, "idle_s": 1200.0, "initial": {1: 0.5, 2: 1.0}}
+    result = run(silent, battery=battery, duration_s=900.0)
+    assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+    assert result.min_margin is not None
+    assert result.min_margin["battery"] > 0.05
+    assert "not heard of" in result.assumptions[1]["A7"].cause
+
+
 def test_what_is_not_declared_can_break_a_rule() -> None:
     result = run_mission(load_mission(ROOT / "examples" / "faults" / "not-declared.toml", QUICK)).result
     assert result.violated
