@@ -1,0 +1,105 @@
+"""The processes of a mission among each other: each tells its statuses at every tick and hears those of the others."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from soter.clock import Clock
+from soter.link.bus import Bus
+from soter.link.inbox import Inbox
+from soter.link.peers import OtherProcess, RemoteRobot, stamps_of
+from soter.link.post import new_epoch
+from soter.link.status import RobotStatus, Status, decode_status, encode_status
+from soter.rta import PEER_SILENT_S, ReachModel
+
+logger = logging.getLogger(__name__)
+
+Promised = Mapping[int, tuple[ReachModel | None, float]]
+"""By robot: the reach model and the position noise that are promised for it."""
+
+
+class Company:
+    """What this process tells, and what it hears. Belongs to the supervisor's thread; nothing here waits.
+
+    Args:
+        bus: closed with it.
+        prefix: of all keys of this mission.
+        me: this process's name.
+        others: the other processes with what is promised for their robots.
+        mission: what this process runs; statuses of another mission are ignored.
+        clock: this process's fleet time; thread-safe.
+
+    Attributes:
+        others: by name.
+        peers: the robots of all of them.
+    """
+
+    def __init__(
+        self, bus: Bus, prefix: str, me: str, others: Mapping[str, Promised], mission: str, clock: Clock
+    ) -> None:
+        self._bus: Final = bus
+        self._me: Final = me
+        self._epoch: Final = new_epoch()
+        self._mission: Final = mission
+        self._clock: Final = clock
+        self._key: Final = f"{prefix}/{me}/status"
+        self._serial = 0
+        self._twin_s: float | None = None
+        self._restarts: Final[dict[str, int]] = {}
+        self.others: Final = {
+            name: OtherProcess(name, robots, me, self._epoch, mission) for name, robots in others.items()
+        }
+        self.peers: Final[tuple[RemoteRobot, ...]] = tuple(
+            robot for other in self.others.values() for robot in other.robots.values()
+        )
+        self._inbox: Final = Inbox(bus, f"{prefix}/*/status", decode_status, clock.now)
+
+    @property
+    def garbage(self) -> int:
+        """How many messages were ignored because they were none."""
+        return self._inbox.garbage
+
+    def look(self) -> None:
+        """Take what has come. To be called before a tick."""
+        for _, status, received_s in self._inbox.take():
+            other = self.others.get(status.process)
+            if other is not None:
+                other.take(status, received_s)
+                if other.starts > self._restarts.get(other.name, 1):
+                    self._restarts[other.name] = other.starts
+                    logger.warning("process '%s' has been started anew", other.name)
+            elif status.process == self._me and status.epoch != self._epoch:
+                self._twin_s = received_s
+
+    def tell(self, robots: Sequence[RobotStatus]) -> None:
+        """Tell the others of a tick. Never waits."""
+        now_s = self._clock.now()
+        self._serial += 1
+        echoes = tuple(echo for other in self.others.values() for echo in other.echoes(now_s))
+        stamps = stamps_of(robots)
+        for other in self.others.values():
+            other.note(now_s, stamps)
+        status = Status(self._me, self._epoch, self._mission, self._serial, now_s, tuple(robots), echoes)
+        self._bus.publish(self._key, encode_status(status))
+
+    def missing(self, now_s: float) -> dict[str, str]:
+        """Return which processes are not there, and why, in words: both have to hear the other."""
+        missing = {}
+        for name, other in self.others.items():
+            if other.foreign:
+                missing[name] = "it runs another mission, or another version of its file"
+            elif not other.has_heard_us:
+                missing[name] = "it has not been heard yet" if not other.heard_at_all else "it does not hear this one"
+            elif now_s - other.heard_s > PEER_SILENT_S:
+                missing[name] = f"it has not been heard for {now_s - other.heard_s:.1f} s"
+        return missing
+
+    def has_twin(self, since_s: float) -> bool:
+        """Return whether another process of this name was heard since a time: two of them must not run."""
+        return self._twin_s is not None and self._twin_s >= since_s
+
+    def close(self) -> None:
+        """Leave the bus. Idempotent."""
+        self._bus.close()
