@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import struct
 from array import array
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, TypeVar
+from typing import Any, BinaryIO, Final, TypeVar
 
 import msgspec
 from mcap.exceptions import EndOfFile, McapError
@@ -18,6 +17,7 @@ from zstandard import ZstdError
 
 from soter.errors import ConfigError
 from soter.record import foxglove, messages
+from soter.record.content import Content, Tick, Way
 from soter.record.file import PROFILE
 from soter.record.messages import (
     ABOUT_JSON,
@@ -27,15 +27,8 @@ from soter.record.messages import (
     RESULT_JSON,
     WORKSPACE_XML,
     About,
-    Drop,
     Event,
-    Fault,
-    Goal,
     RobotTick,
-    Switch,
-    Target,
-    Transition,
-    Violation,
 )
 from soter.record.tracks import RunTracks, Track
 from soter.rta import SwitchRecord
@@ -51,92 +44,6 @@ M = TypeVar("M", bound=Struct)
 
 class BadRecording(ConfigError):
     """A file that is no recording, or a damaged one. One that was merely cut off is read as far as it goes."""
-
-
-class Tick(NamedTuple):
-    """All robots at one tick, and what was said since the tick before.
-
-    Attributes:
-        tick: its number, from 0.
-        time_s: fleet time.
-        host_ns: the host's time of day, in nanoseconds since 1970.
-        robots: by id.
-        events: in the order in which they happened.
-    """
-
-    tick: int
-    time_s: float
-    host_ns: int
-    robots: Mapping[int, RobotTick]
-    events: tuple[Event, ...]
-
-
-@dataclass(slots=True)
-class Series:
-    """One robot over time. All arrays are equally long.
-
-    Attributes:
-        time_s: fleet time.
-        x_m: east.
-        y_m: north.
-        heading_rad: counter-clockwise from east.
-        battery: charge from 0 to 1; NaN where unknown.
-        driver: index into `Content.drivers`: 0 is the AC.
-        margins: by module, in its unit; it may be infinite, or NaN.
-        reaches: reach bounds, likewise.
-    """
-
-    time_s: array[float] = field(default_factory=lambda: array("d"))
-    x_m: array[float] = field(default_factory=lambda: array("d"))
-    y_m: array[float] = field(default_factory=lambda: array("d"))
-    heading_rad: array[float] = field(default_factory=lambda: array("d"))
-    battery: array[float] = field(default_factory=lambda: array("d"))
-    driver: array[int] = field(default_factory=lambda: array("h"))
-    margins: dict[str, array[float]] = field(default_factory=dict)
-    reaches: dict[str, array[float]] = field(default_factory=dict)
-
-
-@dataclass(slots=True)
-class Content:
-    """A recording as a whole.
-
-    Attributes:
-        drivers: "AC" and the names of the modules; what `Series.driver` counts.
-        series: by robot id, in the order of the robots.
-        ticks: how many were recorded.
-        first_s: fleet time of the first tick.
-        last_s: fleet time of the last tick.
-        switches: every change of hands, in order.
-        targets: begun and ended.
-        goals: sent and ended.
-        transitions: of the mission's machines.
-        faults: injected, as they grew.
-        violations: as ground truth saw them, the newest word on each; an interval that goes on has no end.
-        drops: gaps.
-    """
-
-    drivers: tuple[str, ...]
-    series: dict[int, Series]
-    ticks: int = 0
-    first_s: float = 0.0
-    last_s: float = 0.0
-    switches: list[Switch] = field(default_factory=list)
-    targets: list[Target] = field(default_factory=list)
-    goals: list[Goal] = field(default_factory=list)
-    transitions: list[Transition] = field(default_factory=list)
-    faults: list[Fault] = field(default_factory=list)
-    violations: list[Violation] = field(default_factory=list)
-    drops: list[Drop] = field(default_factory=list)
-
-    @property
-    def disengagements(self) -> list[Switch]:
-        """The switches in which an AC lost control."""
-        return [switch for switch in self.switches if switch.before == AC and switch.after != AC]
-
-    @property
-    def dropped_ticks(self) -> int:
-        """How many ticks are missing within."""
-        return sum(drop.ticks for drop in self.drops)
 
 
 class Recording:
@@ -185,21 +92,9 @@ class Recording:
         Raises:
             BadRecording: something in it is damaged, or is not what it ought to be.
         """
-        names: dict[int, str] = {}
-        kinds: dict[int, msgspec.json.Decoder[Any]] = {}
-        ticks = msgspec.json.Decoder(RobotTick)
-        for record in self._records():
-            if isinstance(record, Message):
-                decoder = kinds.get(record.channel_id)
-                if decoder is not None:
-                    yield record.publish_time, self._decode(decoder, record)
-            elif isinstance(record, Schema):
-                names[record.id] = record.name
-            elif isinstance(record, Channel):
-                name = names.get(record.schema_id, "")
-                known = ticks if name == _TICK else _EVENTS.get(name)
-                if known is not None:
-                    kinds[record.id] = known
+        for host_ns, message in self._messages():
+            if not isinstance(message, Way):
+                yield host_ns, message
 
     def ticks(self) -> Iterator[Tick]:
         """Yield every tick of which all robots are there; the last of a file that was cut off may not be.
@@ -211,9 +106,13 @@ class Recording:
         """
         count = len(self.about.robots)
         events: list[Event] = []
+        ways: list[Way] = []
         robots: dict[int, RobotTick] = {}
         last: Tick | None = None
-        for host_ns, message in self.messages():
+        for host_ns, message in self._messages():
+            if isinstance(message, Way):
+                ways.append(message)
+                continue
             if not isinstance(message, RobotTick):
                 events.append(message)
                 continue
@@ -221,28 +120,11 @@ class Recording:
                 raise BadRecording(f"{self.path}: the tick before {message.time_s:.3f} s lacks a robot")
             robots[message.robot_id] = message
             if len(robots) == count:
-                last = Tick(message.tick, message.time_s, host_ns, robots, tuple(events))
+                last = Tick(message.tick, message.time_s, host_ns, robots, tuple(events), tuple(ways))
                 yield last
-                robots, events = {}, []
-        if events and last is not None:
-            yield Tick(last.tick, last.time_s, last.host_ns, {}, tuple(events))
-
-    def ways(self) -> Iterator[tuple[float, int, list[tuple[float, float]]]]:
-        """Yield what ACs meant to drive: fleet time, robot id, and the places that it led through, x and y in metres.
-
-        Raises:
-            BadRecording: see `messages`.
-        """
-        decoder = msgspec.json.Decoder(foxglove.PosesInFrame)
-        robots = {foxglove.WAY_TOPIC.format(robot_id=robot.robot_id): robot.robot_id for robot in self.about.robots}
-        channels: dict[int, int] = {}
-        for record in self._records():
-            if isinstance(record, Channel) and record.topic in robots:
-                channels[record.id] = robots[record.topic]
-            elif isinstance(record, Message) and record.channel_id in channels:
-                way: foxglove.PosesInFrame = self._decode(decoder, record)
-                places = [(pose.position.x, pose.position.y) for pose in way.poses]
-                yield record.log_time / 1e9, channels[record.channel_id], places
+                robots, events, ways = {}, [], []
+        if (events or ways) and last is not None:
+            yield Tick(last.tick, last.time_s, last.host_ns, {}, tuple(events), tuple(ways))
 
     # --- as a whole ----------------------------------------------------------------------------------------
 
@@ -277,25 +159,9 @@ class Recording:
         Raises:
             BadRecording: see `messages`.
         """
-        drivers = (AC, *self.about.modules)
-        numbers = {name: index for index, name in enumerate(drivers)}
-        content = Content(drivers, {robot.robot_id: Series() for robot in self.about.robots})
-        violations: dict[tuple[str, tuple[int, ...], float], Violation] = {}
+        content = Content.of(self.about)
         for tick in self.ticks():
-            for event in tick.events:
-                if isinstance(event, Violation):
-                    violations[event.rule, event.robots, event.start_s] = event
-                else:
-                    _sort_in(content, event)
-            if not tick.robots:
-                continue
-            content.first_s = tick.time_s if content.ticks == 0 else content.first_s
-            content.last_s = tick.time_s
-            content.ticks += 1
-            if tick.tick % every_ticks == 0:
-                for robot_id, record in tick.robots.items():
-                    _append(content.series[robot_id], record, numbers)
-        content.violations = list(violations.values())
+            content.add(tick, every_ticks)
         return content
 
     def tracks(self, every_ticks: int = 5) -> RunTracks:
@@ -321,10 +187,39 @@ class Recording:
 
     # --- the file ------------------------------------------------------------------------------------------
 
+    def _open(self) -> BinaryIO:
+        return self.path.open("rb")
+
+    def _messages(self) -> Iterator[tuple[int, RobotTick | Event | Way]]:
+        """Yield every message of SOTER's own, and what ACs meant to drive, which stands in messages for the eye."""
+        names: dict[int, str] = {}
+        robots: dict[int, int] = {}
+        kinds: dict[int, msgspec.json.Decoder[Any]] = {}
+        ticks, ways = msgspec.json.Decoder(RobotTick), msgspec.json.Decoder(foxglove.PosesInFrame)
+        way_topics = {foxglove.WAY_TOPIC.format(robot_id=each.robot_id): each.robot_id for each in self.about.robots}
+        for record in self._records():
+            if isinstance(record, Message):
+                decoder = kinds.get(record.channel_id)
+                if decoder is not None:
+                    yield record.publish_time, self._decode(decoder, record)
+                elif record.channel_id in robots:
+                    way: foxglove.PosesInFrame = self._decode(ways, record)
+                    places = [(pose.position.x, pose.position.y) for pose in way.poses]
+                    yield record.publish_time, Way(record.log_time / 1e9, robots[record.channel_id], places)
+            elif isinstance(record, Schema):
+                names[record.id] = record.name
+            elif isinstance(record, Channel):
+                name = names.get(record.schema_id, "")
+                known = ticks if name == _TICK else _EVENTS.get(name)
+                if known is not None:
+                    kinds[record.id] = known
+                elif record.topic in way_topics:
+                    robots[record.id] = way_topics[record.topic]
+
     def _records(self, *, head_only: bool = False) -> Iterator[Any]:
         """Yield the records of the file as far as it goes; with `head_only` up to the first chunk."""
         try:
-            with self.path.open("rb") as stream:
+            with self._open() as stream:
                 reader = StreamReader(
                     stream, validate_crcs=not head_only, record_size_limit=MAX_RECORD_BYTES, emit_chunks=head_only
                 )
@@ -332,7 +227,7 @@ class Recording:
         except OSError as failure:
             raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
 
-    def _checked(self, reader: StreamReader, stream: IO[bytes], *, head_only: bool) -> Iterator[Any]:
+    def _checked(self, reader: StreamReader, stream: BinaryIO, *, head_only: bool) -> Iterator[Any]:
         records = iter(reader.records)
         begun = False
         while True:
@@ -374,28 +269,3 @@ class Recording:
             return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as failure:
             raise BadRecording(f"{self.path}: its {name} is not what it ought to be: {failure}") from failure
-
-
-def _append(series: Series, record: RobotTick, drivers: Mapping[str, int]) -> None:
-    state = record.state
-    series.time_s.append(record.time_s)
-    series.x_m.append(state.x_m)
-    series.y_m.append(state.y_m)
-    series.heading_rad.append(state.heading_rad)
-    series.battery.append(float("nan") if state.battery is msgspec.UNSET else state.battery)
-    series.driver.append(drivers[record.driver])
-    for module in record.modules:
-        series.margins.setdefault(module.name, array("d")).append(module.margin_value)
-        series.reaches.setdefault(module.name, array("d")).append(module.reach_value)
-
-
-def _sort_in(content: Content, event: Event) -> None:
-    lists: dict[type[Event], list[Any]] = {
-        Switch: content.switches,
-        Target: content.targets,
-        Goal: content.goals,
-        Transition: content.transitions,
-        Fault: content.faults,
-        Drop: content.drops,
-    }
-    lists[type(event)].append(event)

@@ -6,8 +6,9 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
+from soter.record.content import Content
 from soter.record.messages import Violation
-from soter.record.reader import Content, Recording
+from soter.record.reader import Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +71,9 @@ def summarise(recording: Recording, content: Content) -> Summary:
 
     Args:
         recording: the file.
-        content: all of it, with every tick.
+        content: all of it.
     """
     about, result = recording.about, recording.result
-    drivers = [index for series in content.series.values() for index in series.driver]
     return Summary(
         file=str(recording.path),
         size_bytes=recording.path.stat().st_size,
@@ -88,7 +88,7 @@ def summarise(recording: Recording, content: Content) -> Summary:
         dropped_ticks=content.dropped_ticks,
         robots=tuple(content.series),
         modules=about.modules,
-        ac_share=round(drivers.count(0) / len(drivers), 4) if drivers else 0.0,
+        ac_share=round(content.ac_ticks / content.robot_ticks, 4) if content.robot_ticks else 0.0,
         disengagements=_counted(each.module for each in content.disengagements),
         switches=len(content.switches),
         goals=_counted(each.by for each in content.goals if each.status == "active"),

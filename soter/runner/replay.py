@@ -20,7 +20,8 @@ from soter.errors import ConfigError, IllFormedModule
 from soter.record.about import capabilities_of
 from soter.record.check import Flaw, flaw
 from soter.record.messages import AC, RobotAbout, RobotTick, Switch
-from soter.record.reader import BadRecording, Recording, Tick
+from soter.record.content import Tick
+from soter.record.reader import BadRecording, Recording
 from soter.record.samples import sample_of
 from soter.rta import Mode, RobotSupervisor, Sample, SwitchRecord
 from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState, Waypoint

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from soter.record.reader import BadRecording, Recording, Tick
+from soter.record.content import Tick
+from soter.record.reader import BadRecording, Recording
 from soter.record.recorder import Recorder
 from soter.runner import run_mission
 from tests.project.source import ROOT

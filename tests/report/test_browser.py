@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from soter.record.reader import Content, Recording
+from soter.record.content import Content
+from soter.record.reader import Recording
 from soter.report.page.html import make_page
 from tests.record.helpers import recorded
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from soter.record.messages import Drop
-from soter.record.reader import Content, Recording
+from soter.record.content import Content
+from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
 from tests.record.helpers import recorded, rewrite
@@ -80,14 +81,14 @@ def test_who_drove_is_exact(data: Unpacked, content: Content) -> None:
     for robot in data.document["robots"]:
         series = content.series[robot["id"]]
         again: list[int] = []
-        stretches = [*robot["stretches"], [float("inf"), None]]
+        stretches = [*robot["stretches"]["rows"], [float("inf"), None]]
         for (start_s, driver), (end_s, _) in pairwise(stretches):
             again += [driver for time_s in series.time_s if start_s <= time_s < end_s]
         assert again == list(series.driver)
 
 
 def test_every_switch_has_its_cause(data: Unpacked, content: Content) -> None:
-    rows = data.document["switches"]
+    rows = data.document["switches"]["rows"]
     assert [(time_s, robot, module, cause) for time_s, robot, _, _, module, cause, _ in rows] == [
         (each.time_s, each.robot_id, each.module, each.cause) for each in content.switches
     ]
@@ -95,7 +96,7 @@ def test_every_switch_has_its_cause(data: Unpacked, content: Content) -> None:
 
 
 def test_targets_and_goals_have_begin_and_end(data: Unpacked, content: Content) -> None:
-    targets = [target for robot in data.document["robots"] for target in robot["targets"]]
+    targets = [target for robot in data.document["robots"] for target in robot["targets"]["rows"]]
     assert len(targets) == len([each for each in content.targets if not each.outcome])
     assert {outcome for *_, outcome in targets} - {""} == {each.outcome for each in content.targets} - {""}
     for robot in data.document["robots"]:
@@ -107,8 +108,8 @@ def test_targets_and_goals_have_begin_and_end(data: Unpacked, content: Content) 
         assert (begins[1:] >= ends[:-1] - 1e-9).all()
 
 
-def test_ways_are_those_that_were_meant(data: Unpacked, path: Path) -> None:
-    ways = list(Recording(path).ways())
+def test_ways_are_those_that_were_meant(data: Unpacked, content: Content) -> None:
+    ways = content.ways
     assert ways
     for robot in data.document["robots"]:
         mine = [(time_s, places) for time_s, robot_id, places in ways if robot_id == robot["id"]]
@@ -136,7 +137,7 @@ def test_a_long_run_is_thinned_out_and_says_so(path: Path, content: Content, mon
             low = thin.column(module["low"])
             assert len(low) == 50
             assert low.min() == pytest.approx(min(series.margins[module["name"]]), abs=1e-4)
-    assert len(thin.document["switches"]) == len(content.switches)
+    assert len(thin.document["switches"]["rows"]) == len(content.switches)
 
 
 # --- what ground truth said --------------------------------------------------------------------------------
@@ -186,7 +187,7 @@ def test_gaps_are_said(path: Path, tmp_path: Path) -> None:
         # The gap itself is said by the writer; here it is said for it.
         patch.setattr(Recording, "content", lambda self: with_drop(whole(), gap))
         document = of_page(make_page(recording)).document
-    assert document["drops"] == [[60.0, 1200, 40]]
+    assert document["drops"]["rows"] == [[60.0, 1200, 40]]
     assert document["summary"]["droppedTicks"] == 40
 
 

@@ -1,23 +1,21 @@
-"""What of a recording goes into its page: what is exact, and what is thinned out so that a long run stays small.
-
-Exact are all events: who drove from when to when, disengagements and their causes, targets, goals, violations, gaps.
-Poses are thinned out to every so many ticks. Margins and charges are gathered into buckets, of which the least and
-the largest value are kept, so that no minimum is lost. What was done is said in the page.
-"""
+"""What of a recording goes into its page: the story of the run, what ground truth said, the figures, the versions."""
 
 from __future__ import annotations
 
-from array import array
+from collections.abc import Callable
 from pathlib import PurePath
 from typing import Any, Final
 
 import numpy as np
 
-from soter.record.messages import AC, Goal, RobotAbout, Switch, Target, Violation
-from soter.record.reader import Content, Recording, Series
+from soter.record.content import Content
+from soter.record.messages import AC, Violation
+from soter.record.reader import Recording
 from soter.record.summary import Summary, summarise
 from soter.report.colours import ac_colour, driver_colour
-from soter.report.page.pack import Columns, buckets, fewest_steps, starts_of_runs
+from soter.report.page.grown import Numbers, Rows
+from soter.report.page.pack import Columns, fewest_steps
+from soter.report.page.story import Buckets, RobotStory, Story
 from soter.workspace import Box, Workspace
 
 VERSION: Final = 1
@@ -42,140 +40,126 @@ def extract(recording: Recording) -> tuple[str, str]:
         ConfigError: its workspace is not allowed.
     """
     content = recording.content()
-    summary = summarise(recording, content)
-    ways: dict[int, list[tuple[float, list[tuple[float, float]]]]] = {robot: [] for robot in content.series}
-    for time_s, robot_id, places in recording.ways():
-        ways[robot_id].append((time_s, places))
+    story = Story(
+        recording.about,
+        fewest_steps(content.ticks * max(len(content.series), 1), MOST_POSES),
+        fewest_steps(content.ticks, MOST_BUCKETS),
+    )
+    story.add(content)
+    document = Document(story, recording, content)
+    return document.title, document.packed()
 
-    columns = Columns()
-    every_ticks = fewest_steps(content.ticks * max(len(content.series), 1), MOST_POSES)
-    bucket_ticks = fewest_steps(content.ticks, MOST_BUCKETS)
-    robots = [
-        {
-            **_robot(about, index, content, every_ticks, bucket_ticks, columns),
-            "ways": _ways(ways[about.robot_id], columns),
+
+class Document:
+    """The data of a page, as text.
+
+    Args:
+        story: what it shows.
+        recording: of which run; for one that goes on, what is known of it up to now.
+        content: its events and counts.
+        news: whether only what was not told yet goes into it, which by that is told.
+        goes_on: whether the run does.
+
+    Attributes:
+        title: of the page.
+
+    Raises:
+        BadRecording: the recording lacks what a page shows.
+        ConfigError: its workspace is not allowed.
+    """
+
+    def __init__(
+        self, story: Story, recording: Recording, content: Content, *, news: bool = False, goes_on: bool = False
+    ) -> None:
+        self._columns: Final = Columns()
+        self._news: Final = news
+        summary = summarise(recording, content)
+        self.title: Final = _title(summary)
+        self._document: Final = {
+            "version": VERSION,
+            "title": self.title,
+            "goesOn": goes_on,
+            "firstS": content.first_s,
+            "lastS": content.last_s,
+            "drivers": [
+                {"name": name, "colour": ac_colour(0) if name == AC else driver_colour(name)} for name in story.drivers
+            ],
+            "workspace": _workspace(recording.workspace()),
+            "robots": [self._robot(robot, index) for index, robot in enumerate(story.robots)],
+            "switches": self._rows(story.switches),
+            "truth": _truth(recording, content, summary, goes_on=goes_on),
+            "drops": self._rows(story.drops),
+            "faults": [[each.kind, each.robot_id, each.declared, each.affected] for each in _last_faults(content)],
+            "thinned": {
+                "tickS": recording.about.base_tick_s,
+                "poseTicks": story.pose_ticks,
+                "bucketTicks": story.bucket_ticks,
+            },
+            "summary": _figures(recording, summary),
         }
-        for index, about in enumerate(recording.about.robots)
-    ]
-    title = _title(summary)
-    document = {
-        "version": VERSION,
-        "title": title,
-        "firstS": content.first_s,
-        "lastS": content.last_s,
-        "drivers": [
-            {"name": name, "colour": ac_colour(0) if name == AC else driver_colour(name)} for name in content.drivers
-        ],
-        "workspace": _workspace(recording.workspace()),
-        "robots": robots,
-        "switches": [_switch(each, content.drivers) for each in content.switches],
-        "truth": _truth(recording, content, summary),
-        "drops": [[_s(each.time_s), each.first_tick, each.ticks] for each in content.drops],
-        "faults": [[each.kind, each.robot_id, each.declared, each.affected] for each in _last_faults(content)],
-        "thinned": {
-            "tickS": recording.about.base_tick_s,
-            "poseTicks": every_ticks,
-            "bucketTicks": bucket_ticks,
-        },
-        "summary": _figures(recording, summary),
-    }
-    return title, columns.packed(document)
 
+    def packed(self) -> str:
+        """Return the document and all its columns as text for a page."""
+        return self._columns.packed(self._document)
 
-# --- one robot ---------------------------------------------------------------------------------------------
+    # --- one robot -------------------------------------------------------------------------------------------
 
+    def _robot(self, robot: RobotStory, index: int) -> dict[str, Any]:
+        about, column = robot.about, self._column
+        begin_s, end_s, goal_x_m, goal_y_m, by_ac = robot.goals
+        return {
+            "id": about.robot_id,
+            "colour": ac_colour(index),
+            "radiusM": about.capabilities.get("body_radius_m", 0.1),
+            "poses": {
+                "timeS": column(robot.time_s, _TIME_S),
+                "xM": column(robot.x_m, _PLACE_M),
+                "yM": column(robot.y_m, _PLACE_M),
+                # Without jumps, differences are small.
+                "headingRad": column(robot.heading_rad, _HEADING_RAD, np.unwrap),
+            },
+            "stretches": self._rows(robot.stretches),
+            "bucketS": column(robot.bucket_s, _TIME_S),
+            "charge": self._pair(robot.charge, _CHARGE),
+            "modules": [
+                {
+                    "name": module.name,
+                    "unit": module.unit,
+                    "edge": module.edge_margin,
+                    "horizonReach": module.horizon_reach,
+                    **self._pair(margins, _MARGIN),
+                    # The largest bound of a bucket: what is drawn must not look better than it was.
+                    "reach": column(reaches.high, _MARGIN),
+                }
+                for module, margins, reaches in zip(about.modules, robot.margins, robot.reaches, strict=True)
+            ],
+            "targets": self._rows(robot.targets),
+            "goals": {
+                "beginS": column(begin_s, _TIME_S),
+                "endS": column(end_s, _TIME_S),
+                "xM": column(goal_x_m, _PLACE_M),
+                "yM": column(goal_y_m, _PLACE_M),
+                "byAc": column(by_ac, 1.0),
+            },
+            "ways": {
+                "timeS": column(robot.way_s, _TIME_S),
+                "begin": column(robot.way_begin, 1.0),
+                "xM": column(robot.way_x_m, _PLACE_M),
+                "yM": column(robot.way_y_m, _PLACE_M),
+            },
+        }
 
-def _robot(
-    about: RobotAbout, index: int, content: Content, every_ticks: int, bucket_ticks: int, columns: Columns
-) -> dict[str, Any]:
-    series = content.series[about.robot_id]
-    runs = starts_of_runs(series.driver)
-    charge_low, charge_high = buckets(series.battery, bucket_ticks)
-    return {
-        "id": about.robot_id,
-        "colour": ac_colour(index),
-        "radiusM": about.capabilities.get("body_radius_m", 0.1),
-        "poses": {
-            "timeS": columns.add(_thin(series.time_s, every_ticks), _TIME_S),
-            "xM": columns.add(_thin(series.x_m, every_ticks), _PLACE_M),
-            "yM": columns.add(_thin(series.y_m, every_ticks), _PLACE_M),
-            # Unwrapped, so that a turn through the back makes no jump.
-            "headingRad": columns.add(np.unwrap(_thin(series.heading_rad, every_ticks)), _HEADING_RAD),
-        },
-        "stretches": [[series.time_s[start], series.driver[start]] for start in runs],
-        "bucketS": columns.add(np.asarray(series.time_s)[::bucket_ticks], _TIME_S),
-        "charge": {"low": columns.add(charge_low, _CHARGE), "high": columns.add(charge_high, _CHARGE)},
-        "modules": _modules(about, series, bucket_ticks, columns),
-        "targets": _targets([each for each in content.targets if each.robot_id == about.robot_id]),
-        "goals": _goals([each for each in content.goals if each.robot_id == about.robot_id], columns),
-    }
+    def _pair(self, gathered: Buckets, quantum: float) -> dict[str, int]:
+        return {"low": self._column(gathered.low, quantum), "high": self._column(gathered.high, quantum)}
 
+    def _column(self, numbers: Numbers, quantum: float, change: Callable[[Any], Any] = np.asarray) -> int:
+        since, values = numbers.news() if self._news else numbers.whole()
+        return self._columns.add(change(values), quantum, since)
 
-def _modules(about: RobotAbout, series: Series, bucket_ticks: int, columns: Columns) -> list[dict[str, Any]]:
-    found = []
-    for module in about.modules:
-        low, high = buckets(series.margins.get(module.name, array("d")), bucket_ticks)
-        # The largest bound of a bucket: what is drawn must not look better than it was.
-        _, reach = buckets(series.reaches.get(module.name, array("d")), bucket_ticks)
-        found.append({
-            "name": module.name,
-            "unit": module.unit,
-            "edge": module.edge_margin,
-            "horizonReach": module.horizon_reach,
-            "low": columns.add(low, _MARGIN),
-            "high": columns.add(high, _MARGIN),
-            "reach": columns.add(reach, _MARGIN),
-        })  # fmt: skip
-    return found
-
-
-def _targets(targets: list[Target]) -> list[list[Any]]:
-    """Return number, begin, end, x, y and outcome of every target; what has not ended has no end."""
-    rows: dict[int, list[Any]] = {}
-    for each in targets:
-        if not each.outcome:
-            rows[each.target_id] = [each.target_id, _s(each.time_s), None, each.x_m, each.y_m, ""]
-        elif each.target_id in rows:
-            rows[each.target_id][2], rows[each.target_id][5] = _s(each.time_s), each.outcome
-    return list(rows.values())
-
-
-def _goals(goals: list[Goal], columns: Columns) -> dict[str, int]:
-    """Return columns: begin and end in fleet time, x, y, and 1 where the AC sent the goal."""
-    rows: list[list[float]] = []
-    for each in goals:
-        if rows and np.isinf(rows[-1][1]):
-            # The next goal supersedes one that nobody ended.
-            rows[-1][1] = each.time_s
-        if each.status == "active":
-            rows.append([each.time_s, np.inf, each.x_m, each.y_m, float(each.by == AC)])
-    table = np.asarray(rows, dtype=np.float64).reshape(-1, 5)
-    return {
-        "beginS": columns.add(table[:, 0], _TIME_S),
-        "endS": columns.add(table[:, 1], _TIME_S),
-        "xM": columns.add(table[:, 2], _PLACE_M),
-        "yM": columns.add(table[:, 3], _PLACE_M),
-        "byAc": columns.add(table[:, 4], 1.0),
-    }
-
-
-def _ways(ways: list[tuple[float, list[tuple[float, float]]]], columns: Columns) -> dict[str, int]:
-    """Return columns: when each way was meant, at which place it begins, and the places of all of them."""
-    places = [place for _, each in ways for place in each]
-    begins = np.cumsum([0, *(len(each) for _, each in ways)])
-    return {
-        "timeS": columns.add([time_s for time_s, _ in ways], _TIME_S),
-        "begin": columns.add(begins, 1.0),
-        "xM": columns.add([x for x, _ in places], _PLACE_M),
-        "yM": columns.add([y for _, y in places], _PLACE_M),
-    }
-
-
-def _thin(values: array[float], every: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return every so-manieth value, and the last one."""
-    numbers = np.asarray(values, dtype=np.float64)
-    thinned = numbers[::every]
-    return thinned if not len(numbers) or (len(numbers) - 1) % every == 0 else np.append(thinned, numbers[-1])
+    def _rows(self, rows: Rows) -> dict[str, Any]:
+        """Return rows, and from which on they are."""
+        since, values = rows.news() if self._news else rows.whole()
+        return {"since": since, "rows": values}
 
 
 # --- the run -----------------------------------------------------------------------------------------------
@@ -202,21 +186,15 @@ def _box(box: Box) -> list[float]:
     return [box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m]
 
 
-def _switch(switch: Switch, drivers: tuple[str, ...]) -> list[Any]:
-    return [
-        switch.time_s, switch.robot_id, drivers.index(switch.before), drivers.index(switch.after), switch.module,
-        switch.cause, list(switch.joined),
-    ]  # fmt: skip
-
-
-def _truth(recording: Recording, content: Content, summary: Summary) -> dict[str, Any]:
+def _truth(recording: Recording, content: Content, summary: Summary, *, goes_on: bool) -> dict[str, Any]:
     """Return what ground truth saw, and how far it is known."""
     result = recording.result
     counted = None if result is None else result.get("violations")
     margins = (result or {}).get("min_margin") or {}
+    # Judged, never judged, or without a judgement yet or for ever.
+    known = "no" if counted is None else "yes"
     return {
-        # Three cases: judged, never judged, or ended before the judgement was written down.
-        "known": "not summed up" if result is None else "no" if counted is None else "yes",
+        "known": "goes on" if goes_on else "not summed up" if result is None else known,
         "endedS": (result or {}).get("truth_ended_s"),
         "counts": summary.violations,
         "margins": {rule: _finite(margin) for rule, margin in margins.items()},
@@ -271,7 +249,3 @@ def _battery_released_from(recording: Recording) -> float | None:
 
 def _finite(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
-
-
-def _s(time_s: float) -> float:
-    return round(time_s, 4)

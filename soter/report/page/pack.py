@@ -34,16 +34,17 @@ class Columns:
         self._heads: Final[list[dict[str, Any]]] = []
         self._data: Final = bytearray()
 
-    def add(self, values: ArrayLike, quantum: float) -> int:
+    def add(self, values: ArrayLike, quantum: float, since: int = 0) -> int:
         """Add a column and return its number.
 
         Args:
             values: what is in it; what is too large for its quantum is cut to what 2^31 quanta can say.
             quantum: what is told apart, in the values' unit; above 0.
+            since: how many values of a column that was told before stay as they are; these come behind them.
         """
         numbers = np.asarray(values, dtype=np.float64)
         finite = np.isfinite(numbers)
-        head: dict[str, Any] = {"count": len(numbers), "quantum": quantum, "first": 0}
+        head: dict[str, Any] = {"count": len(numbers), "quantum": quantum, "first": 0, "since": since}
         if len(numbers):
             counted = np.clip(np.rint(_filled(numbers, finite) / quantum), -_MOST, _MOST).astype(np.int64)
             head["first"] = int(counted[0])

@@ -1,7 +1,8 @@
 "use strict";
 // Time lines and plots. All share one stretch of time, and a click or a drag on any of them moves the run there.
 (() => {
-  const { indexAt } = window.soter;
+  const { soter } = window;
+  const { indexAt } = soter;
   const LEFT = 46; // CSS pixels for what stands beside a curve
   const RIGHT = 10;
   const AXIS = 18;
@@ -56,6 +57,11 @@
     timeAt(x) {
       const part = (x - LEFT) / (this.width - LEFT - RIGHT);
       return this.beginS + Math.min(1, Math.max(0, part)) * (this.endS - this.beginS);
+    }
+
+    // There is more of the run than there was.
+    grown() {
+      this.kept = null;
     }
 
     draw(timeS) {
@@ -167,17 +173,26 @@
 
   // A module's margin for all robots, with what it is compared with.
   class Margin extends Chart {
-    constructor(holder, run, style, name) {
+    constructor(holder, run, style, name, curves) {
       super(holder, run, style, { label: `Margin of ${name} over time`, height: 150 });
       this.name = name;
-      this.curves = run.robots.flatMap((robot) => {
-        const module = robot.modules.find((each) => each.name === name);
-        return module ? [{ robot, module }] : [];
-      });
-      const { module } = this.curves[0];
+      this.curves = curves;
+      const { module } = curves[0];
       this.edge = module.edge;
       this.horizonReach = module.horizonReach;
       this.unit = module.unit;
+      [this.low, this.high] = this.range();
+    }
+
+    static of(holder, run, style, name) {
+      return new Margin(holder, run, style, name, run.robots.flatMap((robot) => {
+        const module = robot.modules.find((each) => each.name === name);
+        return module ? [{ robot, module }] : [];
+      }));
+    }
+
+    grown() {
+      super.grown();
       [this.low, this.high] = this.range();
     }
 
@@ -293,10 +308,10 @@
   // Charges of all robots, with what the battery module gives a robot back from.
   class Charge extends Margin {
     constructor(holder, run, style, releasedFrom) {
-      const robots = run.robots.filter((robot) => robot.charge.low.some((each) => !Number.isNaN(each)));
-      const curves = robots.map((robot) => ({ robot, module: { ...robot.charge, reach: [], unit: "", edge: releasedFrom } }));
-      super(holder, { ...run, robots: curves.map(({ robot, module }) => ({ ...robot, modules: [{ ...module, name: "charge" }] })) },
-        style, "charge");
+      // What a charge lacks to be drawn like a margin. Its own values stay those of the robot, also when they grow.
+      super(holder, run, style, "charge", run.robots.filter((robot) => soter.knowsCharge(robot)).map((robot) => (
+        { robot, module: Object.assign(Object.create(robot.charge), { reach: [], unit: "", edge: releasedFrom }) }
+      )));
       this.canvas.setAttribute("aria-label", "Charge of every robot over time");
     }
 
@@ -356,6 +371,7 @@
 
   Object.assign(window.soter, {
     Lane, Margin, Charge, clock, percent,
+    knowsCharge: (robot) => robot.charge.low.some((each) => !Number.isNaN(each)),
     colourOf: (run, name) => (run.drivers.find((each) => each.name === name) || { colour: "#888888" }).colour,
   });
 })();

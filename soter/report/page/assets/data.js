@@ -48,35 +48,75 @@ window.soter = {};
     return low - 1;
   }
 
-  async function unpack(base64) {
-    const buffer = await inflated(base64);
-    const length = new DataView(buffer).getUint32(0, true);
-    const run = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-    const get = (number) => column(run.columns, number, buffer, 4 + length);
+  // Values behind the first `since` of others. There is room for more to come, so that this need not copy each time.
+  function spliced(before, since, more) {
+    const count = since + more.length;
+    if (!since) return more;
+    if (before.buffer.byteLength >= 8 * count) {
+      const longer = new Float64Array(before.buffer, 0, count);
+      longer.set(more, since);
+      return longer;
+    }
+    const copy = new Float64Array(2 * count);
+    copy.set(before.subarray(0, since));
+    copy.set(more, since);
+    return copy.subarray(0, count);
+  }
+
+  // Take what has come: all of a run, or what of it is new. The objects of robots and modules stay the same ones.
+  function take(run, part, get) {
+    const into = (target, source, names) => {
+      for (const name of names) target[name] = spliced(target[name], ...get(source[name]));
+    };
+    const rows = (target, source, name) => {
+      const { since, rows: more } = source[name];
+      target.rows[name] = [...(since ? target.rows[name].slice(0, since) : []), ...more];
+    };
+    part.robots.forEach((source, at) => {
+      const target = run.robots[at];
+      for (const group of ["poses", "charge", "goals", "ways"]) into(target[group], source[group], Object.keys(source[group]));
+      into(target, source, ["bucketS"]);
+      source.modules.forEach((module, number) => into(target.modules[number], module, ["low", "high", "reach"]));
+      for (const name of ["stretches", "targets"]) rows(target, source, name);
+    });
+    for (const name of ["switches", "drops"]) rows(run, part, name);
+    for (const name of ["title", "goesOn", "live", "firstS", "lastS", "truth", "faults", "thinned", "summary"]) run[name] = part[name];
+  }
+
+  // Rows as objects, and what follows from them.
+  function derive(run) {
+    run.switches = run.rows.switches.map(([timeS, robot, before, after, module, cause, joined]) => (
+      { timeS, robot, before, after, module, cause, joined }
+    ));
+    run.drops = run.rows.drops;
+    run.disengagements = run.switches.filter((each) => each.before === 0 && each.after !== 0);
+    run.truth.violations = run.truth.violations.map(([rule, robots, startS, endS]) => ({ rule, robots, startS, endS }));
     for (const robot of run.robots) {
-      for (const part of [robot.poses, robot.charge, robot.goals, robot.ways]) {
-        for (const name of Object.keys(part)) part[name] = get(part[name]);
-      }
-      robot.bucketS = get(robot.bucketS);
-      for (const module of robot.modules) {
-        for (const name of ["low", "high", "reach"]) module[name] = get(module[name]);
-      }
-      robot.stretches = robot.stretches.map(([startS, driver], at, all) => (
+      robot.stretches = robot.rows.stretches.map(([startS, driver], at, all) => (
         { startS, endS: at + 1 < all.length ? all[at + 1][0] : run.lastS, driver }
       ));
       robot.starts = robot.stretches.map((each) => each.startS);
-      robot.targets = robot.targets.map(([id, beginS, endS, xM, yM, outcome]) => ({ id, beginS, endS, xM, yM, outcome }));
-    }
-    run.switches = run.switches.map(([timeS, robot, before, after, module, cause, joined]) => (
-      { timeS, robot, before, after, module, cause, joined }
-    ));
-    for (const robot of run.robots) {
+      robot.targets = robot.rows.targets.map(([id, beginS, endS, xM, yM, outcome]) => ({ id, beginS, endS, xM, yM, outcome }));
       robot.switches = run.switches.filter((each) => each.robot === robot.id);
       robot.switchTimes = robot.switches.map((each) => each.timeS);
     }
-    run.disengagements = run.switches.filter((each) => each.before === 0 && each.after !== 0);
-    run.truth.violations = run.truth.violations.map(([rule, robots, startS, endS]) => ({ rule, robots, startS, endS }));
-    delete run.columns;
+  }
+
+  // A run from the data of a page, or what is new of one that goes on.
+  async function unpack(base64, known = null) {
+    const buffer = await inflated(base64);
+    const length = new DataView(buffer).getUint32(0, true);
+    const part = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+    const get = (number) => [part.columns[number].since, column(part.columns, number, buffer, 4 + length)];
+    const run = known || {
+      drivers: part.drivers, workspace: part.workspace, rows: {},
+      robots: part.robots.map(({ id, colour, radiusM, modules }) => ({
+        id, colour, radiusM, rows: {}, poses: {}, charge: {}, goals: {}, ways: {},
+        modules: modules.map(({ name, unit, edge, horizonReach }) => ({ name, unit, edge, horizonReach })),
+      })),
+    };
+    take(run, part, get);
+    derive(run);
     return run;
   }
 
@@ -87,7 +127,10 @@ window.soter = {};
     const span = at + 1 < times.length ? times[at + 1] - times[at] : 0;
     const part = span > 0 && span <= LONGEST_GAP_S ? Math.min(1, Math.max(0, (timeS - times[at]) / span)) : 0;
     const between = (values) => (part ? values[at] + part * (values[at + 1] - values[at]) : values[at]);
-    return { xM: between(xM), yM: between(yM), headingRad: between(headingRad) };
+    // The shorter way round: where two parts of a run meet, headings may differ by whole turns.
+    const turned = part ? headingRad[at + 1] - headingRad[at] : 0;
+    const turn = turned - 2 * Math.PI * Math.round(turned / (2 * Math.PI));
+    return { xM: between(xM), yM: between(yM), headingRad: headingRad[at] + part * turn };
   }
 
   function goalAt(robot, timeS) {

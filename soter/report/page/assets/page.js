@@ -4,6 +4,7 @@
   const { soter } = window;
   const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
   const LONGEST_FRAME_S = 0.25; // of host time; a page that slept does not leap
+  const LONGEST_STEP_S = 1; // of host time; it is not expected that a run takes longer to grow
   const byId = (id) => document.getElementById(id);
 
   // --- colours ---------------------------------------------------------------------------------------------
@@ -51,10 +52,12 @@
       this.timeS = run.firstS;
       this.speed = 10;
       this.playing = false;
+      this.following = false;
       this.onChange = onChange;
     }
 
     seek(timeS) {
+      this.following = false;
       this.timeS = Math.min(this.run.lastS, Math.max(this.run.firstS, timeS));
       this.onChange();
     }
@@ -67,6 +70,7 @@
     play() {
       if (this.playing) return;
       if (this.timeS >= this.run.lastS) this.timeS = this.run.firstS;
+      this.following = false;
       this.playing = true;
       this.before = performance.now();
       this.onChange();
@@ -74,13 +78,13 @@
     }
 
     pause() {
-      if (!this.playing) return;
-      this.playing = false;
+      if (!this.playing && !this.following) return;
+      this.playing = this.following = false;
       this.onChange();
     }
 
     toggle() {
-      if (this.playing) this.pause();
+      if (this.playing || this.following) this.pause();
       else this.play();
     }
 
@@ -106,9 +110,40 @@
       const passedS = Math.max(0, Math.min(LONGEST_FRAME_S, (now - this.before) / 1000));
       this.before = now;
       this.timeS = Math.min(this.run.lastS, this.timeS + passedS * this.speed);
-      if (this.timeS >= this.run.lastS) this.playing = false;
+      if (this.timeS >= this.run.lastS) {
+        this.playing = false;
+        if (this.run.goesOn) this.follow();
+      }
       this.onChange();
       if (this.playing) requestAnimationFrame((next) => this.frame(next));
+    }
+
+    // To the end of a run that goes on, and along with it from now on.
+    follow() {
+      this.playing = false;
+      this.following = true;
+      this.timeS = this.run.lastS;
+      this.onChange();
+    }
+
+    // The run has grown. Whoever follows it moves on steadily, to be at its end when it is likely to grow again.
+    grew() {
+      const now = performance.now();
+      const passedS = Math.min(LONGEST_STEP_S, (now - (this.grewAt ?? now)) / 1000);
+      this.periodS = this.periodS === undefined ? passedS : 0.7 * this.periodS + 0.3 * passedS;
+      this.grewAt = now;
+      if (!this.following) return;
+      this.rate = (this.run.lastS - this.timeS) / Math.max(this.periodS, 0.02);
+      if (!this.chasing) requestAnimationFrame((next) => this.chase(next, now));
+      this.chasing = true;
+    }
+
+    chase(now, before) {
+      this.chasing = this.following && this.timeS < this.run.lastS;
+      if (!this.chasing) return;
+      this.timeS = Math.min(this.run.lastS, this.timeS + Math.max(0, now - before) / 1000 * this.rate);
+      this.onChange();
+      requestAnimationFrame((next) => this.chase(next, now));
     }
   }
 
@@ -120,14 +155,10 @@
       this.style = new Style();
       this.player = new Player(run, () => this.later());
       const jump = (timeS) => this.player.jump(timeS);
-      byId("title").textContent = run.title;
-      byId("subtitle").textContent = soter.subtitle(run);
-      soter.verdict(run, jump);
-      soter.notices(run);
-      soter.about(run);
+      this.jump = jump;
+      this.words();
       this.plan = new soter.Plan(byId("plan"), run, this.style);
       this.table = new soter.Disengagements(run, this.style, jump);
-      this.charts = [];
       this.makeCharts();
       this.theme();
       this.controls();
@@ -137,9 +168,39 @@
       new ResizeObserver(() => this.resize()).observe(byId("main"));
     }
 
+    words() {
+      const { run } = this;
+      document.title = byId("title").textContent = run.title;
+      byId("subtitle").textContent = soter.subtitle(run);
+      // What can be clicked is not made anew under somebody's finger.
+      const said = JSON.stringify(run.truth);
+      if (said !== this.said) soter.verdict(run, this.jump);
+      this.said = said;
+      soter.notices(run);
+      soter.about(run);
+    }
+
+    // There is more of the run than there was.
+    grown() {
+      const { run, style } = this;
+      this.words();
+      soter.figures(run, style);
+      soter.legend(run, style);
+      this.table.grown();
+      if (run.robots.some((robot) => soter.knowsCharge(robot) !== this.charged.has(robot))) this.makeCharts();
+      for (const chart of this.charts) chart.grown();
+      this.band = null;
+      this.player.grew();
+      if (this.plan.grown()) this.resize();
+      this.later();
+    }
+
     makeCharts() {
       const { run, style } = this;
       const lanes = byId("lanes");
+      this.charts = [];
+      this.charged = new Set(run.robots.filter((robot) => soter.knowsCharge(robot)));
+      for (const id of ["lanes", "margins", "charges"]) byId(id).replaceChildren();
       run.robots.forEach((robot, at) => this.charts.push(new soter.Lane(lanes, run, style, robot, at === run.robots.length - 1)));
       const names = run.drivers.slice(1).map((each) => each.name).filter((name) => (
         run.robots.some((robot) => robot.modules.some((each) => each.name === name && each.low.length))
@@ -147,7 +208,7 @@
       for (const name of names) {
         const plot = soter.element("figure", {}, soter.element("figcaption", {}));
         byId("margins").append(plot);
-        const chart = new soter.Margin(plot, run, style, name);
+        const chart = soter.Margin.of(plot, run, style, name);
         const unit = chart.unit ? ` in ${chart.unit === "m" ? "m" : `parts ${chart.unit}`}` : "";
         const edge = chart.edge === null ? "" : `, released from ${chart.edge.toFixed(2)}`;
         const reach = chart.horizonReach === null ? "" : `, R(H) ${chart.horizonReach.toFixed(3)}`;
@@ -158,7 +219,7 @@
         ? "One curve a robot. Below 0 the rule is broken as the module knows it (red). Below the coloured line, its reach R(H), the module takes over; from the dashed line on it gives the robot back. Large margins leave the plot at the top."
         : run.drivers.length > 1 ? "No margin was recorded." : "No safety modules took part in this run.";
       const battery = run.robots.flatMap((robot) => robot.modules).find((each) => each.name === "battery");
-      if (run.robots.some((robot) => robot.charge.low.some((each) => !Number.isNaN(each)))) {
+      if (this.charged.size) {
         const plot = soter.element("figure", { class: "whole" }, soter.element("figcaption", {}));
         byId("charges").append(plot);
         const released = battery ? run.summary.batteryReleasedFrom : null;
@@ -167,13 +228,15 @@
       } else {
         byId("charges").append(soter.element("p", { class: "soft" }, "No robot reported its charge."));
       }
-      for (const chart of this.charts) this.scrubbable(chart);
+      for (const chart of this.charts) {
+        this.scrubbable(chart);
+        chart.resize();
+      }
     }
 
     theme() {
       this.style.read();
       const { run, style } = this;
-      byId("figures").replaceChildren();
       soter.figures(run, style);
       soter.legend(run, style);
       this.cards = new soter.RobotCards(run, style);
@@ -213,14 +276,18 @@
       for (const chart of this.charts) chart.draw(player.timeS);
       this.drawOverview();
       const scrub = byId("scrub");
+      scrub.min = String(run.firstS);
+      scrub.max = String(run.lastS);
       scrub.value = String(player.timeS);
       scrub.setAttribute("aria-valuetext", `${soter.clock(player.timeS, 0)} of ${soter.clock(run.lastS, 0)}`);
       byId("clock").replaceChildren(soter.element("b", {}, soter.clock(player.timeS)), soter.element("span", {}, ` / ${soter.clock(run.lastS + 0.5, 0)}`));
       const play = byId("play");
-      play.classList.toggle("playing", player.playing);
-      play.setAttribute("aria-label", player.playing ? "Pause" : "Play");
+      const moving = player.playing || player.following;
+      play.classList.toggle("playing", moving);
+      play.setAttribute("aria-label", moving ? "Pause" : "Play");
       byId("speed").value = String(player.speed);
       this.moment = moment;
+      if (soter.live) soter.live.show(player);
     }
 
     // The part of the run that charts show goes along with the moment, a part at a time.
@@ -284,8 +351,6 @@
     controls() {
       const { player, run } = this;
       const scrub = byId("scrub");
-      scrub.min = String(run.firstS);
-      scrub.max = String(run.lastS);
       scrub.addEventListener("input", () => player.seek(Number(scrub.value)));
       scrub.addEventListener("pointerdown", () => player.pause());
       byId("play").addEventListener("click", () => player.toggle());
@@ -312,6 +377,12 @@
       document.addEventListener("keydown", (event) => this.key(event));
     }
 
+    toEnd() {
+      const { player, run } = this;
+      if (run.goesOn) player.follow();
+      else player.seek(run.lastS);
+    }
+
     otherTheme() {
       this.chosen = true;
       this.setTheme(this.style.dark ? "light" : "dark");
@@ -334,7 +405,8 @@
         ArrowLeft: () => player.seek(player.timeS - (event.shiftKey ? 10 : 1)),
         ArrowRight: () => player.seek(player.timeS + (event.shiftKey ? 10 : 1)),
         Home: () => player.seek(run.firstS),
-        End: () => player.seek(run.lastS),
+        End: () => this.toEnd(),
+        l: () => this.toEnd(),
         "+": () => player.faster(1),
         "=": () => player.faster(1),
         "-": () => player.faster(-1),
@@ -350,14 +422,28 @@
     }
   }
 
+  function begin(run) {
+    soter.page = new Page(run);
+    soter.player = soter.page.player;
+    const at = /^#t=([0-9.]+)$/.exec(location.hash);
+    if (at) soter.player.seek(Number(at[1]));
+    else if (run.goesOn) soter.player.follow();
+    else soter.player.seek(run.firstS);
+    soter.openedMs = performance.now();
+  }
+
+  // There is more of the run than there was. Before its first tick there is nothing to show of it.
+  soter.grown = (run) => {
+    if (soter.page) soter.page.grown();
+    else if (run.summary.ticks || !run.goesOn) begin(run);
+    else byId("loading").textContent = "Waiting for the first tick of the run …";
+  };
+
   async function open() {
     try {
       soter.run = await soter.unpack(byId("recording").textContent);
-      soter.page = new Page(soter.run);
-      soter.player = soter.page.player;
-      const at = /^#t=([0-9.]+)$/.exec(location.hash);
-      soter.player.seek(at ? Number(at[1]) : soter.run.firstS);
-      soter.openedMs = performance.now();
+      soter.grown(soter.run);
+      if (soter.Live) soter.live = new soter.Live(soter.run);
     } catch (failure) {
       byId("loading").textContent = `This page cannot be shown: ${failure.message}`;
       throw failure;

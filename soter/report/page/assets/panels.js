@@ -48,11 +48,15 @@
       kind = "bad";
       head = many(count, "violation");
       text = Object.entries(truth.counts).filter(([, each]) => each).map(([rule, each]) => `${rule} ${each}`).join(", ");
-      text += truth.known === "not summed up" ? "; as far as the recording goes" : until;
+      text += truth.known === "not summed up" ? "; as far as the recording goes" : truth.known === "goes on" ? " up to now" : until;
     } else if (truth.known === "no") {
       kind = "unknown";
       head = "Violations: not known";
       text = "This backend has no ground truth. Margins below are what the modules knew.";
+    } else if (truth.known === "goes on") {
+      kind = "unknown";
+      head = "The run goes on";
+      text = "Ground truth has the last word at its end; up to now the recording lists no violation.";
     } else if (truth.known === "not summed up") {
       kind = "unknown";
       head = "Violations: not known";
@@ -63,7 +67,7 @@
       text = "Ground truth ended before the run did.";
     }
     box.className = `verdict ${kind}`;
-    box.append(element("strong", {}, head), element("span", {}, text));
+    box.replaceChildren(element("strong", {}, head), element("span", {}, text));
     if (truth.violations.length) {
       const list = element("ul", { class: "violations" });
       for (const each of truth.violations) {
@@ -80,15 +84,15 @@
     const { summary, drops } = run;
     const found = [];
     if (summary.truncated) found.push(`This recording was cut off: its run was killed, or the disk was full. It is shown up to ${clock(run.lastS)}.`);
-    else if (summary.status === null) found.push("The run was killed; this is what it did until then.");
-    if (!summary.ticks) found.push("There is no tick in it: it ended before the first one was written.");
+    else if (summary.status === null && !run.goesOn) found.push("The run was killed; this is what it did until then.");
+    if (!summary.ticks && !run.goesOn) found.push("There is no tick in it: it ended before the first one was written.");
     if (summary.droppedTicks) found.push(`${many(summary.droppedTicks, "tick")} were not recorded, in ${many(drops.length, "gap")}: the writer did not follow.`);
     if (summary.status === "failed") found.push(`The run failed: ${summary.failure || "it does not say why"}.`);
     if (summary.status === "interrupted") found.push("The run was interrupted.");
     for (const [kind, robot, declared, affected] of run.faults) {
       found.push(`Injected fault ${kind} on robot ${robot}, ${declared ? "declared" : "not declared"}: ${affected} spoilt.`);
     }
-    document.getElementById("notices").append(...found.map((text) => element("p", { class: "notice", role: "note" }, text)));
+    document.getElementById("notices").replaceChildren(...found.map((text) => element("p", { class: "notice", role: "note" }, text)));
   }
 
   function figure(name, value, details, extra = null) {
@@ -113,14 +117,14 @@
     const ended = total(summary.targets);
     const givenUp = Object.entries(summary.targets).filter(([name]) => name !== "reached").map(([name, count]) => `${count} ${name.replace("_", " ")}`);
     const margins = Object.entries(truth.margins).filter(([, value]) => value !== null);
-    document.getElementById("figures").append(
+    document.getElementById("figures").replaceChildren(
       figure("AC in control", summary.ticks ? percent1(summary.acShare) : "–", "of the robots' time", bar),
       figure("Disengagements", taken.toLocaleString("en"), counted.length ? counted : "no safety modules"),
       figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
       figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
       figure("Least true margin", margins.length ? "" : "not known", margins.length
         ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? CHARGE : "m"))))
-        : truth.known === "no" ? "there is no ground truth" : "the run did not get to say it"),
+        : truth.known === "no" ? "there is no ground truth" : run.goesOn ? "said when the run has ended" : "the run did not get to say it"),
     );
   }
 
@@ -128,17 +132,17 @@
     const { summary, thinned } = run;
     const versions = Object.entries(summary.versions).map(([name, version]) => `${name} ${version}`).join(", ");
     const rows = [
-      ["file", `${summary.file}, ${(summary.sizeBytes / 1e6).toFixed(1)} MB, ${summary.truncated ? "cut off" : "whole"}`],
+      ["file", `${summary.file}, ${(summary.sizeBytes / 1e6).toFixed(1)} MB, ${run.goesOn ? "growing" : summary.truncated ? "cut off" : "whole"}`],
       ["mission", summary.mission || "made in code"],
       ["backend", summary.engine && summary.engine !== summary.backend ? `${summary.backend}, engine ${summary.engine}` : summary.backend],
       ["seed", String(summary.seed)],
       ["started", summary.startedUtc],
-      ["ended", summary.status || "not known: it did not get to say so"],
+      ["ended", run.goesOn ? "not yet" : summary.status || "not known: it did not get to say so"],
       ["ticks", `${summary.ticks.toLocaleString("en")} of ${thinned.tickS} s, ${summary.droppedTicks.toLocaleString("en")} dropped`],
       ["trace", summary.traceSha256 || "not known"],
       ["versions", versions],
     ];
-    document.getElementById("about").append(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+    document.getElementById("about").replaceChildren(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
     const each = (ticks) => (ticks === 1 ? "every tick" : `every ${(ticks * thinned.tickS).toFixed(2)} s`);
     const gathered = thinned.bucketTicks === 1
       ? "Margins and charges are those of every tick"
@@ -243,16 +247,24 @@
     }
 
     fill() {
+      this.rows = [];
+      document.getElementById("rows").replaceChildren();
+      this.current = null;
+      this.grown();
+    }
+
+    // Rows are only ever added, so that whoever reads the table is left in peace.
+    grown() {
       this.list = this.run.disengagements.filter((each) => (
         (!this.robot.value || String(each.robot) === this.robot.value) && (!this.module.value || each.module === this.module.value)
       ));
       const shown = this.list.slice(0, LATE_ROWS);
       this.times = shown.map((each) => each.timeS);
-      this.rows = shown.map((each) => this.row(each));
-      document.getElementById("rows").replaceChildren(...this.rows);
+      const added = shown.slice(this.rows.length).map((each) => this.row(each));
+      this.rows.push(...added);
+      document.getElementById("rows").append(...added);
       document.getElementById("no-rows").hidden = shown.length > 0;
       document.getElementById("shown").textContent = shown.length < this.list.length ? `first ${LATE_ROWS} of ${this.list.length}` : String(this.list.length);
-      this.current = null;
     }
 
     row(each) {

@@ -12,8 +12,16 @@
       this.style = style;
       this.layers = { reach: true, ways: true, targets: true, marks: true };
       this.trailS = 60;
+      this.grown();
+    }
+
+    // There is more of the run than there was; return whether it needs more room.
+    grown() {
+      const { run } = this;
+      const before = this.extent;
       this.extent = extentOf(run);
       this.marks = new Map(run.robots.map((robot) => [robot.id, run.disengagements.filter((each) => each.robot === robot.id)]));
+      return !before || this.extent.some((each, at) => each !== before[at]);
     }
 
     // Take the width that there is; the height follows from the workspace.

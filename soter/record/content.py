@@ -1,0 +1,188 @@
+"""What a recording holds, in the forms in which readers take it: tick by tick, and as arrays for those who draw."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import msgspec
+
+from soter.record.messages import (
+    AC,
+    About,
+    Drop,
+    Event,
+    Fault,
+    Goal,
+    RobotTick,
+    Switch,
+    Target,
+    Transition,
+    Violation,
+)
+
+
+class Way(NamedTuple):
+    """What an AC meant to drive.
+
+    Attributes:
+        time_s: fleet time.
+        robot_id: whose AC.
+        places: that the way led through: x and y, in metres.
+    """
+
+    time_s: float
+    robot_id: int
+    places: list[tuple[float, float]]
+
+
+class Tick(NamedTuple):
+    """All robots at one tick, and what was said since the tick before.
+
+    Attributes:
+        tick: its number, from 0.
+        time_s: fleet time.
+        host_ns: the host's time of day, in nanoseconds since 1970.
+        robots: by id.
+        events: in the order in which they happened.
+        ways: what ACs meant to drive.
+    """
+
+    tick: int
+    time_s: float
+    host_ns: int
+    robots: Mapping[int, RobotTick]
+    events: tuple[Event, ...]
+    ways: tuple[Way, ...] = ()
+
+
+@dataclass(slots=True)
+class Series:
+    """One robot over time. All arrays are equally long.
+
+    Attributes:
+        time_s: fleet time.
+        x_m: east.
+        y_m: north.
+        heading_rad: counter-clockwise from east.
+        battery: charge from 0 to 1; NaN where unknown.
+        driver: index into `Content.drivers`: 0 is the AC.
+        margins: by module, in its unit; it may be infinite, or NaN.
+        reaches: reach bounds, likewise.
+    """
+
+    time_s: array[float] = field(default_factory=lambda: array("d"))
+    x_m: array[float] = field(default_factory=lambda: array("d"))
+    y_m: array[float] = field(default_factory=lambda: array("d"))
+    heading_rad: array[float] = field(default_factory=lambda: array("d"))
+    battery: array[float] = field(default_factory=lambda: array("d"))
+    driver: array[int] = field(default_factory=lambda: array("h"))
+    margins: dict[str, array[float]] = field(default_factory=dict)
+    reaches: dict[str, array[float]] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Content:
+    """A recording as a whole.
+
+    Attributes:
+        drivers: "AC" and the names of the modules; what `Series.driver` counts.
+        series: by robot id, in the order of the robots.
+        ticks: how many were recorded.
+        first_s: fleet time of the first tick.
+        last_s: fleet time of the last tick.
+        robot_ticks: how many there were of all robots together.
+        ac_ticks: in how many of them the AC drove.
+        switches: every change of hands, in order.
+        targets: begun and ended.
+        goals: sent and ended.
+        transitions: of the mission's machines.
+        faults: injected, as they grew.
+        violations: as ground truth saw them, the newest word on each; an interval that goes on has no end.
+        drops: gaps.
+        ways: what ACs meant to drive.
+    """
+
+    drivers: tuple[str, ...]
+    series: dict[int, Series]
+    ticks: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+    robot_ticks: int = 0
+    ac_ticks: int = 0
+    switches: list[Switch] = field(default_factory=list)
+    targets: list[Target] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
+    transitions: list[Transition] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+    violations: list[Violation] = field(default_factory=list)
+    drops: list[Drop] = field(default_factory=list)
+    ways: list[Way] = field(default_factory=list)
+    _violation_at: dict[tuple[str, tuple[int, ...], float], int] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, about: About) -> Content:
+        """Return the empty content of a run that is about to begin."""
+        return cls((AC, *about.modules), {robot.robot_id: Series() for robot in about.robots})
+
+    def add(self, tick: Tick, every_ticks: int = 1) -> None:
+        """Add a tick with what was said before it; to the series only if its number is a multiple of `every_ticks`."""
+        for event in tick.events:
+            self._sort_in(event)
+        self.ways += tick.ways
+        if not tick.robots:
+            return
+        self.first_s = tick.time_s if self.ticks == 0 else self.first_s
+        self.last_s = tick.time_s
+        self.ticks += 1
+        for robot_id, record in tick.robots.items():
+            self.robot_ticks += 1
+            self.ac_ticks += record.driver == AC
+            if tick.tick % every_ticks == 0:
+                _append(self.series[robot_id], record, self.drivers.index(record.driver))
+
+    def forget_series(self) -> None:
+        """Empty the series, of which there is more with every tick; events and counts stay."""
+        self.series = {robot_id: Series() for robot_id in self.series}
+
+    @property
+    def disengagements(self) -> list[Switch]:
+        """The switches in which an AC lost control."""
+        return [switch for switch in self.switches if switch.before == AC and switch.after != AC]
+
+    @property
+    def dropped_ticks(self) -> int:
+        """How many ticks are missing within."""
+        return sum(drop.ticks for drop in self.drops)
+
+    def _sort_in(self, event: Event) -> None:
+        if isinstance(event, Violation):
+            # There may have been a word on it before; this one is newer.
+            key = (event.rule, event.robots, event.start_s)
+            at = self._violation_at.setdefault(key, len(self.violations))
+            self.violations[at : at + 1] = [event]
+            return
+        lists: dict[type[Event], list[Any]] = {
+            Switch: self.switches,
+            Target: self.targets,
+            Goal: self.goals,
+            Transition: self.transitions,
+            Fault: self.faults,
+            Drop: self.drops,
+        }
+        lists[type(event)].append(event)
+
+
+def _append(series: Series, record: RobotTick, driver: int) -> None:
+    state = record.state
+    series.time_s.append(record.time_s)
+    series.x_m.append(state.x_m)
+    series.y_m.append(state.y_m)
+    series.heading_rad.append(state.heading_rad)
+    series.battery.append(float("nan") if state.battery is msgspec.UNSET else state.battery)
+    series.driver.append(driver)
+    for module in record.modules:
+        series.margins.setdefault(module.name, array("d")).append(module.margin_value)
+        series.reaches.setdefault(module.name, array("d")).append(module.reach_value)

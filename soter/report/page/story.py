@@ -1,0 +1,233 @@
+"""What a page shows of a run, and how it grows: thinned out, so that a long run stays small.
+
+Exact are all events: who drove from when to when, disengagements and their causes, targets, goals, violations, gaps.
+Poses are thinned out to every so many ticks. Margins and charges are gathered into buckets, of which the least and
+the largest value are kept, so that no minimum is lost.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import Final, TypeVar
+
+import numpy as np
+
+from soter.record.content import Content, Series, Way
+from soter.record.messages import AC, About, Goal, RobotAbout, Switch, Target
+from soter.report.page.grown import Numbers, Rows
+from soter.report.page.pack import buckets, starts_of_runs
+
+T = TypeVar("T")
+
+
+class Buckets:
+    """The least and the largest of every so many neighbours."""
+
+    def __init__(self) -> None:
+        self.low: Final = Numbers()
+        self.high: Final = Numbers()
+
+    def add(self, values: array[float], first: int, step: int) -> None:
+        """Gather values, of which the first one has a number; the last bucket may have had room."""
+        numbers = np.asarray(values, dtype=np.float64)
+        room = -first % step
+        if room and len(numbers) and self.low.values:
+            self.low.set(-1, float(np.fmin.reduce([self.low.values[-1], *numbers[:room]])))
+            self.high.set(-1, float(np.fmax.reduce([self.high.values[-1], *numbers[:room]])))
+        low, high = buckets(numbers[room:], step)
+        self.low.add(low)
+        self.high.add(high)
+
+    def halve(self) -> None:
+        """Join every two neighbours."""
+        low, high = buckets(self.low.values, 2)[0], buckets(self.high.values, 2)[1]
+        self.low.replace(low)
+        self.high.replace(high)
+
+
+class RobotStory:
+    """One robot.
+
+    Attributes:
+        about: what was said of it before the first tick.
+        time_s, x_m, y_m, heading_rad: its poses.
+        stretches: rows of begin in fleet time and index of who drove from then on.
+        bucket_s: when each bucket begins.
+        charge: buckets.
+        margins, reaches: buckets, a pair for each module.
+        targets: rows of number, begin, end, x, y and outcome; what has not ended has no end.
+        goals: columns: begin and end in fleet time, x, y, and 1 where the AC sent the goal.
+        way_s, way_begin, way_x_m, way_y_m: when each way was meant, at which place it begins, and all places.
+    """
+
+    def __init__(self, about: RobotAbout) -> None:
+        self.about: Final = about
+        self.time_s, self.x_m, self.y_m, self.heading_rad = Numbers(), Numbers(), Numbers(), Numbers()
+        self.stretches: Final = Rows()
+        self.bucket_s: Final = Numbers()
+        self.charge: Final = Buckets()
+        self.margins: Final = [Buckets() for _ in about.modules]
+        self.reaches: Final = [Buckets() for _ in about.modules]
+        self.targets: Final = Rows()
+        self.goals: Final = tuple(Numbers() for _ in range(5))
+        self.way_s, self.way_begin, self.way_x_m, self.way_y_m = Numbers(), Numbers(), Numbers(), Numbers()
+        self.way_begin.add([0.0])
+        self._target_at: Final[dict[int, int]] = {}
+        self._extra_pose = False
+
+    # --- ticks -----------------------------------------------------------------------------------------------
+
+    def add(self, series: Series, first: int, pose_ticks: int, bucket_ticks: int) -> None:
+        """Add ticks, of which the first one has a number."""
+        if not series.time_s:
+            return
+        self._add_poses(series, first, pose_ticks)
+        runs = starts_of_runs(series.driver)
+        if self.stretches.values and self.stretches.values[-1][1] == series.driver[0]:
+            del runs[0]
+        self.stretches.add([series.time_s[start], series.driver[start]] for start in runs)
+        self.bucket_s.add(np.asarray(series.time_s)[-first % bucket_ticks :: bucket_ticks])
+        self.charge.add(series.battery, first, bucket_ticks)
+        nothing: array[float] = array("d")
+        for module, margin, reach in zip(self.about.modules, self.margins, self.reaches, strict=True):
+            margin.add(series.margins.get(module.name, nothing), first, bucket_ticks)
+            reach.add(series.reaches.get(module.name, nothing), first, bucket_ticks)
+
+    def _add_poses(self, series: Series, first: int, step: int) -> None:
+        """Add every so-manieth pose, and the last one for as long as it is the last."""
+        poses = ((self.time_s, series.time_s), (self.x_m, series.x_m), (self.y_m, series.y_m),
+                 (self.heading_rad, series.heading_rad))  # fmt: skip
+        if self._extra_pose:
+            self._cut_last_pose()
+        last = len(series.time_s) - 1
+        self._extra_pose = (first + last) % step != 0
+        for column, values in poses:
+            numbers = np.asarray(values)
+            column.add(numbers[-first % step :: step])
+            if self._extra_pose:
+                column.add(numbers[last:])
+
+    def _cut_last_pose(self) -> None:
+        for column in (self.time_s, self.x_m, self.y_m, self.heading_rad):
+            column.cut(len(column.values) - 1)
+
+    def halve_poses(self) -> None:
+        """Keep every other pose, and the last one."""
+        count = len(self.time_s.values) - self._extra_pose
+        self._extra_pose = self._extra_pose or count % 2 == 0
+        for column in (self.time_s, self.x_m, self.y_m, self.heading_rad):
+            numbers = np.asarray(column.values)
+            kept = numbers[:count:2]
+            column.replace(np.append(kept, numbers[-1:]) if self._extra_pose else kept)
+
+    def halve_buckets(self) -> None:
+        """Join every two neighbours."""
+        self.bucket_s.replace(np.asarray(self.bucket_s.values)[::2])
+        for each in (self.charge, *self.margins, *self.reaches):
+            each.halve()
+
+    # --- events ----------------------------------------------------------------------------------------------
+
+    def add_target(self, target: Target) -> None:
+        """Note that a target has begun or ended."""
+        at = self._target_at.get(target.target_id)
+        if not target.outcome:
+            row = [target.target_id, rounded_s(target.time_s), None, target.x_m, target.y_m, ""]
+            if at is None:
+                self._target_at[target.target_id] = len(self.targets.values)
+                self.targets.add([row])
+            else:
+                self.targets.set(at, row)
+        elif at is not None:
+            row = [*self.targets.values[at]]
+            row[2], row[5] = rounded_s(target.time_s), target.outcome
+            self.targets.set(at, row)
+
+    def add_goal(self, goal: Goal) -> None:
+        """Note that a goal was sent or has ended."""
+        end_s = self.goals[1]
+        if end_s.values and np.isinf(end_s.values[-1]):
+            # The next goal supersedes one that nobody ended.
+            end_s.set(-1, goal.time_s)
+        if goal.status == "active":
+            values = (goal.time_s, np.inf, goal.x_m, goal.y_m, float(goal.by == AC))
+            for column, value in zip(self.goals, values, strict=True):
+                column.add([value])
+
+    def add_way(self, way: Way) -> None:
+        """Note what the AC means to drive."""
+        self.way_s.add([way.time_s])
+        self.way_x_m.add([x for x, _ in way.places])
+        self.way_y_m.add([y for _, y in way.places])
+        self.way_begin.add([len(self.way_x_m.values)])
+
+
+class Story:
+    """All robots.
+
+    Args:
+        about: what was said before the first tick.
+        pose_ticks: of so many ticks one pose is kept.
+        bucket_ticks: so many ticks are gathered.
+
+    Attributes:
+        drivers: "AC" and the names of the modules.
+        robots: in their order.
+        switches: rows of fleet time, robot, who drove before and after, module, cause, modules that joined.
+        drops: rows of fleet time, first tick that is missing, and how many are.
+    """
+
+    def __init__(self, about: About, pose_ticks: int = 1, bucket_ticks: int = 1) -> None:
+        self.drivers: Final = (AC, *about.modules)
+        self.robots: Final = [RobotStory(each) for each in about.robots]
+        self.switches: Final = Rows()
+        self.drops: Final = Rows()
+        self.pose_ticks = pose_ticks
+        self.bucket_ticks = bucket_ticks
+        self._ticks = 0
+        self._seen: Final[dict[str, int]] = {}
+
+    def add(self, content: Content) -> None:
+        """Add what is in a content's series, and the events that it did not have the last time."""
+        count = 0
+        for robot in self.robots:
+            series = content.series[robot.about.robot_id]
+            robot.add(series, self._ticks, self.pose_ticks, self.bucket_ticks)
+            count = len(series.time_s)
+        self._ticks += count
+        by_id = {robot.about.robot_id: robot for robot in self.robots}
+        for target in self._unseen("targets", content.targets):
+            by_id[target.robot_id].add_target(target)
+        for goal in self._unseen("goals", content.goals):
+            by_id[goal.robot_id].add_goal(goal)
+        for way in self._unseen("ways", content.ways):
+            by_id[way.robot_id].add_way(way)
+        self.switches.add(self._switch(each) for each in self._unseen("switches", content.switches))
+        drops = self._unseen("drops", content.drops)
+        self.drops.add([rounded_s(each.time_s), each.first_tick, each.ticks] for each in drops)
+
+    def thin_out(self, most_poses: int, most_buckets: int) -> None:
+        """Keep half of the detail wherever there is too much of it; see `soter.report.page.extract` for what is."""
+        while sum(len(robot.time_s.values) for robot in self.robots) > most_poses:
+            self.pose_ticks *= 2
+            for robot in self.robots:
+                robot.halve_poses()
+        while max(len(robot.bucket_s.values) for robot in self.robots) > most_buckets:
+            self.bucket_ticks *= 2
+            for robot in self.robots:
+                robot.halve_buckets()
+
+    def _unseen(self, name: str, events: list[T]) -> list[T]:
+        since, self._seen[name] = self._seen.get(name, 0), len(events)
+        return events[since:]
+
+    def _switch(self, switch: Switch) -> list[object]:
+        return [
+            switch.time_s, switch.robot_id, self.drivers.index(switch.before), self.drivers.index(switch.after),
+            switch.module, switch.cause, list(switch.joined),
+        ]  # fmt: skip
+
+
+def rounded_s(time_s: float) -> float:
+    """Return a time as exactly as a page says it."""
+    return round(time_s, 4)
