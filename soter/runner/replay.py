@@ -19,8 +19,8 @@ from soter.config import make_mission
 from soter.errors import ConfigError, IllFormedModule
 from soter.record.about import capabilities_of
 from soter.record.check import Flaw, flaw
-from soter.record.messages import AC, RobotAbout, RobotTick, Switch
 from soter.record.content import Tick
+from soter.record.messages import AC, RobotAbout, RobotTick, Switch
 from soter.record.reader import BadRecording, Recording
 from soter.record.samples import sample_of
 from soter.rta import Mode, RobotSupervisor, Sample, SwitchRecord

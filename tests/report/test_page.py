@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soter.record.messages import Drop
 from soter.record.content import Content
+from soter.record.messages import Drop
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
