@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, isfinite, sin
+from math import cos, sin
 from typing import Any, Final
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -11,13 +11,11 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 
+from soter_sim.streamed import StreamedBase
 from soter_sim.world import World
 
-COMMAND_S: Final = 0.2
-"""The motors stop so long after the last velocity, in the world's time."""
 
-
-class Base:
+class Base(StreamedBase):
     """One robot.
 
     Args:
@@ -29,21 +27,16 @@ class Base:
     """
 
     def __init__(self, node: Node, world: World, robot_id: int, stamp: Callable[[], Any], *, stamped: bool) -> None:
+        super().__init__(world, robot_id)
         self.node: Final = node
-        self._world: Final = world
-        self._index: Final = world.index(robot_id)
         self._stamp: Final = stamp
         self._frame: Final = node.get_namespace().strip("/")
         self._stamped: Final = stamped
         self._odometry: Final = node.create_publisher(Odometry, "odom", 1)
         self._battery: Final = node.create_publisher(BatteryState, "battery_state", 1)
         node.create_subscription(TwistStamped if stamped else Twist, "cmd_vel", self._hear, 1)
-        self._velocity = (0.0, 0.0)
-        self._heard_s = -COMMAND_S
-        world.set_control(robot_id, self._control)
 
     def tell_odometry(self) -> None:
-        """Publish where it is and how it moves."""
         bodies, i = self._world.bodies, self._index
         message = Odometry()
         message.header.stamp = self._stamp()
@@ -57,7 +50,6 @@ class Base:
         self._odometry.publish(message)
 
     def tell_battery(self) -> None:
-        """Publish its charge."""
         message = BatteryState()
         message.header.stamp = self._stamp()
         message.header.frame_id = f"{self._frame}/base_link"
@@ -67,9 +59,4 @@ class Base:
 
     def _hear(self, message: Any) -> None:
         twist = message.twist if self._stamped else message
-        velocity = (twist.linear.x, twist.angular.z)
-        self._velocity = velocity if isfinite(velocity[0] + velocity[1]) else (0.0, 0.0)
-        self._heard_s = self._world.now_s
-
-    def _control(self, now_s: float, *_state: float) -> tuple[float, float]:
-        return self._velocity if now_s - self._heard_s < COMMAND_S else (0.0, 0.0)
+        self.drive(twist.linear.x, twist.angular.z)

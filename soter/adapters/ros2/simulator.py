@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import os
 import random
 import socket
-import subprocess
-import sys
 from collections.abc import Sequence
 from typing import Final
 
-from pydantic import TypeAdapter
-
 from soter.adapters.ros2.loopback import environment
 from soter.errors import RobotUnavailable
-from soter.sdk import RobotSpec, program
+from soter.sdk import RobotSpec
+from soter.streamed.simulator import StreamedSimulator
 from soter.workspace import Workspace
-
-START_TIMEOUT_S: Final = 30.0
 
 # Ports of DDS are 7400 + 250 * domain and up; beyond this domain they meet those that Linux hands out.
 _DOMAINS: Final = range(1, 101)
@@ -78,8 +71,8 @@ def _bound(port: int) -> socket.socket | None:
     return found
 
 
-class Simulator:
-    """A world in real time and its robots' muxes, which end with this process, however it ends. On this host only.
+class Simulator(StreamedSimulator):
+    """A world in real time as ROS 2 robots, each with its mux. On this host only.
 
     Args:
         workspace: fence, boxes, chargers.
@@ -90,10 +83,6 @@ class Simulator:
 
     Attributes:
         domain_id: of ROS.
-        namespaces: by robot, where its topics are.
-        truth: where the world tells what really happens, as `host:port`.
-        world: the process of the world.
-        muxes: by robot, the process of its mux.
 
     Raises:
         RobotUnavailable: it does not start.
@@ -113,28 +102,15 @@ class Simulator:
             self._domain = Domain()
             domain_id = self._domain.id
         self.domain_id: Final = domain_id
-        self.namespaces: Final = {spec.id: f"/{spec.name or f'robot{spec.id}'}" for spec in robots}
-        self.muxes: Final[dict[int, subprocess.Popen[bytes]]] = {}
+        super().__init__("soter_sim.ros2", "/", robots, {**environment(), "ROS_DOMAIN_ID": str(domain_id)})
         self._stamped: Final = stamped
-        named = ",".join(f"{robot_id}={name}" for robot_id, name in self.namespaces.items())
-        flags = ["--stamped"] if stamped else []
-        self.world: Final = self._start(
-            "soter_sim.ros2", "--namespaces", named, "--truth-port", str(truth_port), *flags, pipes=True
-        )
-        try:
-            for robot_id in self.namespaces:
-                self.start_mux(robot_id)
-            described = TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).dump_json((workspace, tuple(robots)))
-            self.truth: Final[str] = json.loads(program.first_line(self.world, described, START_TIMEOUT_S))["truth"]
-        except (ValueError, OSError) as failure:
-            self.close()
-            raise RobotUnavailable(
-                f"the simulated robots do not start: {failure}; what they say is on standard error, and "
-                f"`{sys.executable} -m soter_sim.ros2 --help` must work"
-            ) from failure
+        self._start_world("--truth-port", str(truth_port), *(["--stamped"] if stamped else []))
+        # Meanwhile: they take their time to start.
+        for robot_id in self.namespaces:
+            self.start_mux(robot_id)
+        self._hand_over(workspace)
 
     def start_mux(self, robot_id: int) -> None:
-        """Start the mux of a robot, in place of the one that it had."""
         stamped = "true" if self._stamped else "false"
         self.muxes[robot_id] = self._start(
             "soter.adapters.ros2.mux", "--robot", self.namespaces[robot_id], "--ros-args",
@@ -142,18 +118,6 @@ class Simulator:
         )  # fmt: skip
 
     def close(self) -> None:
-        """End the processes and wait until they are gone. Idempotent."""
-        program.end([self.world, *self.muxes.values()])
+        super().close()
         if self._domain is not None:
             self._domain.close()
-
-    def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
-        kind = subprocess.PIPE if pipes else subprocess.DEVNULL
-        paths = os.pathsep.join(filter(None, sys.path))
-        cut = arguments.index("--ros-args") if "--ros-args" in arguments else len(arguments)
-        # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
-        return subprocess.Popen(
-            [sys.executable, "-m", module, *arguments[:cut], "--parent", str(os.getpid()), *arguments[cut:]],
-            stdin=kind, stdout=kind, start_new_session=True,
-            env={**environment(), "ROS_DOMAIN_ID": str(self.domain_id), "PYTHONPATH": paths},
-        )  # fmt: skip
