@@ -27,6 +27,7 @@ from pydantic import (
 from soter.config_tables import (
     MODULES,
     BatteryTable,
+    DistributionTable,
     IsolationTable,
     Name,
     RawTables,
@@ -80,6 +81,7 @@ class Mission(Table):
         adversaries: raw options, by adversary.
         isolation: limits of the mission's process.
         fault: raw tables of the faults to inject, see `soter.faults`.
+        distribution: which process does what; without processes everything is in one.
     """
 
     app: Literal["surveillance"] = "surveillance"
@@ -100,6 +102,7 @@ class Mission(Table):
     planners: RawTables = Field(default_factory=dict)
     adversaries: RawTables = Field(default_factory=dict)
     fault: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = ()
+    distribution: DistributionTable = DistributionTable()
 
     _source: str | None = PrivateAttr(default=None)
     _lines: dict[tuple[str, ...], int] = PrivateAttr(default_factory=dict)
@@ -153,9 +156,27 @@ class Mission(Table):
             message = f"it is {self.robots}, but {self.workspace} has {len(ids)}"
             advice = "for more, add robots and charging stations to the workspace file"
             problems.append(self._problem("robots", f"{message}; allowed: 1 to {len(ids)}; {advice}"))
+        problems += self._misplaced(ids if self.robots is None else ids[: self.robots])
         if problems:
             raise config_error(problems, self.source)
         return workspace if self.robots is None else workspace.with_robots(self.robots)
+
+    def _misplaced(self, ids: Sequence[int]) -> list[Problem]:
+        """Return what is wrong with where the robots of a distributed mission are."""
+        processes = self.distribution.processes
+        problems = [
+            self._problem(
+                f"distribution.processes.{name}.robots", f"there is no robot {robot_id}; allowed: {_listed(ids)}"
+            )
+            for name, table in processes.items()
+            for robot_id in table.robots
+            if robot_id not in ids
+        ]
+        homeless = set(ids) - {robot_id for table in processes.values() for robot_id in table.robots}
+        if processes and homeless:
+            message = f"no process has the robots {_listed(sorted(homeless))}; allowed: every robot in exactly one"
+            problems.append(self._problem("distribution.processes", message))
+        return problems
 
     def refusal(self, key: str, message: str) -> ConfigError:
         """Return an error about the value of one dotted key, with the place that it came from."""

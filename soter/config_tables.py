@@ -259,3 +259,58 @@ class IsolationTable(Table):
     memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
     silent_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 2.0
     real_time: Literal["auto", "always", "never"] = "auto"
+
+
+class ProcessTable(Table):
+    """One process of a distributed mission, `[distribution.processes.NAME]`.
+
+    Attributes:
+        robots: the ids of the robots that it commands.
+        planner: whether the task planner is in it.
+        bus: options of the bus that this process has in place of the common ones, such as a certificate of its own.
+    """
+
+    robots: Annotated[tuple[RobotId, ...], Field(strict=False)] = ()
+    planner: bool = False
+    bus: dict[str, Any] = Field(default_factory=dict)
+
+
+class DistributionTable(Table):
+    """Which process does what; without any, everything is in one.
+
+    Attributes:
+        processes: by name.
+        via: what joins them: a bus by name, or a class as `module:Class`.
+        bus: its options, raw; checked by the bus's own model.
+        prefix: of the keys on the bus; missions that share a network need different ones.
+        wait_s: host time for which a process waits at its start until all others are there.
+    """
+
+    processes: dict[str, ProcessTable] = Field(default_factory=dict)
+    via: Name = "zenoh"
+    bus: dict[str, Any] = Field(default_factory=dict)
+    prefix: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$")] = "soter"
+    wait_s: Annotated[float, Field(gt=0.0, le=86400.0, allow_inf_nan=False)] = 60.0
+
+    @model_validator(mode="after")
+    def _everything_once(self) -> Self:
+        homes: dict[int, str] = {}
+        planners: list[str] = []
+        for name, table in self.processes.items():
+            if not re.fullmatch(r"[a-z][a-z0-9_-]{0,39}", name):
+                allowed = "a name of small letters, digits, - and _, beginning with a letter"
+                raise wrong(("processes", name), name, allowed)
+            for robot_id in table.robots:
+                if robot_id in homes:
+                    allowed = f"each robot once; robot {robot_id} is in '{homes[robot_id]}' already"
+                    raise wrong(("processes", name, "robots"), list(table.robots), allowed)
+                homes[robot_id] = name
+            if table.planner and planners:
+                allowed = f"one task planner; there is one in '{planners[0]}' already"
+                raise wrong(("processes", name, "planner"), True, allowed)
+            planners += [name] * table.planner
+            if not (table.planner or table.robots):
+                raise wrong(("processes", name), {}, "robots = [...], planner = true, or both")
+        if self.processes and not planners:
+            raise wrong(("processes",), list(self.processes), "planner = true in exactly one process; it is in none")
+        return self

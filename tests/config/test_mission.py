@@ -142,7 +142,7 @@ def test_a_wrong_override_is_blamed_on_the_command_line(overrides: dict[str, obj
 
 ALL_KEYS = (
     "app, workspace, backend, duration_s, seed, targets, robots, ac, planner, target_timeout_s, base_tick_s, battery, "
-    "rta, isolation, backends, planners, adversaries, fault"
+    "rta, isolation, backends, planners, adversaries, fault, distribution"
 )
 WRONG: list[tuple[str, str]] = [
     # syntax
