@@ -102,7 +102,9 @@ def assemble(
     promises = [*(robot.capabilities for robot in robots), *remote_promises]
     apart = COLLISION in enabled(mission)
     low = {peer.robot_id: peer.needs_charge for peer in remote}
-    right_of_way = RightOfWay(lambda robot_id: robot_id in low and low[robot_id]())
+    right_of_way = RightOfWay(
+        mission.rta.collision.phi_safer_m if apart else 0.0, lambda robot_id: robot_id in low and low[robot_id]()
+    )
     peers = PeerBounds.of(promises)
     terrain = Terrain(workspace, max(each.body_radius_m for each in promises))
     ports: dict[int, Port[Waypoint, RobotState]] = {}
@@ -155,7 +157,7 @@ def assemble(
 
     watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_SILENT_S)
     supervisor = Supervisor(
-        supervisors, mission.base_tick_s, NEIGHBOUR_M, before_decisions,
+        supervisors, mission.base_tick_s, max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + 1.0), before_decisions,
         watched if apart else None,
         StillPeers(_still_s(promises, mission.base_tick_s)) if apart else None,
         remote if apart else (),

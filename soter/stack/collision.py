@@ -16,6 +16,8 @@ from soter.stack.right_of_way import RightOfWay
 from soter.stack.safe_controller import Retreat
 
 RETREAT_M: Final = 0.75
+"""How far from every peer robots retreat; 0.25 m beyond phi_safer where that is more."""
+
 _ROUNDING: Final = 1e-9
 
 
@@ -123,6 +125,7 @@ class BackAway(Retreat):
         refuges: finds where to go.
         right_of_way: who is first.
         dock: where this robot charges.
+        safer_m: the distance from which the collision module gives robots back.
     """
 
     def __init__(
@@ -133,8 +136,9 @@ class BackAway(Retreat):
         refuges: RefugeFinder,
         right_of_way: RightOfWay,
         dock: Dock,
+        safer_m: float = 0.0,
     ) -> None:
-        super().__init__("back-away", period_s, waypoint, recovery, refuges, RETREAT_M)
+        super().__init__("back-away", period_s, waypoint, recovery, refuges, max(RETREAT_M, safer_m + 0.25))
         self._right_of_way: Final = right_of_way
         self._dock: Final = dock
 

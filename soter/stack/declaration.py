@@ -170,7 +170,7 @@ def declare(
         COLLISION: lambda: RTAModule(
             COLLISION,
             ac,
-            BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock),
+            BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock, rta.collision.phi_safer_m),
             rta.collision.delta_s,
             apart,
             replace(apart, least_m=rta.collision.phi_safer_m),

@@ -10,7 +10,7 @@ from typing import Final
 from soter.rta import Mode, RobotSupervisor, Situation
 
 NEAR_M: Final = 0.6
-"""Robots nearer than this meet."""
+"""Robots nearer than this meet; 0.1 m beyond phi_safer where that is more."""
 
 MEMORY_S: Final = 3.0
 """An encounter ends so long after its robots were last near each other."""
@@ -19,7 +19,7 @@ TURN_S: Final = 20.0
 """After so long the order rotates, so that a first robot that cannot move does not block the others for ever."""
 
 CLEAR_M: Final = 0.70
-"""Beyond this distance from every peer nobody needs a turn."""
+"""Beyond this distance from every peer nobody needs a turn; 0.2 m beyond phi_safer where that is more."""
 
 PATIENCE_S: Final = 4.0
 """After so long in SC a robot at phi_safer may go on whatever the order says."""
@@ -50,10 +50,13 @@ class RightOfWay:
     Supervisors that share peers come to the same order, up to the time it takes to hear of each other.
 
     Args:
+        safer_m: the distance from which the collision module gives robots back.
         needs_charge: whether a robot of another supervisor is on its way to charge, and low.
     """
 
-    def __init__(self, needs_charge: Callable[[int], bool] = lambda _: False) -> None:
+    def __init__(self, safer_m: float = 0.0, needs_charge: Callable[[int], bool] = lambda _: False) -> None:
+        self._near_m: Final = max(NEAR_M, safer_m + 0.1)
+        self._clear_m: Final = max(CLEAR_M, safer_m + 0.2)
         self._remote_needs_charge: Final = needs_charge
         self._met_s: dict[tuple[int, int], float] = {}
         self._encounters: dict[int, Encounter] = {}
@@ -61,7 +64,7 @@ class RightOfWay:
 
     def update(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         """Find out who meets whom, and who goes first."""
-        met = self._met_s
+        met, near_m = self._met_s, self._near_m
         for robot_id, robot in robots.items():
             own = robot.situation.own
             for peer in robot.situation.peers:
@@ -69,7 +72,7 @@ class RightOfWay:
                 if peer_id <= robot_id and peer_id in robots:
                     continue
                 dx, dy = peer.x_m - own.x_m, peer.y_m - own.y_m
-                if dx * dx + dy * dy < NEAR_M * NEAR_M:
+                if dx * dx + dy * dy < near_m * near_m:
                     met[min(robot_id, peer_id), max(robot_id, peer_id)] = now_s
             for module in robot.modules:
                 if module.name == COLLISION:
@@ -95,7 +98,8 @@ class RightOfWay:
         if situation.now_s - self._disengaged_s.get(situation.robot_id, situation.now_s) >= PATIENCE_S:
             return True
         own = situation.own
-        return all(math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) > CLEAR_M for peer in situation.peers)
+        clear_m = self._clear_m
+        return all(math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) > clear_m for peer in situation.peers)
 
     def _form(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         groups: dict[int, set[int]] = {}

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
+from soter.stack.away import AwayAgent, AwayKit
 from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
 from soter.stack.robot_agent import RobotAgent
@@ -16,13 +17,13 @@ class Tasks:
     """What the task planner plans.
 
     Attributes:
-        kits: of every robot.
+        kits: of every robot: those of this process with all that their machines need, those of others without.
         next_target: where a robot goes next; called with its id.
         on_target: told of every target given: robot, target id, place.
         on_ended: told of every target that ended: robot, target id, outcome.
     """
 
-    kits: Mapping[int, RobotKit]
+    kits: Mapping[int, RobotKit | AwayKit]
     next_target: Callable[[int], Place]
     on_target: Callable[[int, int, Place], None]
     on_ended: Callable[[int, int, Outcome], None]
@@ -42,7 +43,8 @@ class TaskPlanner(Machine):
         self.last_target_id = 0
         self.agents: dict[int, MachineRef] = {}
         for robot_id, kit in tasks.kits.items():
-            agent = self.create(RobotAgent, (kit, self.ref), name=f"RobotAgent {robot_id}")
+            machine = AwayAgent if isinstance(kit, AwayKit) else RobotAgent
+            agent = self.create(machine, (kit, self.ref), name=f"RobotAgent {robot_id}")
             for other_id, other in self.agents.items():
                 self.send(other, RobotJoined(robot_id, agent))
                 self.send(agent, RobotJoined(other_id, other))

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Final
 
 from soter.cli.overrides import merge
-from soter.config import load_mission
+from soter.config import Mission, load_mission
 from soter.faults import read_faults
 from soter.faults.robot import widened
 from soter.registry import load_backend
@@ -16,6 +16,7 @@ from soter.runner import RunResult
 from soter.sdk import RULES
 from soter.stack.adversaries import BUILT_IN, PREFIX
 from soter.stack.declaration import timing_of
+from soter_sim.truth import COLLISION_M
 from tools.acceptance.cases import CHARGE_FROM_SEED, SURVEILLANCE, Case
 from tools.acceptance.judge import Criterion, Outcome, Verdict
 from tools.acceptance.store import ROOT
@@ -58,6 +59,17 @@ STRETCHED: Final = (
 Without the collision module: it admits no such latency, whatever room it is given. So the robot is alone.
 """
 
+APART: Final = (
+    "workspace=../tools/acceptance/wide.xml",
+    "rta.modules=['collision', 'geofence', 'battery']",
+    "rta.collision.phi_safe_m=1.2",
+    "rta.collision.phi_safer_m=1.9",
+    "rta.collision.delta_s=0.05",
+    "rta.geofence.delta_s=0.05",
+    "fault=[{kind='delay', commands_s=1.1}]",
+)
+"""The same latency for two robots that keep so far apart that the collision module can admit it, in an empty hall."""
+
 _WORST_LATENCY_S: Final = 1.15
 
 
@@ -71,6 +83,9 @@ def adversary_cases() -> list[Case]:
     for name in ("fastest-to-boundary", "search"):
         told = f"adversaries.{name}.facts.latency_s={_WORST_LATENCY_S:g}"
         cases += [_case("stretched", name, ENGINES[0], seed, *STRETCHED, told) for seed in SEEDS]
+    for name in ("chase", "pincer", "search"):
+        told = f"adversaries.{name}.facts.latency_s={_WORST_LATENCY_S:g}"
+        cases += [_case("apart", name, ENGINES[0], seed, *APART, told) for seed in SEEDS]
     return cases
 
 
@@ -84,10 +99,26 @@ def _case(group: str, name: str, engine: str, seed: int, *settings: str) -> Case
 
 
 @cache
+def _mission(case: Case) -> Mission:
+    settings = [value for option, value in zip(case.options, case.options[1:], strict=False) if option == "--set"]
+    return load_mission(ROOT / case.mission, {**merge({}, settings), "seed": case.seed})
+
+
+def least_m(outcome: Outcome, rule: str) -> float | None:
+    """Return the least margin of a rule that truth saw, to the edge of the module's phi_safe; None without a truth.
+
+    Truth measures collisions from its own distance, which a mission may ask more than.
+    """
+    seen = None if outcome.result is None else (outcome.result.min_margin or {}).get(rule)
+    if seen is None or rule != "collision":
+        return seen
+    return seen + COLLISION_M - _mission(outcome.case).rta.collision.phi_safe_m
+
+
+@cache
 def reach_m(case: Case) -> Mapping[str, float]:
     """Return R(H) of every enabled module whose margin is a distance, on the robots that promise the most."""
-    settings = [value for option, value in zip(case.options, case.options[1:], strict=False) if option == "--set"]
-    mission = load_mission(ROOT / case.mission, {**merge({}, settings), "seed": case.seed})
+    mission = _mission(case)
     # Robots of both engines promise the same; this one needs no library.
     declared = load_backend(ENGINES[0]).robot_class.declared
     faults = [table.made_for(1, 0, mission.base_tick_s) for table in read_faults(mission, [1, 2]) if table.hits(1)]
@@ -114,9 +145,7 @@ def least_part(outcomes: Iterable[Outcome], rule: str) -> tuple[float, Outcome] 
     parts = [
         (margin / bounds[rule], outcome)
         for outcome in outcomes
-        if outcome.result is not None
-        and rule in (bounds := reach_m(outcome.case))
-        and (margin := (outcome.result.min_margin or {}).get(rule)) is not None
+        if rule in (bounds := reach_m(outcome.case)) and (margin := least_m(outcome, rule)) is not None
     ]
     return min(parts, key=lambda part: (part[0], part[1].case.name), default=None)
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from soter.runner import RunResult
 from soter.sdk import RULES
-from tools.acceptance.adversaries import DISTANCES, LINKS, STRETCHED, least_part
+from tools.acceptance.adversaries import APART, DISTANCES, LINKS, STRETCHED, least_m, least_part
 from tools.acceptance.judge import Criterion, Outcome
 from tools.acceptance.page import commands, exposure, head, robot_hours, table
 
@@ -21,6 +21,10 @@ _GROUPS: Final = {
     "stretched": (
         "The worst latency",
         f"One robot alone, with {', '.join(f'`{setting}`' for setting in STRETCHED[1:])}.",
+    ),
+    "apart": (
+        "The worst latency, for two",
+        f"An empty hall, with {', '.join(f'`{setting}`' for setting in APART[1:])}.",
     ),
 }
 
@@ -74,8 +78,7 @@ def _least(runs: Sequence[Outcome], rule: str) -> str:
     if least is None:
         return "-"
     part, outcome = least
-    margin = (outcome.result.min_margin or {})[rule] if outcome.result is not None else 0.0
-    return f"{margin:.3f} = {part:.2f} R"
+    return f"{least_m(outcome, rule):.3f} = {part:.2f} R"
 
 
 def _rest(results: Sequence[RunResult]) -> list[str]:

@@ -13,7 +13,10 @@ from tools.acceptance.cases import Case
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 FOLDER: Final = ROOT / "out" / "accept"
-_SOURCES: Final = ("soter", "sim", "examples", "tools/acceptance/planners.py", "tools/acceptance/alone.xml")
+_SOURCES: Final = (
+    "soter", "sim", "examples", "tools/acceptance/planners.py", "tools/acceptance/alone.xml",
+    "tools/acceptance/wide.xml",
+)  # fmt: skip
 _SUFFIXES: Final = {".py", ".toml", ".xml", ".urdf"}
 _LIBRARIES: Final = ("soter-rta", "numpy", "scipy", "ompl", "pybullet")
 
