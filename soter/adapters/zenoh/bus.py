@@ -7,7 +7,9 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from soter.adapters.zenoh.session import SessionOptions, open_session
+from pydantic import BaseModel
+
+from soter.adapters.zenoh.session import SessionOptions, close_session, open_session
 
 if TYPE_CHECKING:
     import zenoh
@@ -30,7 +32,7 @@ class ZenohBus:
         failed: messages at which whoever should hear them raised something.
     """
 
-    options_model: ClassVar[type[SessionOptions]] = SessionOptions
+    options_model: ClassVar[type[BaseModel]] = SessionOptions
 
     def __init__(self, session: zenoh.Session) -> None:
         import zenoh
@@ -100,7 +102,7 @@ class ZenohBus:
     def close(self) -> None:
         """Leave. Nothing is heard afterwards. Idempotent; not to be called from where messages are heard."""
         self._closed = True
-        self._session.close()  # type: ignore[no-untyped-call]
+        close_session(self._session)
 
     def _first_time(self, what: str) -> bool:
         with self._lock:

@@ -11,6 +11,7 @@ import logging
 import os
 import re
 import ssl
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -31,6 +32,8 @@ DEFAULT_PORT: Final = 7447
 _RETRY_LEAST_MS: Final = 200
 _RETRY_MOST_MS: Final = 1000
 _ADMIN_S: Final = 5.0
+_CLOSE_S: Final = 2.0
+_SCOUT_MS: Final = 500
 _FOREVER: Final = -1
 
 _log = logging.getLogger(__name__)
@@ -295,6 +298,26 @@ def open_session(options: SessionOptions) -> zenoh.Session:
     return session
 
 
+def close_session(session: zenoh.Session) -> None:
+    """Close a session, whatever has become of those that it has links to. Idempotent.
+
+    Zenoh waits ten seconds for somebody who does not read any more, and then fails. What is left after two goes on by
+    itself, in a thread of its own; nothing is heard or published any more.
+    """
+
+    def close() -> None:
+        import zenoh
+
+        try:
+            session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as failure:
+            _log.info("a Zenoh session was closed without a goodbye: %s", failure)
+
+    closing = threading.Thread(target=close, name="zenoh-close", daemon=True)
+    closing.start()
+    closing.join(_CLOSE_S)
+
+
 def endpoints(session: zenoh.Session) -> list[str]:
     """Return where a session listens, with the ports that it was given; empty for a client.
 
@@ -326,6 +349,8 @@ def _settings(options: SessionOptions) -> dict[str, Any]:
             "period_increase_factor": 2.0,
         },
         "scouting/multicast/enabled": False,
+        # How long opening waits for the first link, at most.
+        "scouting/delay": _SCOUT_MS if options.connect else 0,
         # How peers of one peer learn of each other; they need links among themselves.
         "scouting/gossip/enabled": True,
         # Says where the session listens. Nobody may change anything by it.
