@@ -25,12 +25,14 @@ BUILT_IN: Final[Mapping[str, str]] = {
     "mavlink": "soter.adapters.mavlink.backend:MavlinkBackend",
     "mavsdk": "soter.adapters.mavlink.mavsdk_backend:MavsdkBackend",
     "ros2": "soter.adapters.ros2.backend:Ros2Backend",
+    "zenoh": "soter.adapters.zenoh.backend:ZenohBackend",
 }
 """The backends of this distribution. They are found without it being installed, and nobody can take their names."""
 
 LIBRARIES: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
     "ros2": "rclpy",
+    "zenoh": "zenoh",
     "mavlink": "pymavlink",
     "mavsdk": "mavsdk",
 }
@@ -40,6 +42,7 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
     "ompl": "ompl",
     "matplotlib": "report",
+    "foxglove": "foxglove",
     "pymavlink": "mavlink",
     "mavsdk": "mavlink",
     "rclpy": "ros2",

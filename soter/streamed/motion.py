@@ -50,9 +50,9 @@ class Motion(NamedTuple):
         )  # fmt: skip
 
 
-def stamp_s(header: Any) -> float:
-    """Return the time of a std_msgs/Header, in seconds."""
-    return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
+def seconds(stamp: Any) -> float:
+    """Return a builtin_interfaces/Time in seconds."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def read_odometry(message: Any, origin: Pose) -> Motion:
@@ -71,7 +71,7 @@ def read_odometry(message: Any, origin: Pose) -> Motion:
     c, s = cos(origin[2]), sin(origin[2])
     heading = remainder(origin[2] + yaw, 2.0 * pi)
     return Motion(
-        stamp_s(message.header),
+        seconds(message.header.stamp),
         origin[0] + c * position.x - s * position.y,
         origin[1] + s * position.x + c * position.y,
         pi if heading == -pi else heading,
@@ -100,4 +100,4 @@ class Charge(NamedTuple):
 def read_battery(message: Any) -> Charge | None:
     """Return what a sensor_msgs/BatteryState says; None where it says nonsense, or NaN: it does not know."""
     level = float(message.percentage)
-    return Charge(stamp_s(message.header), level) if 0.0 <= level <= 1.0 else None
+    return Charge(seconds(message.header.stamp), level) if 0.0 <= level <= 1.0 else None

@@ -47,6 +47,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.conformance": {"soter.sdk", "soter.registry", "soter.faults"},
     "soter.record": {"soter.rta", "soter.machine", "soter.sdk"},
     "soter.report": {"soter.record"},
+    "soter.live": {"soter.child", "soter.record", "soter.report"},
     "soter.lang": {"soter.machine", "soter.rta", "soter.check", "soter.stack", "soter.sdk"},
     "soter.apps": {"soter.stack", "soter.rta", "soter.machine", "soter.sdk"},
     "soter.runner": {
@@ -70,7 +71,11 @@ ALLOWED: dict[str, set[str]] = {
     # Its face on Zenoh speaks as the adapter does: one codec and one way to open a session, not two.
     "soter_sim.zenoh": {
         "soter.adapters.zenoh.messages",
+        "soter.adapters.zenoh.presence",
+        "soter.adapters.zenoh.programs",
         "soter.adapters.zenoh.session",
+        "soter.adapters.zenoh.talk",
+        "soter.adapters.zenoh.velocities",
         "soter.sdk.values",
         "soter.drive",
         "soter.mux",
@@ -119,11 +124,12 @@ LIBRARIES: dict[str, set[str] | None] = {
     "pycdr2": {"soter.adapters.zenoh.messages"},
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
+    "foxglove": {"soter.live"},
     "PIL": {"soter.report"},  # what matplotlib writes pictures with
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.
-VENDORS = {"pybullet", "pymavlink", "mavsdk", "rclpy", "zenoh", "pycdr2", "ompl", "matplotlib"}
+VENDORS = {"pybullet", "pymavlink", "mavsdk", "rclpy", "zenoh", "pycdr2", "ompl", "matplotlib", "foxglove"}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 
 

@@ -1,0 +1,31 @@
+"""The simulated robots as a program; `python -m soter_sim.zenoh --help`."""
+
+from __future__ import annotations
+
+from soter.adapters.zenoh.programs import add_session, read_session, refusing
+from soter.adapters.zenoh.session import endpoints, open_session
+from soter.mux.program import Ending
+from soter_sim.streamed_program import make_parser, read_namespaces, read_world, serve
+from soter_sim.zenoh.face import Face
+
+
+def main() -> None:
+    """Run until interrupted or, with `--parent PID`, until that process is gone."""
+    parser = make_parser("soter_sim.zenoh", "robots on Zenoh", "robot1")
+    parser.add_argument("--speedup", type=float, default=1.0, metavar="N", help="seconds of the world by second")
+    add_session(parser)
+    given = parser.parse_args()
+    with refusing(parser):
+        options = read_session(given)
+        workspace, robots = read_world()
+        ended = Ending(given.parent)
+        with open_session(options) as session:
+            face = Face(
+                workspace, robots, read_namespaces(given.namespaces), session, stamped=given.stamped,
+                truth_port=given.truth_port, speedup=given.speedup,
+            )  # fmt: skip
+            serve(face, ended, endpoints=endpoints(session))
+
+
+if __name__ == "__main__":
+    main()

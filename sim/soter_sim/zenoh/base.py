@@ -1,0 +1,74 @@
+"""The base of one simulated robot on keys: odometry and battery out, velocity in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, sin
+from typing import Final
+
+import zenoh
+
+from soter.adapters.zenoh import messages
+from soter.adapters.zenoh.presence import announce
+from soter.adapters.zenoh.talk import Voice
+from soter.adapters.zenoh.velocities import hear_velocity
+from soter_sim.streamed import StreamedBase
+from soter_sim.world import World
+
+
+class Base(StreamedBase):
+    """One robot.
+
+    Args:
+        session: to hear and say over.
+        namespace: what its keys begin with.
+        world: where it lives.
+        robot_id: its number.
+        stamp: the world's time.
+        stamped: whether velocities come as TwistStamped.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        namespace: str,
+        world: World,
+        robot_id: int,
+        stamp: Callable[[], messages.Time],
+        *,
+        stamped: bool,
+    ) -> None:
+        super().__init__(world, robot_id)
+        self._namespace: Final = namespace
+        self._stamp: Final = stamp
+        self._odometry: Final = Voice(session, f"{namespace}/odom")
+        self._battery: Final = Voice(session, f"{namespace}/battery_state")
+        self._ear: Final = hear_velocity(session, f"{namespace}/cmd_vel", self.drive, stamped=stamped)
+        self._token: Final = announce(session, namespace, "base")
+
+    def tell_odometry(self) -> None:
+        bodies, i = self._world.bodies, self._index
+        half = 0.5 * bodies.heading[i]
+        self._odometry.say(
+            messages.Odometry(
+                messages.Header(self._stamp(), f"{self._namespace}/odom"),
+                f"{self._namespace}/base_link",
+                messages.PoseWithCovariance(
+                    messages.Pose(
+                        messages.Point(bodies.x[i], bodies.y[i]), messages.Quaternion(z=sin(half), w=cos(half))
+                    )
+                ),
+                messages.TwistWithCovariance(
+                    messages.Twist(messages.Vector3(x=bodies.v[i]), messages.Vector3(z=bodies.yaw_rate[i]))
+                ),
+            )
+        )
+
+    def tell_battery(self) -> None:
+        header = messages.Header(self._stamp(), f"{self._namespace}/base_link")
+        charge = self._world.bodies.charge[self._index]
+        self._battery.say(messages.BatteryState(header, percentage=charge, present=True))
+
+    def end(self) -> None:
+        """Hear no more. Idempotent."""
+        self._ear.close()

@@ -1,0 +1,65 @@
+"""A world in real time as robots on keys: their bases and its clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import zenoh
+
+from soter.adapters.zenoh.messages import Clock, Time
+from soter.adapters.zenoh.talk import Voice
+from soter.adapters.zenoh.velocities import stamp_of
+from soter.sdk.values import RobotSpec
+from soter.workspace import Workspace
+from soter_sim.streamed import StreamedFace
+from soter_sim.zenoh.base import Base
+
+CLOCK: Final = "clock"
+"""The key of the world's clock."""
+
+
+class Face(StreamedFace):
+    """The Zenoh face of a world.
+
+    Args:
+        workspace: fence, boxes, chargers.
+        robots: its robots.
+        namespaces: by robot, what its keys begin with.
+        session: to hear and say over; somebody else's to close.
+        stamped: whether velocities come as TwistStamped.
+        truth_port: where to tell the truth; 0 for any port that is free.
+        speedup: seconds of the world in one of the host.
+    """
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        robots: Sequence[RobotSpec],
+        namespaces: Mapping[int, str],
+        session: zenoh.Session,
+        *,
+        stamped: bool = False,
+        truth_port: int = 0,
+        speedup: float = 1.0,
+    ) -> None:
+        super().__init__(workspace, robots, truth_port, speedup)
+        self._clock: Final = Voice(session, CLOCK)
+        self._bases: Final = [
+            Base(session, namespaces[robot.id], self.world, robot.id, self._stamp, stamped=stamped) for robot in robots
+        ]
+        self.bases.extend(self._bases)
+
+    def _wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    def _tell_clock(self) -> None:
+        self._clock.say(Clock(self._stamp()))
+
+    def _end(self) -> None:
+        for base in self._bases:
+            base.end()
+
+    def _stamp(self) -> Time:
+        return stamp_of(self.clock_s)

@@ -1,0 +1,92 @@
+"""The backend `zenoh`: robots on keys, those that are given or simulated ones that are started for the run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Final
+
+from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
+from soter.adapters.zenoh.robot import ZenohRobot
+from soter.adapters.zenoh.session import open_session
+from soter.adapters.zenoh.simulator import Simulator
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
+from soter.sdk.truth import StreamedTruth
+
+
+class ZenohFleet(Fleet):
+    """Robots, the session that they are heard over, and the simulator if it was started for them.
+
+    Args:
+        config: where the robots are.
+        specs: the robots.
+        simulator: a simulator to end with the fleet, or None.
+
+    Attributes:
+        simulator: the same.
+        zenoh_robots: the robots, as what they are.
+    """
+
+    def __init__(self, config: ZenohConfig, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
+        self.simulator: Final = simulator
+        clock = VehicleClock(rate=config.speedup)
+        self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)
+        try:
+            self._session: Final = open_session(config.session)
+        except BaseException:
+            if self._truth is not None:
+                self._truth.close()
+            raise
+        try:
+            self.zenoh_robots: Final = tuple(ZenohRobot(spec, clock, self._session, config) for spec in specs)
+            super().__init__(clock, self.zenoh_robots, self._truth)
+        except BaseException:
+            self._close_shared()
+            raise
+
+    def _close(self) -> None:
+        self._close_shared()
+        if self.simulator is not None:
+            self.simulator.close()
+
+    def _close_shared(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call] # its stub has no return type
+        if self._truth is not None:
+            self._truth.close()
+
+
+class ZenohBackend(Backend):
+    """Robots on keys: those that are given, or simulated ones that are started for the occasion."""
+
+    interface_version: ClassVar[int] = INTERFACE_VERSION
+    config_model: ClassVar[type[BackendConfig]] = ZenohConfig
+    robot_class: ClassVar[type[Robot]] = ZenohRobot
+    harness: ClassVar[str] = "soter.adapters.zenoh.harness:ZenohHarness"
+
+    def open(self, config: ZenohConfig, robots: Sequence[RobotSpec]) -> ZenohFleet:
+        """Open the robots; they are not ready before `init()`.
+
+        Raises:
+            RobotUnavailable: a robot is not given, or the simulated ones do not start.
+        """
+        if config.robots:
+            missing = [spec.id for spec in robots if spec.id not in config.robots]
+            if missing:
+                raise RobotUnavailable(
+                    f"no namespace is given for the robots {missing}; add them to [backends.zenoh.robots], or take all "
+                    "out to have simulated ones"
+                )
+            return ZenohFleet(config, robots, None)
+        simulator = Simulator(config.workspace, robots, config.session, stamped=config.stamped, speedup=config.speedup)
+        try:
+            return ZenohFleet(simulated(config, simulator), robots, simulator)
+        except BaseException:
+            simulator.close()
+            raise
+
+
+def simulated(config: ZenohConfig, simulator: Simulator) -> ZenohConfig:
+    """Return a configuration with the robots of a simulator in it."""
+    robots = {robot_id: RobotOptions(namespace=name) for robot_id, name in simulator.namespaces.items()}
+    return config.model_copy(update={"robots": robots, "session": simulator.session, "truth": simulator.truth})

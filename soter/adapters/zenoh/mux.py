@@ -1,0 +1,186 @@
+"""The mux on keys: lets one of two controllers drive a robot, and stops it when SOTER falls silent.
+
+`soter zenoh-mux --robot NAME --connect E`, or `python -m soter.adapters.zenoh.mux`. It runs on the robot, beside
+zenoh-bridge-ros2dds or whatever else puts the robot's base on keys.
+
+It passes `cmd_vel_ac` or `cmd_vel_sc` on to `cmd_vel`, as `soter/order` says, and tells on `soter/gate` what it does:
+at every order that it takes, at every change, and otherwise every 0.25 s. While the lease is dead, or the controller in
+charge is silent, it says rest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import zenoh
+
+from soter.adapters.zenoh.messages import Clock, String
+from soter.adapters.zenoh.options import Keys, checked_key
+from soter.adapters.zenoh.presence import announce
+from soter.adapters.zenoh.programs import add_session, read_session, refusing
+from soter.adapters.zenoh.session import open_session
+from soter.adapters.zenoh.talk import Ear, Voice
+from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
+from soter.config import validate_options
+from soter.mux.gate import REST, Gate, Velocity
+from soter.mux.program import Ending, favour
+from soter.mux.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
+from soter.mux.wire import AC, SC
+from soter.streamed.motion import seconds
+
+logger = logging.getLogger(__name__)
+
+_REPORT_S: Final = 0.25
+"""Whoever comes later, or did not hear the last report, has not to wait longer for one."""
+
+
+class ZenohStation(Station):
+    """The gate of one robot at work on keys. What is heard, and the looks, come from threads of their own, in turn.
+
+    Args:
+        session: to hear and say over; somebody else's to close.
+        keys: of the robot, in full.
+        gate: of the robot.
+        namespace: of the robot, where it is said to be there.
+        clock: the key of the robot's clock; None for that of this host.
+        stamped: whether velocities are TwistStamped.
+        rate: seconds of the robot's clock by second of the host.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: Keys,
+        gate: Gate,
+        namespace: str,
+        *,
+        clock: str | None = None,
+        stamped: bool = False,
+        rate: float = 1.0,
+    ) -> None:
+        super().__init__(gate, rate)
+        self._turn: Final = threading.RLock()
+        self._stamped: Final = stamped
+        self._clock: Callable[[], float | None] = time.time if clock is None else lambda: self._shown_s
+        self._shown_s: float | None = None
+        self._velocities: Final = Voice(session, keys.cmd_vel)
+        self._reports: Final = Voice(session, keys.gate)
+        self._token: Final = announce(session, namespace, "mux")
+        self._ears: Final[list[Ear[Any]]] = [
+            Ear(session, keys.order, String, lambda message: self.hear_order(message.data)),
+            hear_velocity(session, keys.cmd_vel_ac, lambda *each: self.hear(AC, Velocity(*each)), stamped=stamped),
+            hear_velocity(session, keys.cmd_vel_sc, lambda *each: self.hear(SC, Velocity(*each)), stamped=stamped),
+        ]
+        if clock is not None:
+            self._ears.append(Ear(session, clock, Clock, self._show))
+
+    def hear_order(self, text: str) -> None:
+        with self._turn:
+            super().hear_order(text)
+
+    def hear(self, by: str, velocity: Velocity) -> None:
+        with self._turn:
+            super().hear(by, velocity)
+
+    def look(self) -> None:
+        with self._turn:
+            super().look()
+
+    def report(self) -> None:
+        with self._turn:
+            super().report()
+
+    def run(self, ended: Callable[[], bool]) -> None:
+        """Look and report, until it is to end; then hear no more and say rest."""
+        told_s = -_REPORT_S
+        try:
+            while not ended():
+                now_s = time.monotonic()
+                if now_s - told_s >= _REPORT_S:
+                    told_s = now_s
+                    self.report()
+                self.look()
+                time.sleep(PERIOD_S)
+        finally:
+            for ear in self._ears:
+                ear.close()
+            self._pass_on(REST)
+
+    def _show(self, message: Clock) -> None:
+        self._shown_s = seconds(message.clock)
+
+    def _clock_s(self) -> float | None:
+        return self._clock()
+
+    def _pass_on(self, velocity: Velocity) -> None:
+        stamp = stamp_of(self._clock() or 0.0) if self._stamped else None
+        self._velocities.say(make_velocity(*velocity, stamp))
+
+    def _say(self, report: str) -> None:
+        self._reports.say(String(report))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the mux until it is interrupted or, with `--parent PID`, until that process is gone."""
+    parser = _parser()
+    given = parser.parse_args(arguments)
+    logging.basicConfig(format="%(name)s: %(message)s")
+    with refusing(parser):
+        options = read_session(given)
+        try:
+            gate = Gate(given.lease, given.command, given.v_max, given.yaw_rate_max)
+            keys = _read_keys(given.key).of(checked_key(given.robot))
+        except ValueError as failure:
+            parser.error(str(failure))
+        ended = Ending(given.parent)
+        with open_session(options) as session:
+            station = ZenohStation(
+                session, keys, gate, given.robot, clock=given.clock, stamped=given.stamped, rate=given.speedup
+            )
+            favour()
+            station.run(ended)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="soter zenoh-mux", description="Lets SOTER's AC or SC drive a robot, and stops it when SOTER is silent.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--robot", required=True, metavar="NAME", help="what the robot's keys begin with, such as robot1"
+    )
+    add_session(parser)
+    parser.add_argument(
+        "--key", action="append", default=[], metavar="NAME=KEY",
+        help="another key for one of " + ", ".join(Keys.model_fields) + ", as in [backends.zenoh.keys]",
+    )  # fmt: skip
+    for name, default, meaning in (
+        ("lease", LEASE_S, "how long a lease lives after its renewal, in seconds"),
+        ("command", COMMAND_S, "how long a velocity counts, in seconds"),
+        ("v-max", V_MAX_M_S, "no velocity beyond this passes, in m/s"),
+        ("yaw-rate-max", YAW_RATE_MAX_RAD_S, "nor any turn rate beyond this, in rad/s"),
+        ("speedup", 1.0, "seconds of the robot's clock by second, for simulated robots"),
+    ):
+        parser.add_argument(f"--{name}", type=float, default=default, metavar="N", help=f"{meaning}; {default:g}")
+    parser.add_argument("--stamped", action="store_true", help="velocities are TwistStamped instead of Twist")
+    parser.add_argument("--clock", metavar="KEY", help="the key of the robot's clock, if it is not that of this host")
+    parser.add_argument("--parent", type=int, metavar="PID", help="end when this process is no longer the parent")
+    return parser
+
+
+def _read_keys(given: Sequence[str]) -> Keys:
+    """Return the keys that a program was told, `NAME=KEY` each.
+
+    Raises:
+        ConfigError: one is not allowed.
+    """
+    told = {name: key for name, _, key in (each.partition("=") for each in given)}
+    return validate_options(Keys, told, "command line", "--key")
+
+
+if __name__ == "__main__":
+    main()
