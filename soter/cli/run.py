@@ -13,6 +13,7 @@ from soter.cli.exits import ExitCode, StopSignals, complain, guard
 if TYPE_CHECKING:
     from soter.cli.outputs import Output, StandardOutput
     from soter.config import Mission
+    from soter.live.view import Kind
     from soter.runner import Run, RunResult
 
 # A blank line keeps two lines from being joined.
@@ -29,6 +30,8 @@ EXAMPLES = """Examples:
   soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
 
   soter run examples/surveillance.toml --record run.mcap
+
+  soter run examples/surveillance.toml --live
 
 Exit codes:
 
@@ -76,6 +79,18 @@ def run(
         typer.Option(metavar="FILE.mcap", help="Record the run there instead of into a new file in runs/."),
     ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Do not record the run.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the run in a browser of this host while it goes on.")
+    ] = False,
+    live_port: Annotated[
+        int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else a free one.")
+    ] = None,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Show the run in the Foxglove app while it goes on.")
+    ] = False,
+    foxglove_port: Annotated[
+        int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else 8765.")
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
@@ -87,6 +102,7 @@ def run(
     Options take the place of what the mission file says.
     """
     with guard():
+        from soter.cli.live import wanted_views
         from soter.cli.outputs import json_output, picture_output
         from soter.cli.overrides import load_with_engine, merge, module_list
         from soter.cli.recordings import recording_path, unless_recorded
@@ -108,9 +124,10 @@ def run(
         loaded = load_with_engine(mission, merge(options, settings or []), engine)
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
+        views = wanted_views(live, live_port, foxglove, foxglove_port)
         recording = recording_path(record, no_record, loaded)
         with unless_recorded(recording):
-            done, stopped_by = _run(loaded, recording, quiet=quiet, to_stderr=str(json) == "-")
+            done, stopped_by = _run(loaded, recording, views, quiet=quiet, to_stderr=str(json) == "-")
         written = _write(done, loaded, result_file, picture_file)
         if record is not None and done.recording is not None and done.recording.failure:
             complain(f"the recording is not complete: {done.recording.failure}")
@@ -118,9 +135,12 @@ def run(
         raise typer.Exit(_exit_code(done.result, stopped_by) if written else ExitCode.RUN_FAILED)
 
 
-def _run(mission: Mission, recording: Path | None, *, quiet: bool, to_stderr: bool) -> tuple[Run, int | None]:
+def _run(
+    mission: Mission, recording: Path | None, views: list[tuple[Kind, int]], *, quiet: bool, to_stderr: bool
+) -> tuple[Run, int | None]:
     """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
     from soter.cli.console import make_console
+    from soter.cli.live import shown
     from soter.cli.progress import make_display
     from soter.cli.recordings import show_recording
     from soter.cli.summary import print_summary
@@ -129,11 +149,18 @@ def _run(mission: Mission, recording: Path | None, *, quiet: bool, to_stderr: bo
     console = make_console(stderr=to_stderr)
     with ExitStack() as stack:
         stop = stack.enter_context(StopSignals())
+        record, on_recording = stack.enter_context(shown(views, recording, console))
         display = None if quiet else stack.enter_context(make_display(console, mission.source or ""))
-        done = run_mission(mission, on_progress=display.update if display else None, stop=stop, record=recording)
+        done = run_mission(
+            mission,
+            on_progress=display.update if display else None,
+            stop=stop,
+            record=record,
+            on_recording=on_recording,
+        )
     if not quiet:
         print_summary(console, done.result)
-        if done.recording is not None:
+        if recording is not None and done.recording is not None:
             show_recording(console, done.recording)
     return done, stop.received
 

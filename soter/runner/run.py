@@ -83,6 +83,7 @@ def run_mission(
     stop: Callable[[], bool] | None = None,
     study: Study | None = None,
     record: Path | None = None,
+    on_recording: Callable[[Path], None] | None = None,
 ) -> Run:
     """Run a mission to its end. Call it from the main thread: only there can a blocked handler be interrupted.
 
@@ -93,6 +94,7 @@ def run_mission(
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
         study: what is changed of the modules that no mission may change; on simulated robots only.
         record: where to record it, or None. What cannot be recorded is said in what is returned.
+        on_recording: called before the first tick with that file, once it says what is run.
 
     Returns:
         What happened. Whatever ends the run, its robots are stopped by then.
@@ -133,6 +135,8 @@ def run_mission(
             loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder)
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
+        if record is not None and on_recording is not None:
+            on_recording(record)
         status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks)

@@ -116,13 +116,14 @@ class RobotStory:
         count = len(self.time_s.values) - self._extra_pose
         self._extra_pose = self._extra_pose or count % 2 == 0
         for column in (self.time_s, self.x_m, self.y_m, self.heading_rad):
-            numbers = np.asarray(column.values)
+            # A copy: what is looked at as an array cannot be shortened.
+            numbers = np.array(column.values)
             kept = numbers[:count:2]
             column.replace(np.append(kept, numbers[-1:]) if self._extra_pose else kept)
 
     def halve_buckets(self) -> None:
         """Join every two neighbours."""
-        self.bucket_s.replace(np.asarray(self.bucket_s.values)[::2])
+        self.bucket_s.replace(np.array(self.bucket_s.values)[::2])
         for each in (self.charge, *self.margins, *self.reaches):
             each.halve()
 

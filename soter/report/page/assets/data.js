@@ -80,7 +80,7 @@ window.soter = {};
       for (const name of ["stretches", "targets"]) rows(target, source, name);
     });
     for (const name of ["switches", "drops"]) rows(run, part, name);
-    for (const name of ["title", "goesOn", "live", "firstS", "lastS", "truth", "faults", "thinned", "summary"]) run[name] = part[name];
+    for (const name of ["title", "goesOn", "firstS", "lastS", "truth", "faults", "thinned", "summary"]) run[name] = part[name];
   }
 
   // Rows as objects, and what follows from them.

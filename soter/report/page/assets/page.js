@@ -287,7 +287,7 @@
       play.setAttribute("aria-label", moving ? "Pause" : "Play");
       byId("speed").value = String(player.speed);
       this.moment = moment;
-      if (soter.live) soter.live.show(player);
+      if (soter.live) soter.live.say();
     }
 
     // The part of the run that charts show goes along with the moment, a part at a time.

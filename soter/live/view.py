@@ -1,0 +1,142 @@
+"""The run's end of a live view: starts the process that shows the run, and tells it when there is a recording.
+
+That is all that a run has to do with it. What is shown is read from the recording while it grows, so a view can cost
+a tick nothing, whatever happens to it and to whoever looks at it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import select
+import threading
+from pathlib import Path
+from typing import Final, NamedTuple, Self
+
+from soter.child import Child, ChildDied
+from soter.errors import ConfigError
+
+logger = logging.getLogger(__name__)
+
+HOST: Final = "127.0.0.1"
+READY_S: Final = 20.0
+"""Host time that the process is given to start: it imports what it shows with."""
+
+CLOSE_S: Final = 5.0
+"""Host time that it is given at the end, to tell those who look how the run ended."""
+
+READY: Final = b"ready "
+FAILED: Final = b"failed "
+
+
+class Kind(NamedTuple):
+    """One way to show a run.
+
+    Attributes:
+        module: whose `main` is the process.
+        name: in words, for messages.
+        option: that names its port, for messages.
+        address: its address, with {port} in it.
+    """
+
+    module: str
+    name: str
+    option: str
+    address: str
+
+
+PAGE: Final = Kind("soter.live.web", "the live page", "--live-port", "http://127.0.0.1:{port}/")
+APP: Final = Kind("soter.live.app", "the server for the Foxglove app", "--foxglove-port", "ws://127.0.0.1:{port}")
+
+
+class LiveView:
+    """A process that shows a run. A context manager; at its end whoever looks is told how the run ended.
+
+    Used from one thread. If the process ends before the run does, that is said once, and the run goes on.
+
+    Args:
+        kind: how to show it.
+        port: of 127.0.0.1; 0 for one that is free.
+
+    Attributes:
+        address: where to look.
+
+    Raises:
+        ConfigError: the port cannot be had, or the process does not start.
+    """
+
+    def __init__(self, kind: Kind, port: int = 0) -> None:
+        self._kind: Final = kind
+        self._child: Final = Child(kind.module, port)
+        try:
+            said = self._child.receive(READY_S)
+        except ChildDied as failure:
+            self._child.kill()
+            raise self._refusal(f"its process has ended: {failure}") from failure
+        except BaseException:
+            self._child.kill()
+            raise
+        if said is None or not said.startswith(READY):
+            self._child.kill()
+            why = f"its process is not ready after {READY_S:g} s" if said is None else reason(said)
+            raise self._refusal(f"port {port} of {HOST} cannot be had: {why}; name another" if port and said else why)
+        self.address: Final = kind.address.format(port=int(said[len(READY) :]))
+        self._wake, self._woken = os.pipe()
+        self._watcher: Final = threading.Thread(target=self._watch, name=f"watch {kind.module}", daemon=True)
+        self._watcher.start()
+
+    @property
+    def pid(self) -> int:
+        """The process's id."""
+        return self._child.pid
+
+    def begin(self, path: Path) -> None:
+        """Show a recording, of which the head is written by now."""
+        try:
+            self._child.send(os.fsencode(path.absolute()))
+        except ChildDied:
+            # The watcher says so.
+            return
+
+    def close(self) -> None:
+        """Let the process come to its end, for at most `CLOSE_S`; then it is killed. Idempotent."""
+        if self._watcher.is_alive():
+            os.write(self._woken, b"\n")
+            self._watcher.join()
+        self._child.kill(grace_s=CLOSE_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+        for fd in (self._wake, self._woken):
+            os.close(fd)
+
+    def _watch(self) -> None:
+        """Say it when the process ends too early; until then only wait, which costs nothing."""
+        process = os.pidfd_open(self._child.pid)
+        try:
+            poll = select.poll()
+            poll.register(process, select.POLLIN)
+            poll.register(self._wake, select.POLLIN)
+            ready = {fd for fd, _ in poll.poll()}
+        finally:
+            os.close(process)
+        if self._wake in ready:
+            return
+        try:
+            said = self._child.receive()
+        except ChildDied as failure:
+            if self._child.how_it_ended() == "exit code 0":  # the recording has come to its end
+                return
+            said = FAILED + str(failure).encode()
+        logger.warning("%s has ended: %s; the run goes on", self._kind.name, reason(said or b""))
+
+    def _refusal(self, why: str) -> ConfigError:
+        return ConfigError(f"{self._kind.name}: {why}", source="command line", key=self._kind.option)
+
+
+def reason(said: bytes) -> str:
+    """Return what a process said of its failure, in words."""
+    return said.removeprefix(FAILED).decode(errors="replace") or "it did not say why"
