@@ -1,4 +1,4 @@
-"""The ports between the supervisor's process and the mission's: what crosses, and one end for each side."""
+"""Between processes: the ports of a mission beside its supervisor, and the processes of a distributed mission."""
 
 from soter.link.clock import FollowedClock
 from soter.link.messages import (
@@ -8,6 +8,7 @@ from soter.link.messages import (
     Failed,
     Garbage,
     Moved,
+    PeerSeen,
     Refused,
     Started,
     TargetEnded,
@@ -27,6 +28,7 @@ __all__ = [
     "Garbage",
     "MissionEnd",
     "Moved",
+    "PeerSeen",
     "Refused",
     "Started",
     "SupervisorEnd",

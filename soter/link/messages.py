@@ -57,6 +57,13 @@ class Handover(_Message, tag="control", frozen=True):
     cause: str
 
 
+class PeerSeen(_Message, frozen=True):
+    """A robot that another process commands, as it was heard last."""
+
+    state: RobotState | None
+    engaged: bool
+
+
 class Begin(_Message, tag="begin", frozen=True):
     """The robots are ready; the first tick is near.
 
@@ -67,6 +74,7 @@ class Begin(_Message, tag="begin", frozen=True):
         body_radius_m: of the largest.
         disc_m: distance that plans keep from robots that stand in the way.
         recorded: whether changes of state are of interest.
+        peer_ids: the robots that other processes command, in the order of every `Tick.peers`.
     """
 
     fleet_s: float
@@ -75,6 +83,7 @@ class Begin(_Message, tag="begin", frozen=True):
     body_radius_m: float
     disc_m: float
     recorded: bool = False
+    peer_ids: tuple[int, ...] = ()
 
 
 class Tick(_Message, tag="tick", frozen=True):
@@ -87,6 +96,7 @@ class Tick(_Message, tag="tick", frozen=True):
         steady_s: which was this moment of the host's steady clock.
         states: every robot's latest sample.
         reports: what the ports have reported since the last one, oldest first.
+        peers: the robots that other processes command.
     """
 
     number: int
@@ -95,6 +105,7 @@ class Tick(_Message, tag="tick", frozen=True):
     steady_s: float
     states: tuple[RobotState | None, ...]
     reports: tuple[GoalEnd | Handover, ...]
+    peers: tuple[PeerSeen, ...] = ()
 
 
 # --- from the mission --------------------------------------------------------------------------------------

@@ -28,6 +28,7 @@ from soter.link.messages import (
     encode,
     unpacked,
 )
+from soter.link.watched_port import WatchedPort
 from soter.rta import Port, Report
 from soter.sdk import RobotState, Waypoint
 
@@ -42,11 +43,13 @@ class MissionEnd:
     Attributes:
         clock: fleet time.
         ports: by robot; empty before `Begin`.
+        peers: those of robots that other processes command, likewise; they show where these are and take nothing.
     """
 
     def __init__(self, link: socket.socket, hear: Callable[[Report], None]) -> None:
         self.clock: Final = FollowedClock()
         self.ports: Final[dict[int, Port[Waypoint, RobotState]]] = {}
+        self.peers: Final[dict[int, Port[Waypoint, RobotState]]] = {}
         self._link: Final = link
         self._hear: Final = hear
         self._handovers: Final[dict[int, int]] = {}
@@ -83,6 +86,7 @@ class MissionEnd:
             self.clock.follow(message.fleet_s, message.steady_s)
             if isinstance(message, Begin):
                 self.ports.update({robot_id: Port(robot_id, self._hear) for robot_id in message.robot_ids})
+                self.peers.update({robot_id: WatchedPort(robot_id) for robot_id in message.peer_ids})
                 self._handovers.update(dict.fromkeys(message.robot_ids, 0))
             else:
                 self._show(message)
@@ -106,6 +110,8 @@ class MissionEnd:
         self._seen = tick.number
         for port, state in zip(self.ports.values(), tick.states, strict=True):
             port.state = state
+        for port, seen in zip(self.peers.values(), tick.peers, strict=True):
+            port.state, port.engaged = seen.state, seen.engaged
         for report in tick.reports:
             if isinstance(report, Handover):
                 self._handovers[report.robot_id] += 1

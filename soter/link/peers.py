@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from soter.link.status import Echo, RobotStatus, Status
-from soter.rta import Assumption, PeerMonitor, Port, ReachModel, Report, Request
+from soter.link.watched_port import WatchedPort
+from soter.rta import Assumption, PeerMonitor, ReachModel
 from soter.rta.monitors import Finding
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import RobotState
 
 DRIFT: Final = 1e-3
 """By which part two processes' clocks may go at different rates. Clocks of fleets follow crystals, and may be off by
@@ -56,18 +57,6 @@ class _Sample:
     needs_charge: bool
 
 
-class WatchedPort(Port[Waypoint, RobotState]):
-    """The port of a robot that another process commands: it shows where the robot is, and takes no commands."""
-
-    def put(self, request: Request[Waypoint]) -> None:
-        """Refuse at once."""
-        self.report(request.goal_id, "rejected")
-
-    def goto(self, command: Waypoint, upcoming: tuple[Waypoint, ...] = ()) -> int:
-        """Refuse at once; no goal has the number 0."""
-        return 0
-
-
 class RemoteRobot:
     """A robot of another process; a `soter.rta.RemotePeer`. Belongs to the supervisor's thread.
 
@@ -82,7 +71,7 @@ class RemoteRobot:
 
     def __init__(self, robot_id: int, process: OtherProcess, monitor: PeerMonitor | None) -> None:
         self.robot_id = robot_id
-        self.port: Final = WatchedPort(robot_id, _nobody)
+        self.port: Final = WatchedPort(robot_id)
         self._process: Final = process
         self._monitor: Final = monitor
         self._latest: _Sample | None = None
@@ -252,10 +241,6 @@ class OtherProcess:
             (epoch for epoch in self._starts if epoch != self._current), key=lambda e: self._starts[e].received_s
         )
         del self._starts[oldest]
-
-
-def _nobody(report: Report) -> None:
-    """Nobody asks for anything through the port of a robot of another process."""
 
 
 def stamps_of(robots: Sequence[RobotStatus]) -> dict[int, float]:

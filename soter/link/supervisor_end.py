@@ -17,6 +17,7 @@ from soter.link.messages import (
     Garbage,
     GoalEnd,
     Handover,
+    PeerSeen,
     Refused,
     Started,
     TargetGiven,
@@ -91,13 +92,20 @@ class SupervisorEnd:
         return message
 
     def begin(
-        self, ports: Ports, fleet_s: float, body_radius_m: float, disc_m: float, *, recorded: bool = False
+        self,
+        ports: Ports,
+        fleet_s: float,
+        body_radius_m: float,
+        disc_m: float,
+        *,
+        recorded: bool = False,
+        peers: tuple[int, ...] = (),
     ) -> None:
-        """Tell the mission that its robots are ready."""
+        """Tell the mission that its robots are ready, and which robots other processes command."""
         self._ports = ports
         self._handovers = dict.fromkeys(ports, 0)
         self._heard_steady_s = self._steady()
-        self._tell(Begin(fleet_s, self._heard_steady_s, tuple(ports), body_radius_m, disc_m, recorded))
+        self._tell(Begin(fleet_s, self._heard_steady_s, tuple(ports), body_radius_m, disc_m, recorded, peers))
 
     # --- at every tick -----------------------------------------------------------------------------------------
 
@@ -111,13 +119,15 @@ class SupervisorEnd:
         if len(self._reports) > MAX_WAITING:
             self.fail(f"it takes no reports: {MAX_WAITING} wait for it")
 
-    def send(self, now_s: float, fleet_s: float, states: Sequence[RobotState | None]) -> None:
+    def send(
+        self, now_s: float, fleet_s: float, states: Sequence[RobotState | None], peers: Sequence[PeerSeen] = ()
+    ) -> None:
         """Tell of a tick. Where there is no room the next one takes its place; what was reported is kept."""
         if self.failure:
             return
         count = min(len(self._reports), MAX_REPORTS)
         reports = tuple(self._reports[index] for index in range(count))
-        if self._tell(Tick(self._sent + 1, now_s, fleet_s, self._steady(), tuple(states), reports)):
+        if self._tell(Tick(self._sent + 1, now_s, fleet_s, self._steady(), tuple(states), reports, tuple(peers))):
             self._sent += 1
             for _ in range(count):
                 self._reports.popleft()

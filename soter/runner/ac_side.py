@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from soter.clock import Clock
@@ -37,6 +37,7 @@ class Scene:
         disc_m: distance that plans keep from robots that stand in the way.
         log: told of targets.
         on_transition: told of every change of state of the mission's machines, or None; for recordings.
+        peers: the robots that other processes command, by robot: ports that show where they are and take nothing.
     """
 
     clock: Clock
@@ -46,6 +47,7 @@ class Scene:
     disc_m: float
     log: TargetLog
     on_transition: Callable[[Transition], None] | None = None
+    peers: Mapping[int, RobotPort] = field(default_factory=dict)
 
 
 class AcSide(Protocol):

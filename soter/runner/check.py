@@ -11,13 +11,11 @@ from typing import Any, Final
 from soter.check import Cell, Cover, Falsified, Finding, Verdict, conditions, falsify
 from soter.config import Mission
 from soter.errors import IllFormedModule
-from soter.faults import read_faults
-from soter.faults.robot import widened
 from soter.registry import load_backend
 from soter.rta import RTAModule
 from soter.runner.bench import ModuleBench
 from soter.runner.proof import Setting, prove_retreat, prove_way_home
-from soter.runner.specs import read_options
+from soter.runner.specs import promises, read_options
 from soter.runner.speedup import declare_all
 from soter.sdk import Capabilities
 from soter.stack.battery import ChargeForTheWayHome
@@ -78,16 +76,7 @@ def check_mission(mission: Mission, budget: int = 200, seed: int = 0, on_progres
     """
     workspace = mission.read_workspace()
     backend = load_backend(mission.backend, to_open=False)
-    declared = backend.promises(read_options(backend, mission, workspace))
-    ids = [place.id for place in workspace.robots]
-    faults = read_faults(mission, ids)
-    capabilities = {
-        robot_id: widened(
-            declared,
-            [each.made_for(robot_id, mission.seed, mission.base_tick_s) for each in faults if each.hits(robot_id)],
-        )
-        for robot_id in ids
-    }
+    capabilities = promises(backend, read_options(backend, mission, workspace), mission, workspace)
     try:
         return _Checker(mission, workspace, capabilities, budget, seed, on_progress or (lambda _: None)).report()
     except IllFormedModule as failure:

@@ -46,6 +46,7 @@ class MissionSpec:
         body_radius_m: of the robots.
         memory_limit_bytes: address space that the process may add to what it has before the ACs' side is made.
         niceness: how much less than the supervisor it is favoured by the scheduler.
+        process: which process of a distributed mission this belongs to; None for a mission in one.
     """
 
     factory: str
@@ -54,6 +55,7 @@ class MissionSpec:
     body_radius_m: float
     memory_limit_bytes: int
     niceness: int
+    process: str | None = None
 
 
 def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
@@ -129,7 +131,8 @@ class _Host:
         module, _, function = spec.factory.partition(":")
         try:
             make: Callable[..., AcSide] = getattr(importlib.import_module(module), function)
-            side = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False)
+            away = {} if spec.process is None else {"process": spec.process}
+            side = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False, **away)
             side.ready()
         except ConfigError as error:
             texts = (text if text is None else text[:MAX_LONG_TEXT] for text in (error.source, error.key))
@@ -148,7 +151,9 @@ class _Host:
     def _start(self, side: AcSide, begin: Begin) -> None:
         terrain = Terrain(self._spec.workspace, begin.body_radius_m)
         moved = self._moved if begin.recorded else None
-        side.start(Scene(self._end.clock, self._spec.workspace, terrain, self._end.ports, begin.disc_m, self, moved))
+        side.start(Scene(
+            self._end.clock, self._spec.workspace, terrain, self._end.ports, begin.disc_m, self, moved, self._end.peers,
+        ))  # fmt: skip
 
     def _moved(self, transition: Transition) -> None:
         if len(self._moves) < MAX_MOVES:

@@ -9,10 +9,14 @@ from typing import Final
 from soter.apps.surveillance import Targets
 from soter.clock import Clock
 from soter.config import Mission
+from soter.link.bus import Bus
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.record.transition import in_words
 from soter.rta import ControlReport, Report
 from soter.runner.ac_side import Scene
+from soter.runner.correspondence import Correspondence
+from soter.runner.part import Part
+from soter.stack.away import AwayTaskPlanner, AwayTasks
 from soter.stack.declaration import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
@@ -25,6 +29,7 @@ logger = logging.getLogger(__name__)
 
 ARRIVAL_M: Final = 0.10
 TASK_PLANNER: Final = "TaskPlanner"
+HERE: Final = "local"
 
 
 class MissionSide:
@@ -35,20 +40,36 @@ class MissionSide:
         workspace: where.
         body_radius_m: of the robots.
         virtual_time: plans are delivered at a time that does not depend on the host.
+        part: which part of the mission is in this process; None for all of it.
+        bus: what joins this process and the others; closed with this.
 
     Raises:
         ConfigError: options of the planner that it does not allow.
     """
 
-    def __init__(self, mission: Mission, workspace: Workspace, body_radius_m: float, *, virtual_time: bool) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        workspace: Workspace,
+        body_radius_m: float,
+        *,
+        virtual_time: bool,
+        part: Part | None = None,
+        bus: Bus | None = None,
+    ) -> None:
         self._mission: Final = mission
-        self._plans: Final = PlanService(
+        # Without robots there are no paths to plan.
+        self._plans: Final = None if part is not None and not part.robots else PlanService(
             mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}),
             source=mission.source, virtual_time=virtual_time,
         )  # fmt: skip
         self.failures: dict[int | None, str] = {}
         self._clock: Clock | None = None
-        self._runtime: Final = Runtime(now=self._now, on_failure=self._failed)
+        self._part: Final = part
+        self._runtime: Final = Runtime(
+            now=self._now, on_failure=self._failed, node=HERE if part is None else part.name
+        )  # fmt: skip
+        self._letters: Final = None if part is None or bus is None else Correspondence(part, bus, self._runtime)
         self._listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self._owners: dict[str, int] = {}
         self._waiting: dict[int, tuple[PlanRequest, MachineRef]] = {}
@@ -57,10 +78,11 @@ class MissionSide:
 
     def ready(self) -> None:
         """Wait until the planner's processes answer."""
-        self._plans.ready()
+        if self._plans is not None:
+            self._plans.ready()
 
     def start(self, scene: Scene) -> None:
-        """Create the task planner; it creates the rest."""
+        """Create the task planner, or what stands for it; it creates the rest."""
         path, ports, seed = self._mission.rta.path, scene.ports, self._mission.seed
         self._ports, self._clock = ports, scene.clock
         if self._mission.rta.enabled and path.enabled:
@@ -69,18 +91,33 @@ class MissionSide:
                     scene.terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
                 )
         targets = Targets(scene.workspace, scene.terrain.body_radius_m, self._mission.targets, seed)
+        everybody = {**ports, **scene.peers}
         kits = {
             robot_id: RobotKit(
-                robot_id, port, {other: peer for other, peer in ports.items() if other != robot_id},
+                robot_id, port, {other: peer for other, peer in everybody.items() if other != robot_id},
                 self._submit, self._subscribe, seed, scene.disc_m, self._mission.target_timeout_s, ARRIVAL_M,
             )
             for robot_id, port in ports.items()
         }  # fmt: skip
-        tasks = Tasks(kits, targets.next, scene.log.on_target, scene.log.on_ended)
         if scene.on_transition is not None:
             tell = scene.on_transition
             self._runtime.observe(lambda transition: tell(in_words(transition)))
-        self._runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
+        part, letters, log = self._part, self._letters, scene.log
+        if part is None or letters is None:
+            self._runtime.create(TaskPlanner, Tasks(kits, targets.next, log.on_target, log.on_ended), name=TASK_PLANNER)
+        elif part.planner:
+            all_kits = {robot_id: kits.get(robot_id) or letters.kit(robot_id) for robot_id in sorted(part.homes)}
+            tasks = Tasks(all_kits, targets.next, log.on_target, log.on_ended)
+            self._runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
+        else:
+            agents = {
+                robot_id: MachineRef(robot_id, f"RobotAgent {robot_id}", process)
+                for robot_id, process in part.homes.items()
+            }
+            away = AwayTasks(
+                kits, letters.tell_task_planner, letters.hears_task_planner, agents, log.on_target, log.on_ended
+            )
+            self._runtime.create(AwayTaskPlanner, away, name=TASK_PLANNER)
         # Before the first tick, so that no machine misses the first report of a port.
         self._runtime.run()
 
@@ -96,7 +133,9 @@ class MissionSide:
 
     def run(self, now_s: float) -> None:
         """Deliver the plans whose time has come and let the machines do what they can do now."""
-        if self._waiting:
+        if self._letters is not None:
+            self._letters.pump(now_s)
+        if self._plans is not None and self._waiting:
             for plan in self._plans.due(now_s):
                 request, machine = self._waiting.pop(plan.request_id)
                 guard, state = self._guards.get(request.robot_id), self._ports[request.robot_id].state
@@ -113,7 +152,7 @@ class MissionSide:
     @property
     def incidents(self) -> tuple[str, ...]:
         """Plans that came when the host pleased, one line each."""
-        return self._plans.incidents
+        return () if self._plans is None else self._plans.incidents
 
     @property
     def paths_replaced(self) -> int:
@@ -122,13 +161,17 @@ class MissionSide:
 
     def close(self) -> None:
         """End the planner's processes and close the machines."""
-        self._plans.close()
+        if self._plans is not None:
+            self._plans.close()
+        if self._letters is not None:
+            self._letters.close()
         self._runtime.close()
 
     def _now(self) -> float:
         return 0.0 if self._clock is None else self._clock.now()
 
     def _submit(self, request: PlanRequest, reply_to: MachineRef) -> None:
+        assert self._plans is not None
         self._plans.submit(request, self._now())
         self._waiting[request.request_id] = (request, reply_to)
 

@@ -8,7 +8,7 @@ from typing import Final
 from soter.child import Child, ChildDied
 from soter.config import Mission
 from soter.errors import BackendUnavailable, ConfigError, RunFailed
-from soter.link import Garbage, Refused, SupervisorEnd, TargetGiven, Turn
+from soter.link import Garbage, PeerSeen, Refused, SupervisorEnd, TargetGiven, Turn
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import Scene
@@ -44,18 +44,26 @@ class RemoteSide:
         workspace: where.
         body_radius_m: of the robots.
         factory: makes the ACs' side over there, as `module:function`.
+        process: which process of a distributed mission this is; None for a mission in one process.
     """
 
     current_handler: str | None = None
 
-    def __init__(self, mission: Mission, workspace: Workspace, body_radius_m: float, factory: str = FACTORY) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        workspace: Workspace,
+        body_radius_m: float,
+        factory: str = FACTORY,
+        process: str | None = None,
+    ) -> None:
         self.failures: dict[int | None, str] = {}
         self.paths_replaced = 0
         self.incidents: list[str] = [WALL_CLOCK]
         self._scene: Scene | None = None
         limits = mission.isolation
         self._words: Final = Words("mission")
-        spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS)
+        spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS, process)
         # At a tick there is no time to wait for how a process has ended.
         self._child: Final = Child(PROCESS, spec, output_fd=self._words.output_fd, patience_s=0.0)
         self._words.started()
@@ -97,7 +105,7 @@ class RemoteSide:
         self._scene = scene
         self._end.begin(
             scene.ports, scene.clock.now(), scene.terrain.body_radius_m, scene.disc_m,
-            recorded=scene.on_transition is not None,
+            recorded=scene.on_transition is not None, peers=tuple(scene.peers),
         )  # fmt: skip
 
     def hear(self, report: Report) -> None:
@@ -117,7 +125,8 @@ class RemoteSide:
         """Tell the mission of a tick; never waits."""
         assert self._scene is not None
         states = [port.state for port in self._scene.ports.values()]
-        self._end.send(now_s, self._scene.clock.now(), states)
+        peers = [PeerSeen(port.state, port.engaged) for port in self._scene.peers.values()]
+        self._end.send(now_s, self._scene.clock.now(), states, peers)
 
     def close(self) -> None:
         """End the mission's process. Idempotent."""

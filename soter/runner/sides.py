@@ -6,11 +6,14 @@ from soter.config import Mission
 from soter.runner.ac_side import AcSide
 from soter.runner.adversary_side import AdversarySide
 from soter.runner.mission_side import MissionSide
+from soter.runner.part import Part
 from soter.stack.adversaries import MISSION
 from soter.workspace import Workspace
 
 
-def make_ac_side(mission: Mission, workspace: Workspace, body_radius_m: float, *, virtual_time: bool) -> AcSide:
+def make_ac_side(
+    mission: Mission, workspace: Workspace, body_radius_m: float, *, virtual_time: bool, process: str | None = None
+) -> AcSide:
     """Return the ACs' side of a mission, not yet begun.
 
     Args:
@@ -18,10 +21,17 @@ def make_ac_side(mission: Mission, workspace: Workspace, body_radius_m: float, *
         workspace: where.
         body_radius_m: of the robots.
         virtual_time: time does not pass by itself, so that what is worked out may not depend on the host.
+        process: which process of a distributed mission this is; None for a mission in one process.
 
     Raises:
         ConfigError: no such AC, or options that it does not allow; nothing has moved.
+        BackendError: what joins the processes cannot be opened.
     """
+    if process is not None:
+        part = Part.of(mission, workspace, process)
+        return MissionSide(
+            mission, workspace, body_radius_m, virtual_time=virtual_time, part=part, bus=part.open_bus()
+        )  # fmt: skip
     if mission.ac != MISSION:
         return AdversarySide(mission)
     return MissionSide(mission, workspace, body_radius_m, virtual_time=virtual_time)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from soter.config import Mission, validate_options
-from soter.sdk import Backend, BackendConfig, RobotSpec
+from soter.faults import read_faults
+from soter.faults.robot import widened
+from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec
 from soter.workspace import Workspace
 
 
@@ -32,3 +34,23 @@ def read_options(backend: type[Backend], mission: Mission, workspace: Workspace)
         f"backends.{mission.backend}",
         {"workspace": workspace, "seed": mission.seed},
     )
+
+
+def promises(
+    backend: type[Backend], config: BackendConfig, mission: Mission, workspace: Workspace
+) -> dict[int, Capabilities]:
+    """Return what the robots of a mission promise, by id, under the faults that they are said to have.
+
+    Raises:
+        ConfigError: a fault that is not allowed.
+    """
+    declared = backend.promises(config)
+    ids = [place.id for place in workspace.robots]
+    faults = read_faults(mission, ids)
+    return {
+        robot_id: widened(
+            declared,
+            [each.made_for(robot_id, mission.seed, mission.base_tick_s) for each in faults if each.hits(robot_id)],
+        )
+        for robot_id in ids
+    }

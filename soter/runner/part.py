@@ -1,0 +1,147 @@
+"""One process's part of a distributed mission: which robots are its own, who the others are, what joins them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Self
+
+from pydantic import TypeAdapter
+
+from soter.clock import Clock
+from soter.config import Mission
+from soter.errors import nearest
+from soter.link.bus import Bus
+from soter.link.buses import open_bus
+from soter.link.company import Company
+from soter.link.post import Post
+from soter.registry import load_backend
+from soter.rta import SpeedBound
+from soter.runner.specs import promises, read_options
+from soter.sdk import Capabilities
+from soter.stack.adversaries import MISSION
+from soter.workspace import Workspace
+
+_EXAMPLE: Final = "give each a table, such as [distribution.processes.alpha] with robots = [1]"
+
+_DIGEST_CHARACTERS: Final = 32
+_AGREED: Final = {"app", "backend", "base_tick_s", "battery", "rta", "fault"}
+"""What processes of one mission have to agree on, beside workspace, promises, and who is where."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one process does.
+
+    Attributes:
+        name: of the process.
+        mission: the whole mission.
+        robots: the ids of its own robots.
+        planner: whether the task planner is here.
+        homes: by robot, the process that commands it; of all robots.
+        planner_home: the process of the task planner.
+        promised: by robot, what it promises; of all robots.
+        digest: the same in all processes that run the same mission.
+    """
+
+    name: str
+    mission: Mission
+    robots: tuple[int, ...]
+    planner: bool
+    homes: Mapping[int, str]
+    planner_home: str
+    promised: Mapping[int, Capabilities]
+    digest: str
+
+    @classmethod
+    def of(cls, mission: Mission, workspace: Workspace, process: str) -> Self:
+        """Return the part of a process.
+
+        Args:
+            mission: the mission.
+            workspace: of the mission.
+            process: the name of the process.
+
+        Raises:
+            ConfigError: the mission has no such process, or is none that can be distributed.
+            BackendError: its backend cannot be loaded.
+        """
+        processes = mission.distribution.processes
+        if not processes:
+            raise mission.refusal("distribution", f"it names no processes, so that there is no '{process}'; {_EXAMPLE}")
+        if process not in processes:
+            known = ", ".join(processes)
+            raise mission.refusal(
+                "distribution.processes", f"there is no '{process}'{nearest(process, [*processes])}; known are {known}"
+            )
+        if mission.ac != MISSION:
+            allowed = f"allowed with processes: '{MISSION}'; others command all robots from one process"
+            raise mission.refusal("ac", f"it is '{mission.ac}', {allowed}")
+        backend = load_backend(mission.backend, to_open=False)
+        if backend.robot_class.declared.in_process:
+            allowed = "allowed with processes: backends on a wire, such as zenoh or ros2"
+            raise mission.refusal(
+                "backend", f"it is '{mission.backend}', whose robots live in virtual time in one process; {allowed}"
+            )
+        promised = promises(backend, read_options(backend, mission, workspace), mission, workspace)
+        homes = {robot_id: name for name, table in processes.items() for robot_id in table.robots}
+        return cls(
+            process,
+            mission,
+            tuple(place.id for place in workspace.robots if homes[place.id] == process),
+            processes[process].planner,
+            homes,
+            next(name for name, table in processes.items() if table.planner),
+            promised,
+            _digest(mission, workspace, promised, homes),
+        )
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The names of the other processes."""
+        return tuple(name for name in self.mission.distribution.processes if name != self.name)
+
+    def robots_of(self, process: str) -> tuple[int, ...]:
+        """Return the ids of the robots that a process commands."""
+        return tuple(robot_id for robot_id, name in self.homes.items() if name == process)
+
+    def open_bus(self) -> Bus:
+        """Open what joins the processes.
+
+        Raises:
+            ConfigError: options that it does not allow.
+            BackendError: it cannot be opened.
+        """
+        table = self.mission.distribution
+        return open_bus(table.via, table.bus, table.processes[self.name].bus, self.name, self.mission.source)
+
+    def company(self, bus: Bus, clock: Clock) -> Company:
+        """Return this process among the others, on a bus that it then closes."""
+        others = {
+            name: {robot_id: _bound(self.promised[robot_id]) for robot_id in self.robots_of(name)}
+            for name in self.others
+        }
+        return Company(bus, self.mission.distribution.prefix, self.name, others, self.digest, clock)
+
+    def post(self, bus: Bus) -> Post:
+        """Return the post between this process's machines and those of others, on a bus that it then closes.
+
+        Letters pass between the task planner and robots.
+        """
+        others = [name for name in self.others if self.planner or name == self.planner_home]
+        return Post(bus, self.mission.distribution.prefix, self.name, others, self.digest)
+
+
+def _bound(promised: Capabilities) -> tuple[SpeedBound, float]:
+    return SpeedBound(promised.v_max_m_s, promised.brake_m_s2), promised.position_noise_m
+
+
+def _digest(
+    mission: Mission, workspace: Workspace, promised: Mapping[int, Capabilities], homes: Mapping[int, str]
+) -> str:
+    room = TypeAdapter(tuple[Workspace, dict[int, Capabilities]]).dump_python((workspace, dict(promised)), mode="json")
+    settings = mission.model_dump(mode="json", include=_AGREED)
+    agreed = json.dumps([settings, room, sorted(homes.items())], sort_keys=True)
+    return hashlib.sha256(agreed.encode()).hexdigest()[:_DIGEST_CHARACTERS]
