@@ -131,6 +131,5 @@ class StreamedFace(ABC):
     def _tell_clock(self) -> None:
         """Say what the world's clock shows."""
 
-    @abstractmethod
     def _end(self) -> None:
-        """Hear and say no more. Idempotent."""
+        """Free what is the face's own. Idempotent."""

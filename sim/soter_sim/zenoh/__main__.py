@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from soter.adapters.zenoh.programs import add_session, read_session, refusing
-from soter.adapters.zenoh.session import endpoints, open_session
+from soter.adapters.zenoh.session import close_session, endpoints, open_session
 from soter.mux.program import Ending
 from soter_sim.streamed_program import make_parser, read_namespaces, read_world, serve
 from soter_sim.zenoh.face import Face
@@ -19,12 +19,15 @@ def main() -> None:
         options = read_session(given)
         workspace, robots = read_world()
         ended = Ending(given.parent)
-        with open_session(options) as session:
+        session = open_session(options)
+        try:
             face = Face(
                 workspace, robots, read_namespaces(given.namespaces), session, stamped=given.stamped,
                 truth_port=given.truth_port, speedup=given.speedup,
             )  # fmt: skip
             serve(face, ended, endpoints=endpoints(session))
+        finally:
+            close_session(session)
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ class Base(StreamedBase):
         self._stamp: Final = stamp
         self._odometry: Final = Voice(session, f"{namespace}/odom")
         self._battery: Final = Voice(session, f"{namespace}/battery_state")
-        self._ear: Final = hear_velocity(session, f"{namespace}/cmd_vel", self.drive, stamped=stamped)
+        self.ear: Final = hear_velocity(session, f"{namespace}/cmd_vel", self.drive, stamped=stamped)
         self._token: Final = announce(session, namespace, "base")
 
     def tell_odometry(self) -> None:
@@ -68,7 +68,3 @@ class Base(StreamedBase):
         header = messages.Header(self._stamp(), f"{self._namespace}/base_link")
         charge = self._world.bodies.charge[self._index]
         self._battery.say(messages.BatteryState(header, percentage=charge, present=True))
-
-    def end(self) -> None:
-        """Hear no more. Idempotent."""
-        self._ear.close()

@@ -46,20 +46,15 @@ class Face(StreamedFace):
     ) -> None:
         super().__init__(workspace, robots, truth_port, speedup)
         self._clock: Final = Voice(session, CLOCK)
-        self._bases: Final = [
+        self.bases.extend(
             Base(session, namespaces[robot.id], self.world, robot.id, self._stamp, stamped=stamped) for robot in robots
-        ]
-        self.bases.extend(self._bases)
+        )
 
     def _wait(self, seconds: float) -> None:
         time.sleep(seconds)
 
     def _tell_clock(self) -> None:
         self._clock.say(Clock(self._stamp()))
-
-    def _end(self) -> None:
-        for base in self._bases:
-            base.end()
 
     def _stamp(self) -> Time:
         return stamp_of(self.clock_s)

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
 from soter.adapters.zenoh.robot import ZenohRobot
-from soter.adapters.zenoh.session import open_session
+from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
@@ -51,7 +51,7 @@ class ZenohFleet(Fleet):
             self.simulator.close()
 
     def _close_shared(self) -> None:
-        self._session.close()  # type: ignore[no-untyped-call] # its stub has no return type
+        close_session(self._session)
         if self._truth is not None:
             self._truth.close()
 

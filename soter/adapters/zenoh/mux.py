@@ -19,11 +19,11 @@ from typing import Any, Final
 
 import zenoh
 
-from soter.adapters.zenoh.messages import Clock, String
+from soter.adapters.zenoh.messages import Clock, String, Twist, TwistStamped
 from soter.adapters.zenoh.options import Keys, checked_key
 from soter.adapters.zenoh.presence import announce
 from soter.adapters.zenoh.programs import add_session, read_session, refusing
-from soter.adapters.zenoh.session import open_session
+from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
 from soter.config import validate_options
@@ -66,6 +66,7 @@ class ZenohStation(Station):
         super().__init__(gate, rate)
         self._turn: Final = threading.RLock()
         self._stamped: Final = stamped
+        self._over = False
         self._clock: Callable[[], float | None] = time.time if clock is None else lambda: self._shown_s
         self._shown_s: float | None = None
         self._velocities: Final = Voice(session, keys.cmd_vel)
@@ -96,7 +97,7 @@ class ZenohStation(Station):
             super().report()
 
     def run(self, ended: Callable[[], bool]) -> None:
-        """Look and report, until it is to end; then hear no more and say rest."""
+        """Look and report, until it is to end; then say rest, and nothing any more."""
         told_s = -_REPORT_S
         try:
             while not ended():
@@ -107,9 +108,9 @@ class ZenohStation(Station):
                 self.look()
                 time.sleep(PERIOD_S)
         finally:
-            for ear in self._ears:
-                ear.close()
-            self._pass_on(REST)
+            with self._turn:
+                self._over = True
+                self._velocities.say(self._message(REST))
 
     def _show(self, message: Clock) -> None:
         self._shown_s = seconds(message.clock)
@@ -118,8 +119,11 @@ class ZenohStation(Station):
         return self._clock()
 
     def _pass_on(self, velocity: Velocity) -> None:
-        stamp = stamp_of(self._clock() or 0.0) if self._stamped else None
-        self._velocities.say(make_velocity(*velocity, stamp))
+        if not self._over:
+            self._velocities.say(self._message(velocity))
+
+    def _message(self, velocity: Velocity) -> Twist | TwistStamped:
+        return make_velocity(*velocity, stamp_of(self._clock() or 0.0) if self._stamped else None)
 
     def _say(self, report: str) -> None:
         self._reports.say(String(report))
@@ -138,12 +142,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except ValueError as failure:
             parser.error(str(failure))
         ended = Ending(given.parent)
-        with open_session(options) as session:
+        session = open_session(options)
+        try:
             station = ZenohStation(
                 session, keys, gate, given.robot, clock=given.clock, stamped=given.stamped, rate=given.speedup
             )
             favour()
             station.run(ended)
+        finally:
+            close_session(session)
 
 
 def _parser() -> argparse.ArgumentParser:

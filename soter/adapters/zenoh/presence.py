@@ -6,17 +6,15 @@ Tells people who is missing and who has gone. No decision rests on it: the token
 from __future__ import annotations
 
 import logging
-import threading
 from typing import Final
 
 import zenoh
 
-from soter.adapters.zenoh.talk import undeclare
+from soter.adapters.zenoh.talk import Listener
 
 logger = logging.getLogger(__name__)
 
 _ALIVE: Final = "soter/alive"
-_END_TIMEOUT_S: Final = 2.0
 _AT_ONCE: Final = 64
 
 
@@ -29,7 +27,7 @@ class Presence:
     """Who is there for one robot, heard of in a thread of its own.
 
     Args:
-        session: to hear over.
+        session: to hear over; once it is closed, nothing is heard any more.
         namespace: of the robot.
 
     Attributes:
@@ -39,27 +37,14 @@ class Presence:
     def __init__(self, session: zenoh.Session, namespace: str) -> None:
         self.there: frozenset[str] = frozenset()
         self._namespace: Final = namespace
-        self._subscriber: Final = session.liveliness().declare_subscriber(
-            f"{namespace}/{_ALIVE}/*", zenoh.handlers.FifoChannel(_AT_ONCE), history=True
-        )
-        self._changes: Final = self._subscriber.handler
-        self._thread: Final = threading.Thread(target=self._listen, name=f"who is at {namespace}", daemon=True)
-        self._thread.start()
+        changes: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_AT_ONCE)
+        subscriber = session.liveliness().declare_subscriber(f"{namespace}/{_ALIVE}/*", changes, history=True)
+        self._listener: Final = Listener(subscriber, self._note)
 
-    def close(self) -> None:
-        """Hear no more. Idempotent."""
-        undeclare(self._subscriber)
-        self._thread.join(_END_TIMEOUT_S)
-
-    def _listen(self) -> None:
-        while True:
-            try:
-                change = self._changes.recv()
-            except zenoh.ZError:
-                return
-            who = str(change.key_expr).rpartition("/")[2]
-            if change.kind == zenoh.SampleKind.PUT:
-                self.there |= {who}
-            elif who in self.there:
-                self.there -= {who}
-                logger.warning("%s: its %s has gone, or the link to it", self._namespace, who)
+    def _note(self, change: zenoh.Sample) -> None:
+        who = str(change.key_expr).rpartition("/")[2]
+        if change.kind == zenoh.SampleKind.PUT:
+            self.there |= {who}
+        elif who in self.there:
+            self.there -= {who}
+            logger.warning("%s: its %s has gone, or the link to it", self._namespace, who)

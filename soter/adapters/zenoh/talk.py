@@ -17,11 +17,56 @@ logger = logging.getLogger(__name__)
 _END_TIMEOUT_S: Final = 2.0
 
 
+class Listener:
+    """Hands on what a subscriber gets, in a thread of its own, until it or its session is closed.
+
+    Zenoh swallows what a callback raises. What `take` raises here is logged, the first time, and counted.
+
+    Args:
+        subscriber: with a handler that can be waited at.
+        take: called with each sample, in the listener's thread.
+
+    Attributes:
+        failed: how many samples `take` could not take.
+    """
+
+    def __init__(self, subscriber: Any, take: Callable[[zenoh.Sample], object]) -> None:
+        self.failed = 0
+        self._subscriber: Final = subscriber
+        # By itself: while somebody waits at the subscriber, it cannot be ended.
+        self._samples: Final = subscriber.handler
+        self._take: Final = take
+        self._name: Final = str(subscriber.key_expr)
+        self._thread: Final = threading.Thread(target=self._listen, name=f"hears {self._name}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hear no more, and wait for the thread. Idempotent; not to be called from that thread."""
+        try:
+            self._subscriber.undeclare()
+        except zenoh.ZError as failure:
+            logger.debug("%s: closed before: %s", self._name, failure)
+        self._thread.join(_END_TIMEOUT_S)
+
+    def _listen(self) -> None:
+        while True:
+            try:
+                sample = self._samples.recv()
+            except zenoh.ZError:
+                # The subscriber, or its session, was closed.
+                return
+            try:
+                self._take(sample)
+            except Exception:
+                self.failed += 1
+                if self.failed == 1:
+                    logger.exception("%s: dropped what could not be taken", self._name)
+
+
 class Ear(Generic[Message]):
     """Hears one key in a thread of its own, and always the newest message: what comes too fast is skipped.
 
-    Zenoh swallows what a callback raises. Here a payload that is no such message is counted and dropped, and so is a
-    message that makes `take` raise; the first of each is logged.
+    A payload that is no such message is counted and dropped; the first is logged.
 
     Args:
         session: to hear over; once it is closed, nothing is heard any more.
@@ -32,9 +77,8 @@ class Ear(Generic[Message]):
 
     Attributes:
         key: the same.
-        heard: how many messages were taken.
+        heard: how many messages came.
         foreign: how many payloads were no such message.
-        failed: how many messages `take` could not take.
     """
 
     def __init__(
@@ -47,51 +91,38 @@ class Ear(Generic[Message]):
         elsewhere_only: bool = False,
     ) -> None:
         self.key: Final = key
-        self.heard = self.foreign = self.failed = 0
+        self.heard = self.foreign = 0
         self._kind: Final[type[Message]] = kind
         self._take: Final[Callable[[Message], object]] = take
         origin = zenoh.Locality.REMOTE if elsewhere_only else zenoh.Locality.ANY
-        self._subscriber: Final = session.declare_subscriber(key, zenoh.handlers.RingChannel(1), allowed_origin=origin)
-        # By itself: while somebody waits at the subscriber, it cannot be ended.
-        self._samples: Final = self._subscriber.handler
-        self._thread: Final = threading.Thread(target=self._listen, name=f"hears {key}", daemon=True)
-        self._thread.start()
+        newest: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(1)
+        self._listener: Final = Listener(session.declare_subscriber(key, newest, allowed_origin=origin), self._hear)
+
+    @property
+    def failed(self) -> int:
+        """How many messages `take` could not take."""
+        return self._listener.failed
 
     def close(self) -> None:
-        """Hear no more, and wait for the thread unless this is it. Idempotent."""
-        undeclare(self._subscriber)
-        if threading.current_thread() is not self._thread:
-            self._thread.join(_END_TIMEOUT_S)
+        """Hear no more. Idempotent; not to be called from the ear's thread."""
+        self._listener.close()
 
-    def _listen(self) -> None:
-        while True:
-            try:
-                sample = self._samples.recv()
-            except zenoh.ZError:
-                # The ear, or its session, was closed.
-                return
-            if sample.kind == zenoh.SampleKind.PUT:
-                self._hear(sample.payload.to_bytes())
-
-    def _hear(self, payload: bytes) -> None:
+    def _hear(self, sample: zenoh.Sample) -> None:
+        if sample.kind != zenoh.SampleKind.PUT:
+            return
         try:
-            message = decode(self._kind, payload)
+            message = decode(self._kind, sample.payload.to_bytes())
         except Foreign as failure:
             self.foreign += 1
             if self.foreign == 1:
                 logger.warning("%s: dropped what is no %s: %s", self.key, self._kind.__name__, failure)
             return
-        try:
-            self._take(message)
-            self.heard += 1
-        except Exception:
-            self.failed += 1
-            if self.failed == 1:
-                logger.exception("%s: dropped a message that could not be taken", self.key)
+        self.heard += 1
+        self._take(message)
 
 
 class Voice:
-    """Says messages on one key, each at once or never: what a congested link cannot take is dropped. From any thread.
+    """Says messages on one key, each soon or never: what a congested link cannot take is dropped. From any thread.
 
     Args:
         session: to say it over.
@@ -100,34 +131,27 @@ class Voice:
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.key: Final = key
+        # Not express: each message would fill one of the few places of the queue by itself.
         self._publisher: Final = session.declare_publisher(
-            key, express=True, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )
 
     def say(self, message: Any) -> None:
-        """Say a message, one of `messages.KINDS`.
+        """Say a message, one of `messages.KINDS`. Never waits.
 
         Raises:
             RobotUnavailable: the session is closed.
             ValueError: a value does not fit the message.
         """
-        payload = encode(message)
+        self.say_bytes(encode(message))
+
+    def say_bytes(self, payload: bytes) -> None:
+        """Say a message that is encoded already.
+
+        Raises:
+            RobotUnavailable: the session is closed.
+        """
         try:
             self._publisher.put(payload)
         except zenoh.ZError as failure:
-            raise RobotUnavailable(
-                f"{self.key}: nothing can be said over a session that is closed: {failure}"
-            ) from failure
-
-    def close(self) -> None:
-        """Say no more. Idempotent."""
-        undeclare(self._publisher)
-
-
-def undeclare(declared: Any) -> None:
-    """End what a session has declared; nothing if that is over, or the session."""
-    try:
-        declared.undeclare()
-    except zenoh.ZError as failure:
-        # It was before, or its session is closed.
-        logger.debug("undeclared before: %s", failure)
+            raise RobotUnavailable(f"{self.key}: nothing can be said any more: {failure}") from failure

@@ -1,0 +1,86 @@
+"""A bad link, for tests: what a relay does to the messages that it passes on, whatever carries them."""
+
+from __future__ import annotations
+
+import heapq
+import random
+import threading
+import time
+from collections.abc import Callable, Iterable
+from itertools import count
+from typing import Final
+
+
+class Line:
+    """One kind of message of one robot, in one direction.
+
+    Args:
+        robot_id: whose.
+        send: sends a message on, from any thread.
+    """
+
+    def __init__(self, robot_id: int, send: Callable[[bytes], object]) -> None:
+        self.robot_id: Final = robot_id
+        self.send: Final = send
+        self.held: bytes | None = None
+
+
+class ImpairedRelay:
+    """Passes messages on, and delays, loses, repeats and swaps them, without looking into them.
+
+    Attributes:
+        delay_s: every message is delivered so much later.
+        loss: this share of all messages is lost.
+        duplicate: this share is delivered twice.
+        reorder: this share is delivered after the one that followed.
+        cut: robots whose messages are all lost.
+    """
+
+    def __init__(self) -> None:
+        self.delay_s = self.loss = self.duplicate = self.reorder = 0.0
+        self.cut: frozenset[int] = frozenset()
+        self._random: Final = random.Random(0)
+        self._due: Final[list[tuple[float, int, Line, bytes]]] = []
+        self._numbers: Final = count()
+        self._changed: Final = threading.Condition()
+        self._done = False
+        self._thread: Final = threading.Thread(target=self._deliver, name="relay", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread. Idempotent."""
+        with self._changed:
+            self._done = True
+            self._changed.notify()
+        self._thread.join()
+
+    def pass_on(self, line: Line, message: bytes) -> None:
+        """Deliver a message that has arrived, as it is to be. Messages of one line come from one thread at a time."""
+        chance = self._random.random
+        if line.robot_id in self.cut or chance() < self.loss:
+            return
+        messages = [message] * (2 if chance() < self.duplicate else 1)
+        if chance() < self.reorder and line.held is None:
+            line.held = message
+            return
+        if line.held is not None:
+            messages.append(line.held)
+            line.held = None
+        self._send(line, messages)
+
+    def _send(self, line: Line, messages: Iterable[bytes]) -> None:
+        at_s = time.monotonic() + self.delay_s
+        with self._changed:
+            for message in messages:
+                heapq.heappush(self._due, (at_s, next(self._numbers), line, message))
+            self._changed.notify()
+
+    def _deliver(self) -> None:
+        with self._changed:
+            while not self._done:
+                left_s = self._due[0][0] - time.monotonic() if self._due else None
+                if left_s is None or left_s > 0.0:
+                    self._changed.wait(left_s)
+                    continue
+                _, _, line, message = heapq.heappop(self._due)
+                line.send(message)
