@@ -26,8 +26,8 @@ RUNS: Final = Path("runs")
 _MANY: Final = 1000
 
 
-def recording_path(record: Path | None, no_record: bool, mission: Mission) -> Path | None:
-    """Return where to record a run, or None for nowhere.
+def recording_path(record: Path | None, no_record: bool, mission: Mission, process: str | None = None) -> Path | None:
+    """Return where to record a run, or one process of it, or None for nowhere.
 
     A recording that nobody asked for must not stop a run: where there is no place for it, that is said.
 
@@ -43,7 +43,7 @@ def recording_path(record: Path | None, no_record: bool, mission: Mission) -> Pa
         return None
     try:
         RUNS.mkdir(exist_ok=True)
-        return _new_file(mission)
+        return _new_file(mission, process)
     except OSError as failure:
         complain(
             f"the run is not recorded: '{RUNS}' cannot be written ({failure.strerror}); give --record or --no-record"
@@ -71,13 +71,15 @@ def show_recording(console: Console, report: RecordingReport) -> None:
     console.print(f"recording: {report.path} ({report.size_bytes / 1e6:.1f} MB{lacks})", soft_wrap=True)
 
 
-def _new_file(mission: Mission) -> Path:
-    """Make a file that was not there, named after mission, backend and time."""
+def _new_file(mission: Mission, process: str | None) -> Path:
+    """Make a file that was not there, named after mission, process, backend and time."""
     # A backend may be named by its class.
     backend = re.sub(r"[^\w-]+", "-", mission.backend)
     # The time of day where the user sits: it is for finding one's own runs.
     now = datetime.now().astimezone()
-    name = f"{PurePath(mission.source or 'mission').stem}-{backend}-{now:%Y%m%d-%H%M%S}"
+    whole = PurePath(mission.source or "mission").stem
+    part = whole if process is None else f"{whole}-{process}"
+    name = f"{part}-{backend}-{now:%Y%m%d-%H%M%S}"
     for number in range(1, _MANY):
         path = RUNS / (f"{name}.mcap" if number == 1 else f"{name}-{number}.mcap")
         try:

@@ -33,6 +33,8 @@ EXAMPLES = """Examples:
 
   soter run examples/surveillance.toml --live
 
+  soter run examples/distributed/mission.toml --process alpha
+
 Exit codes:
 
   0  all went well
@@ -65,6 +67,10 @@ def run(
     ac: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Who the ACs are: mission, adversary:NAME, or a class as module:Class."),
+    ] = None,
+    process: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Which process of a distributed mission this is, see docs/distribution.md."),
     ] = None,
     no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
     modules: Annotated[
@@ -125,9 +131,9 @@ def run(
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         views = wanted_views(live, live_port, foxglove, foxglove_port)
-        recording = recording_path(record, no_record, loaded)
+        recording = recording_path(record, no_record, loaded, process)
         with unless_recorded(recording):
-            done, stopped_by = _run(loaded, recording, views, quiet=quiet, to_stderr=str(json) == "-")
+            done, stopped_by = _run(loaded, process, recording, views, quiet=quiet, to_stderr=str(json) == "-")
         written = _write(done, loaded, result_file, picture_file)
         if record is not None and done.recording is not None and done.recording.failure:
             complain(f"the recording is not complete: {done.recording.failure}")
@@ -136,7 +142,13 @@ def run(
 
 
 def _run(
-    mission: Mission, recording: Path | None, views: list[tuple[Kind, int]], *, quiet: bool, to_stderr: bool
+    mission: Mission,
+    process: str | None,
+    recording: Path | None,
+    views: list[tuple[Kind, int]],
+    *,
+    quiet: bool,
+    to_stderr: bool,
 ) -> tuple[Run, int | None]:
     """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
     from soter.cli.console import make_console
@@ -157,6 +169,8 @@ def _run(
             stop=stop,
             record=record,
             on_recording=on_recording,
+            process=process,
+            say=lambda words: console.print(words, soft_wrap=True, highlight=False),
         )
     if not quiet:
         print_summary(console, done.result)

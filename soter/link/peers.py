@@ -53,7 +53,7 @@ class _Start:
 @dataclass
 class _Sample:
     state: RobotState
-    engaged: bool
+    driver: str
     needs_charge: bool
 
 
@@ -90,6 +90,11 @@ class RemoteRobot:
         """Return whether it is on its way to charge, and low."""
         return self._latest is not None and self._latest.needs_charge
 
+    @property
+    def driver(self) -> str:
+        """The module that drives it; empty for its AC, and before it was heard."""
+        return "" if self._latest is None else self._latest.driver
+
     def found(self) -> Finding | None:
         """Return what is wrong with what was reported of it, and forget it."""
         found, self._found = self._found, None
@@ -119,7 +124,7 @@ class RemoteRobot:
         # A later sample was not taken earlier: what is known of the one before holds for it too.
         at_least_s = stamp_s if before is None else max(stamp_s, before.state.stamp_s)
         state = reported._replace(stamp_s=at_least_s)
-        self._latest = _Sample(state, status.engaged, status.needs_charge)
+        self._latest = _Sample(state, status.driver, status.needs_charge)
         self.port.state = state
         self.port.engaged = status.engaged
 

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from soter.clock import Clock
 from soter.config import Mission
-from soter.errors import nearest
+from soter.errors import ConfigError, nearest
 from soter.link.bus import Bus
 from soter.link.buses import open_bus
 from soter.link.company import Company
@@ -20,7 +20,7 @@ from soter.link.post import Post
 from soter.registry import load_backend
 from soter.rta import SpeedBound
 from soter.runner.specs import promises, read_options
-from soter.sdk import Capabilities
+from soter.sdk import Backend, Capabilities
 from soter.stack.adversaries import MISSION
 from soter.workspace import Workspace
 
@@ -132,6 +132,20 @@ class Part:
         """
         others = [name for name in self.others if self.planner or name == self.planner_home]
         return Post(bus, self.mission.distribution.prefix, self.name, others, self.digest)
+
+
+def refuse_in_one_process(mission: Mission, backend: type[Backend]) -> None:
+    """Refuse to command the robots of several processes from one; simulated ones in this process may be.
+
+    Raises:
+        ConfigError: the mission is distributed, and its robots are elsewhere.
+    """
+    processes = mission.distribution.processes
+    if processes and not backend.robot_class.declared.in_process:
+        raise ConfigError(
+            f"this mission is distributed; say which process this is: --process {' or --process '.join(processes)}",
+            source=mission.source, key="distribution.processes",
+        )  # fmt: skip
 
 
 def _bound(promised: Capabilities) -> tuple[SpeedBound, float]:

@@ -133,6 +133,8 @@ class RunResult(BaseModel):
         faults: what was injected, by the mission's `[[fault]]` tables.
         assumptions: by robot, and by number (see `soter.rta.Assumption`), those that were seen not to hold.
         ac: who the ACs were.
+        process: which process of a distributed mission this was, whose figures are those of its own robots; empty for
+            a mission in one process.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -177,6 +179,7 @@ class RunResult(BaseModel):
     faults: tuple[FaultFigures, ...] = ()
     assumptions: dict[int, dict[str, BreachFigures]] = {}
     ac: str = "mission"
+    process: str = ""
 
     @property
     def violated(self) -> bool:

@@ -13,14 +13,16 @@ from typing import Final
 from soter.config import Mission
 from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
-from soter.record.recorder import Recorder, RecordingReport
-from soter.record.tracks import RunTracks
+from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import Watch
 from soter.runner.ac_side import AcSide, Scene, TargetLog
 from soter.runner.aside import Aside
+from soter.runner.done import Run
 from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
 from soter.runner.needless import NeedlessJudge
+from soter.runner.part import Part, refuse_in_one_process
+from soter.runner.planner_run import run_planner
 from soter.runner.progress import Progress, robot_progress
 from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
@@ -28,6 +30,7 @@ from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
 from soter.runner.specs import read_options, robot_specs
 from soter.runner.speedup import refused_at
+from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
 from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
@@ -60,21 +63,6 @@ class Study:
     on_ill_formed: Callable[[IllFormedModule], None] | None = None
 
 
-@dataclass(frozen=True)
-class Run:
-    """What a run leaves behind.
-
-    Attributes:
-        result: the figures.
-        tracks: where the robots were, and who was in control.
-        recording: how its recording went; None if there is none.
-    """
-
-    result: RunResult
-    tracks: RunTracks
-    recording: RecordingReport | None = None
-
-
 def run_mission(
     mission: Mission,
     *,
@@ -84,6 +72,8 @@ def run_mission(
     study: Study | None = None,
     record: Path | None = None,
     on_recording: Callable[[Path], None] | None = None,
+    process: str | None = None,
+    say: Said = logger.warning,
 ) -> Run:
     """Run a mission to its end. Call it from the main thread: only there can a blocked handler be interrupted.
 
@@ -95,6 +85,8 @@ def run_mission(
         study: what is changed of the modules that no mission may change; on simulated robots only.
         record: where to record it, or None. What cannot be recorded is said in what is returned.
         on_recording: called before the first tick with that file, once it says what is run.
+        process: which process of a distributed mission this is; None for a mission in one process.
+        say: told which other processes are waited for.
 
     Returns:
         What happened. Whatever ends the run, its robots are stopped by then.
@@ -105,10 +97,20 @@ def run_mission(
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
     """
     workspace = mission.read_workspace()
+    part = None if process is None else Part.of(mission, workspace, process)
+    if part is not None and not part.robots:
+        return run_planner(
+            part, workspace, on_progress=on_progress, progress_every_s=progress_every_s, stop=stop or _never,
+            record=record, on_recording=on_recording, say=say,
+        )  # fmt: skip
     backend_class = load_backend(mission.backend)
     config = read_options(backend_class, mission, workspace)
     specs = robot_specs(mission, workspace)
     faults = read_faults(mission, [spec.id for spec in specs])
+    if part is None:
+        refuse_in_one_process(mission, backend_class)
+    else:
+        specs = [spec for spec in specs if spec.id in part.robots]
     with ExitStack() as stack:
         declared = backend_class.robot_class.declared
         if study is not None and not declared.in_process:
@@ -120,7 +122,7 @@ def run_mission(
             side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
         else:
             # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
-            side = RemoteSide(mission, workspace, declared.body_radius_m)
+            side = RemoteSide(mission, workspace, declared.body_radius_m, process=process)
         stack.callback(side.close)
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))
@@ -129,20 +131,28 @@ def run_mission(
         if faults:
             fleet = stack.enter_context(FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s))
         side.ready()
+        together = None if part is None else stack.enter_context(Together(part, fleet.clock))
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
         try:
-            loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder)
+            loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder, together)
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
-        if record is not None and on_recording is not None:
-            on_recording(record)
-        status, failure_text = loop.run(on_progress, progress_every_s, stop)
+        status, failure_text = "interrupted", ""
+        if together is None or together.wait(fleet.robots, fleet.clock, say, stop or _never):
+            loop.begin(workspace)
+            if record is not None and on_recording is not None:
+                on_recording(record)
+            status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
         if recorder is not None:
             recorder.finish(run.result.model_dump_json(indent=2).encode())
     return run if recorder is None else replace(run, recording=recorder.close())
+
+
+def _never() -> bool:
+    return False
 
 
 class _Loop:
@@ -156,10 +166,12 @@ class _Loop:
         side: AcSide,
         study: Study,
         recorder: Recorder | None,
+        together: Together | None = None,
     ) -> None:
         self.mission: Final = mission
         self.fleet: Final = fleet
         self.side: Final = side
+        self.together: Final = together
         self.recorder: Final = recorder
         self.modules: Final = enabled(mission)
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
@@ -169,6 +181,8 @@ class _Loop:
         self.safety: Final[SafetySide] = assemble(
             mission, workspace, fleet.robots, side.hear, watches, tap=None if recorder is None else recorder.tap,
             on_ill_formed=study.on_ill_formed, deltas=study.deltas, safer_alone=study.safer_alone,
+            remote=() if together is None else together.peers,
+            remote_promises=() if together is None else together.promises,
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
@@ -183,14 +197,18 @@ class _Loop:
         ).judge
         truth = fleet.truth
         self.user_rules: Final = None if truth is None else UserRules(truth, self.safety.own)
-        disc_m = self.safety.trigger_m + DISC_SLACK_M
+
+    def begin(self, workspace: Workspace) -> None:
+        """Begin the recording and the ACs' side; the first tick is near."""
+        recorder, disc_m = self.recorder, self.safety.trigger_m + DISC_SLACK_M
         log: TargetLog = self.metrics
         if recorder is not None:
             self._begin_recording(recorder, workspace)
             log = recorder.beside(log)
-        side.start(Scene(
-            fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, log,
+        self.side.start(Scene(
+            self.fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, log,
             None if recorder is None else recorder.on_transition,
+            {} if self.together is None else self.together.ports,
         ))  # fmt: skip
 
     def _begin_recording(self, recorder: Recorder, workspace: Workspace) -> None:
@@ -246,17 +264,21 @@ class _Loop:
         receive = side.receive if isinstance(side, RemoteSide) else None
         began_s = clock.now()
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
-        charging, recorder = self.safety.charging, self.recorder
+        charging, recorder, together = self.safety.charging, self.recorder, self.together
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = start_s
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
         for tick in range(last):
             if receive is not None:
                 receive()
+            if together is not None:
+                together.look()
             # In virtual time the clock shows just this time; on a wall clock it shows how late the tick really is.
             now_s = clock.now()
             late_s = now_s - (began_s + tick * base_tick_s)
             supervisor.tick(now_s)
+            if together is not None:
+                together.tell(robots)
             side.run(now_s)
             watchdog.check()
             if side.failures:
@@ -316,6 +338,7 @@ class _Loop:
             status=status,
             failure=failure,
             mission=mission.source or "",
+            process="" if self.together is None else self.together.process,
             backend=mission.backend,
             engine=engine,
             planner=mission.planner,

@@ -1,0 +1,213 @@
+"""A process with the task planner and no robots: it gives targets, and counts how they end. No safety rests on it."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from soter.clock import VehicleClock
+from soter.errors import RunFailed
+from soter.record.recorder import Recorder
+from soter.registry import load_backend
+from soter.runner.ac_side import Scene, TargetLog
+from soter.runner.done import Run
+from soter.runner.metrics import Metrics, counts
+from soter.runner.mission_side import MissionSide
+from soter.runner.part import Part
+from soter.runner.progress import Progress
+from soter.runner.remote_side import WALL_CLOCK
+from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.together import Said, Together
+from soter.runner.watchdog import HandlerWatchdog
+from soter.stack.declaration import enabled
+from soter.stack.terrain import Terrain
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+
+def run_planner(
+    part: Part,
+    workspace: Workspace,
+    *,
+    on_progress: Callable[[Progress], None] | None,
+    progress_every_s: float,
+    stop: Callable[[], bool],
+    record: Path | None,
+    on_recording: Callable[[Path], None] | None,
+    say: Said,
+) -> Run:
+    """Run a task planner whose robots are all in other processes; see `soter.runner.run.run_mission`.
+
+    Raises:
+        ConfigError: bad input.
+        BackendError: the others cannot be reached, or do not come.
+    """
+    clock = VehicleClock()
+    with ExitStack() as stack:
+        together = stack.enter_context(Together(part, clock))
+        radius_m = load_backend(part.mission.backend, to_open=False).robot_class.declared.body_radius_m
+        recorder = None if record is None else stack.enter_context(Recorder(record, waits=False))
+        side = MissionSide(
+            part.mission, workspace, radius_m, virtual_time=False, part=part, bus=part.open_bus()
+        )  # fmt: skip
+        stack.callback(side.close)
+        loop = _PlannerLoop(part, workspace, radius_m, side, together, clock, recorder)
+        on_begin = partial(on_recording, record) if on_recording is not None and record is not None else None
+        run = loop.run(on_progress, progress_every_s, stop, say, on_begin)
+        if recorder is None:
+            return run
+        recorder.finish(run.result.model_dump_json(indent=2).encode())
+        return Run(run.result, run.tracks, recorder.close())
+
+
+class _PlannerLoop:
+    """One run, from the first tick to the last."""
+
+    def __init__(
+        self,
+        part: Part,
+        workspace: Workspace,
+        body_radius_m: float,
+        side: MissionSide,
+        together: Together,
+        clock: VehicleClock,
+        recorder: Recorder | None,
+    ) -> None:
+        self.part: Final = part
+        self.mission: Final = part.mission
+        self.side: Final = side
+        self.together: Final = together
+        self.clock: Final = clock
+        self.recorder: Final = recorder
+        self.workspace: Final = workspace
+        self.body_radius_m: Final = body_radius_m
+        self.modules: Final = enabled(self.mission)
+        self.metrics: Final = Metrics(workspace, self.modules, sorted(part.homes), None)
+        self.ticks = 0
+        self.wall_s = 0.0
+
+    def run(
+        self,
+        on_progress: Callable[[Progress], None] | None,
+        progress_every_s: float,
+        stop: Callable[[], bool],
+        say: Said,
+        on_begin: Callable[[], None] | None,
+    ) -> Run:
+        """Wait for the others, then tick until the time is up."""
+        start_s = time.perf_counter()
+        status, failure = "interrupted", ""
+        try:
+            if self.together.wait((), self.clock, say, stop):
+                self._begin()
+                if on_begin is not None:
+                    on_begin()
+                start_s = time.perf_counter()
+                with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:
+                    status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
+        except KeyboardInterrupt:
+            status = "interrupted"
+        except RunFailed as failed:
+            logger.error("the run failed: %s", failed)
+            status, failure = "failed", str(failed)
+        self.wall_s = time.perf_counter() - start_s
+        self.metrics.finish(self.ticks * self.mission.base_tick_s)
+        return Run(self._result(status, failure), self.metrics.tracks)
+
+    def _begin(self) -> None:
+        log: TargetLog = self.metrics
+        recorder = self.recorder
+        if recorder is not None:
+            recorder.begin(self.mission, self.workspace, (), {}, {}, {}, None)
+            log = recorder.beside(log)
+        self.side.start(Scene(
+            self.clock, self.workspace, Terrain(self.workspace, self.body_radius_m), {}, 0.0, log,
+            None if recorder is None else recorder.on_transition,
+        ))  # fmt: skip
+
+    def _tick_on(
+        self,
+        watchdog: HandlerWatchdog,
+        start_s: float,
+        on_progress: Callable[[Progress], None] | None,
+        progress_every_s: float,
+        stop: Callable[[], bool],
+    ) -> str:
+        base_tick_s, clock, together = self.mission.base_tick_s, self.clock, self.together
+        began_s, shown_s = clock.now(), start_s
+        for tick in range(round(self.mission.duration_s / base_tick_s)):
+            now_s = clock.now()
+            together.look()
+            together.tell(())
+            self.side.run(now_s)
+            watchdog.check()
+            if self.side.failures:
+                raise RunFailed(next(iter(self.side.failures.values())))
+            self.metrics.tick(now_s, tick, now_s - (began_s + tick * base_tick_s), (), lambda _: False)
+            if self.recorder is not None:
+                self.recorder.tick(now_s, tick)
+            self.ticks = tick + 1
+            wall_s = time.perf_counter()
+            if on_progress is not None and wall_s - shown_s >= progress_every_s:
+                shown_s = wall_s
+                on_progress(self._progress(wall_s - start_s))
+            clock.sleep_until(began_s + (tick + 1) * base_tick_s)
+            if stop():
+                return "interrupted"
+        return "completed"
+
+    def _progress(self, wall_s: float) -> Progress:
+        reached = self.metrics.reached_by_robot
+        robots = tuple(each._replace(targets_reached=reached[each.robot_id]) for each in self.together.progress())
+        return Progress(self.ticks * self.mission.base_tick_s, self.mission.duration_s, wall_s, robots, None)
+
+    def _result(self, status: str, failure: str) -> RunResult:
+        """Sum up; what only processes with robots can know is not counted here."""
+        mission, metrics = self.mission, self.metrics
+        duration_s, targets = round(self.ticks * mission.base_tick_s, 6), metrics.target_counts()
+        return RunResult(
+            status=status,
+            failure=failure,
+            mission=mission.source or "",
+            process=self.part.name,
+            backend=mission.backend,
+            engine=None,
+            planner=mission.planner,
+            ac=mission.ac,
+            targets_from=mission.targets,
+            modules=self.modules,
+            robots=0,
+            seed=mission.seed,
+            duration_s=duration_s,
+            wall_s=round(self.wall_s, 3),
+            real_time_factor=round(duration_s / self.wall_s, 1) if self.wall_s else 0.0,
+            violations=None,
+            contacts=None,
+            ac_share=0.0,
+            ac_share_without_charging=0.0,
+            disengagements=counts({}, self.modules),
+            joined=counts({}, self.modules),
+            disengagements_total=0,
+            needless=NeedlessCounts(),
+            targets=targets,
+            targets_reached=targets.reached,
+            longest_stall_s=0.0,
+            no_progress_s=round(metrics.no_progress_s, 2),
+            min_margin=None,
+            paths_replaced=0,
+            no_certified_motion=0,
+            monitors={},
+            dm_tick_us=metrics.tick_times(),
+            missed_ticks=0,
+            tick_late_ms=metrics.tick_lateness(),
+            deterministic=False,
+            nondeterminism=WALL_CLOCK,
+            trace_sha256="",
+            failed_robots={},
+        )

@@ -1,0 +1,142 @@
+"""A run among others: their robots as peers of its own, what it tells of itself, and waiting for them at first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, Self
+
+from soter.clock import Clock
+from soter.errors import ConfigError, RobotUnavailable
+from soter.link.company import Company
+from soter.link.status import RobotStatus
+from soter.rta import Mode, RemotePeer, RobotSupervisor
+from soter.runner.part import Part
+from soter.runner.progress import RobotProgress
+from soter.sdk import Capabilities, Robot, RobotState
+from soter.stack.kit import RobotPort
+from soter.stack.right_of_way import needs_charge
+
+SAY_EVERY_S: Final = 5.0
+"""Host time between two lines on who is waited for."""
+
+_LOOK_S: Final = 0.05
+_TWIN_S: Final = 0.5
+"""So long a process listens at least for another one of its name before anything moves."""
+
+Said = Callable[[str], None]
+
+
+class Together:
+    """Everything that a process with others needs beside its own robots. One thread: the supervisor's.
+
+    A context manager that leaves the bus.
+
+    Args:
+        part: which part of the mission is here.
+        clock: fleet time; thread-safe.
+
+    Attributes:
+        process: this one's name.
+        peers: the robots of other processes.
+        promises: what each of those promises.
+        ports: what planners here are shown of them, by robot.
+    """
+
+    def __init__(self, part: Part, clock: Clock) -> None:
+        self.process: Final = part.name
+        self._part: Final = part
+        self._company: Final[Company] = part.company(part.open_bus(), clock)
+        company = self._company
+        self.peers: Final[Sequence[RemotePeer]] = company.peers
+        self.promises: Final[Sequence[Capabilities]] = [part.promised[peer.robot_id] for peer in company.peers]
+        self.ports: Final[Mapping[int, RobotPort]] = {peer.robot_id: peer.port for peer in company.peers}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._company.close()
+
+    def look(self) -> None:
+        """Take what has been heard. To be called before every tick."""
+        self._company.look()
+
+    def tell(self, robots: Sequence[RobotSupervisor]) -> None:
+        """Tell the others how the robots are. To be called after every tick."""
+        self._company.tell([_status(robot) for robot in robots])
+
+    def wait(self, robots: Sequence[Robot], clock: Clock, say: Said, stop: Callable[[], bool]) -> bool:
+        """Wait until all other processes are there; the robots stand meanwhile, and the others are told where.
+
+        Args:
+            robots: of this process, ready.
+            clock: fleet time.
+            say: told, in words, who is waited for, whenever that changes and every few seconds.
+            stop: asked again and again whether to give up.
+
+        Returns:
+            Whether they are all there; False when told to stop.
+
+        Raises:
+            RobotUnavailable: they have not come in time; says who is missing and why.
+            ConfigError: another process of this name is there.
+        """
+        limit_s = self._part.mission.distribution.wait_s
+        begun_s, said, said_s, steady_s = clock.steady_s(), "", -math.inf, clock.steady_s()
+        since_s = clock.now()
+        while not stop():
+            self._company.look()
+            self._company.tell([_standing(robot.read_state()) for robot in robots])
+            missing = self._company.missing(clock.now())
+            steady_s = clock.steady_s()
+            if self._company.has_twin(since_s):
+                raise ConfigError(
+                    f"another process '{self._part.name}' of this mission is running; end that one, or choose another "
+                    f"with --process: {', '.join(self._part.mission.distribution.processes)}",
+                    source="command line", key="--process",
+                )  # fmt: skip
+            waited_s = steady_s - begun_s
+            if not missing and waited_s >= _TWIN_S:
+                if said:
+                    say("all processes are there")
+                return True
+            words = "; ".join(self._in_words(name, why) for name, why in missing.items())
+            if waited_s > limit_s:
+                raise RobotUnavailable(
+                    f"after {limit_s:g} s not all processes are there: {words}; start each with --process, and check "
+                    "that all reach the same bus"
+                )
+            if words and (words != said or steady_s - said_s >= SAY_EVERY_S):
+                said, said_s = words, steady_s
+                say(f"waiting for {words}")
+            clock.sleep_until(clock.now() + _LOOK_S)
+        return False
+
+    def progress(self) -> tuple[RobotProgress, ...]:
+        """Return how the other processes' robots are doing, as far as they have told."""
+        return tuple(
+            RobotProgress(
+                peer.robot_id, state.x_m, state.y_m, peer.driver or "AC", "", state.battery, {}, 0, 0,
+            )
+            for peer in self._company.peers
+            if (state := peer.sample()) is not None
+        )  # fmt: skip
+
+    def _in_words(self, process: str, why: str) -> str:
+        robots = self._part.robots_of(process)
+        what = [f"robot {robot_id}" for robot_id in robots]
+        what += ["the task planner"] * (process == self._part.planner_home)
+        return f"'{process}' with {' and '.join(what)} ({why})"
+
+
+def _status(robot: RobotSupervisor) -> RobotStatus:
+    state, driver = robot.situation.own, robot.driver
+    assert isinstance(state, RobotState)
+    name = "" if driver is None else driver.name
+    return RobotStatus(state, robot.mode is Mode.AC, name, needs_charge(robot))
+
+
+def _standing(state: RobotState) -> RobotStatus:
+    """Return what is told of a robot that has not begun."""
+    return RobotStatus(state, False, "waiting", False)
