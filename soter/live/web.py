@@ -36,7 +36,9 @@ END_S: Final = 2.0
 """Host time that viewers have at the end to hear how the run ended."""
 
 MOST_VIEWERS: Final = 64
-_SEND_BYTES: Final = 1 << 16
+SEND_BYTES: Final = 1 << 16
+"""What the system may keep for a viewer that does not read. What is not sent yet is kept once for all of them."""
+
 _WAITING: Final = b"""\
 <!doctype html><meta charset="utf-8"><meta name="color-scheme" content="light dark">
 <meta http-equiv="refresh" content="1"><title>SOTER</title><p>The run has not begun yet."""
@@ -197,7 +199,7 @@ class _Viewer(BaseHTTPRequestHandler):
             # A page of another run, which was here before: it is not to ask again.
             self._say(HTTPStatus.NO_CONTENT, b"", "text/event-stream")
             return
-        self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
+        self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         self._head(HTTPStatus.OK, "text/event-stream")
         self.end_headers()
         self.server.count(1)

@@ -41,6 +41,6 @@ class Unpacked:
 
 def of_page(page: str) -> Unpacked:
     """The data of a page."""
-    found = re.search(r'<script type="application/octet-stream" id="recording">([^<]*)</script>', page)
+    found = re.search(r'<script type="application/octet-stream" id="recording"[^>]*>([^<]*)</script>', page)
     assert found is not None
     return Unpacked(found[1])

@@ -60,7 +60,7 @@
       const text = !run.goesOn ? `the run has ended: ${run.summary.status || "not known how"}`
         : this.lost ? "connection lost"
           : quietS > QUIET_S ? `nothing new for ${quietS.toFixed(0)} s`
-            : following ? "live" : `live: ${soter.clock(behindS, 0)} ahead`;
+            : following ? "live" : `${soter.clock(behindS, 0)} behind live`;
       if (byId("live-state").textContent !== text) byId("live-state").textContent = text;
       byId("live").setAttribute("aria-pressed", String(following));
       byId("live").classList.toggle("doubtful", doubtful);

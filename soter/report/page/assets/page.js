@@ -140,7 +140,10 @@
 
     chase(now, before) {
       this.chasing = this.following && this.timeS < this.run.lastS;
-      if (!this.chasing) return;
+      if (!this.chasing) {
+        if (!this.run.goesOn) this.pause();
+        return;
+      }
       this.timeS = Math.min(this.run.lastS, this.timeS + Math.max(0, now - before) / 1000 * this.rate);
       this.onChange();
       requestAnimationFrame((next) => this.chase(next, now));
