@@ -234,9 +234,11 @@ def _fields_at(model: type[BaseModel], where: tuple[str, ...]) -> list[str]:
         if get_origin(inner) is dict:
             # A table of tables with names of the user's own: the next part is such a name.
             inner = get_args(inner)[1] if next(parts, None) is not None else None
-        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+        # A table that may be left out is one or None.
+        models = [each for each in (inner, *get_args(inner)) if isinstance(each, type) and issubclass(each, BaseModel)]
+        if not models:
             return []
-        model = inner
+        model = models[0]
     return list(model.model_fields)
 
 

@@ -196,7 +196,7 @@ class SessionOptions(_Table):
         wrong = next((number for number, line in enumerate(lines, 1) if not re.fullmatch(r"[^:\s]+:\S+", line)), None)
         if wrong is not None or not lines:
             # The line itself may be a password.
-            raise not_allowed(f"NAME:PASSWORD a line, which {'no line' if not lines else f'line {wrong} not'} is")
+            raise not_allowed("NAME:PASSWORD a line; " + ("there is none" if not lines else f"line {wrong} is none"))
         return path
 
     def read_password(self) -> str | None:
