@@ -26,6 +26,9 @@ from soter.cli.ros2 import MUX_CONTEXT, ros2_monitor, ros2_mux, sim_ros2
 from soter.cli.ros2 import SIM_EXAMPLES as ROS2_SIM_EXAMPLES
 from soter.cli.run import EXAMPLES, run
 from soter.cli.sim import sim
+from soter.cli.zenoh import MUX_CONTEXT as ZENOH_MUX_CONTEXT
+from soter.cli.zenoh import SIM_EXAMPLES as ZENOH_SIM_EXAMPLES
+from soter.cli.zenoh import sim_zenoh, zenoh_mux
 
 app = typer.Typer(
     name="soter",
@@ -45,8 +48,10 @@ app.command()(backends)
 app.command(epilog=CONFORM_EXAMPLES)(conform)
 app.command(epilog=CHECK_EXAMPLES)(check)
 sim.command("ros2", epilog=ROS2_SIM_EXAMPLES)(sim_ros2)
+sim.command("zenoh", epilog=ZENOH_SIM_EXAMPLES)(sim_zenoh)
 app.add_typer(sim)
 app.command(context_settings=MUX_CONTEXT)(ros2_mux)
+app.command(context_settings=ZENOH_MUX_CONTEXT)(zenoh_mux)
 app.command(epilog=ROS2_MONITOR_EXAMPLES)(ros2_monitor)
 app.command(epilog=ABLATE_EXAMPLES)(ablate)
 

@@ -73,6 +73,7 @@ class StreamedRobot(Robot):
         spec: which robot.
         clock: follows the robots' clocks.
         origin: the pose in the workspace at which its odometry reads 0, 0, 0.
+        rate: seconds of the robot's clock by second of the host; above 1 only in a simulated world that runs faster.
         external_ac: its AC is somebody else's program, which talks to the mux itself: this robot never speaks for it.
     """
 
@@ -99,13 +100,20 @@ class StreamedRobot(Robot):
     )
 
     def __init__(
-        self, spec: RobotSpec, clock: VehicleClock, origin: Pose = (0.0, 0.0, 0.0), *, external_ac: bool = False
+        self,
+        spec: RobotSpec,
+        clock: VehicleClock,
+        origin: Pose = (0.0, 0.0, 0.0),
+        *,
+        rate: float = 1.0,
+        external_ac: bool = False,
     ) -> None:
         super().__init__(spec, clock)
         self._vehicle_clock: Final = clock
         self._origin: Final = origin
         self._external_ac: Final = external_ac
-        self._drive: Final = Drive(_LIMITS, _PLANNED_PERIOD_S)
+        self._rate: Final = rate
+        self._drive: Final = Drive(_LIMITS, _PLANNED_PERIOD_S * rate)
         self._steering: Final = threading.Lock()
         self._doing = _Doing(SC, None, None, float("-inf"))
         self._order = Order(secrets.token_hex(4), 0, SC, None)
@@ -260,15 +268,15 @@ class StreamedRobot(Robot):
         """Send the velocity that the controller in charge asks for now; nothing once its lease is dead."""
         with self._steering:
             doing, latest = self._doing, self._latest
-            now_s = self.clock.steady_s()
-            if latest is None or not self._speaks_for(doing.controller) or now_s - doing.renewed_steady_s >= LEASE_S:
+            lease_age_s = (self.clock.steady_s() - doing.renewed_steady_s) * self._rate
+            if latest is None or not self._speaks_for(doing.controller) or lease_age_s >= LEASE_S:
                 return
             age_s = self.clock.now() - latest[0].stamp_s
             if age_s > _BLIND_S:
                 velocity = 0.0, 0.0
             else:
                 # Where it will be when it acts on this.
-                motion = latest[1].after(age_s + _REACTION_S)
+                motion = latest[1].after(age_s + _REACTION_S * self._rate)
                 velocity = self._drive.command(
                     motion.x_m, motion.y_m, motion.heading_rad, motion.forward_m_s, motion.turn_rad_s, doing.target
                 )

@@ -74,6 +74,7 @@ ALLOWED: dict[str, set[str]] = {
     # Its face on Zenoh speaks as the adapter does: one codec and one way to open a session, not two.
     "soter_sim.zenoh": {
         "soter.adapters.zenoh.messages",
+        "soter.adapters.zenoh.options",
         "soter.adapters.zenoh.presence",
         "soter.adapters.zenoh.programs",
         "soter.adapters.zenoh.session",

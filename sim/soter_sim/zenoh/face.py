@@ -9,15 +9,13 @@ from typing import Final
 import zenoh
 
 from soter.adapters.zenoh.messages import Clock, Time
+from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.talk import Voice
 from soter.adapters.zenoh.velocities import stamp_of
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
 from soter_sim.streamed import StreamedFace
 from soter_sim.zenoh.base import Base
-
-CLOCK: Final = "clock"
-"""The key of the world's clock."""
 
 
 class Face(StreamedFace):

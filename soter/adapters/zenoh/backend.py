@@ -11,7 +11,7 @@ from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
 from soter.sdk.truth import StreamedTruth
 
 
@@ -31,6 +31,7 @@ class ZenohFleet(Fleet):
     def __init__(self, config: ZenohConfig, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
         self.simulator: Final = simulator
         clock = VehicleClock(rate=config.speedup)
+        robot_class = promising(config.promised())
         self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)
         try:
             self._session: Final = open_session(config.session)
@@ -39,7 +40,7 @@ class ZenohFleet(Fleet):
                 self._truth.close()
             raise
         try:
-            self.zenoh_robots: Final = tuple(ZenohRobot(spec, clock, self._session, config) for spec in specs)
+            self.zenoh_robots: Final = tuple(robot_class(spec, clock, self._session, config) for spec in specs)
             super().__init__(clock, self.zenoh_robots, self._truth)
         except BaseException:
             self._close_shared()
@@ -64,6 +65,10 @@ class ZenohBackend(Backend):
     robot_class: ClassVar[type[Robot]] = ZenohRobot
     harness: ClassVar[str] = "soter.adapters.zenoh.harness:ZenohHarness"
 
+    @classmethod
+    def promises(cls, config: ZenohConfig) -> Capabilities:
+        return config.promised()
+
     def open(self, config: ZenohConfig, robots: Sequence[RobotSpec]) -> ZenohFleet:
         """Open the robots; they are not ready before `init()`.
 
@@ -84,6 +89,17 @@ class ZenohBackend(Backend):
         except BaseException:
             simulator.close()
             raise
+
+
+def promising(promised: Capabilities) -> type[ZenohRobot]:
+    """Return a class of robots that declare this much."""
+
+    class Promising(ZenohRobot):
+        """A robot with the promises of the configuration."""
+
+        declared: ClassVar[Capabilities] = promised
+
+    return Promising
 
 
 def simulated(config: ZenohConfig, simulator: Simulator) -> ZenohConfig:

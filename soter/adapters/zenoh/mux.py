@@ -138,9 +138,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options = read_session(given)
         try:
             gate = Gate(given.lease, given.command, given.v_max, given.yaw_rate_max)
-            keys = _read_keys(given.key).of(checked_key(given.robot))
         except ValueError as failure:
             parser.error(str(failure))
+        try:
+            checked_key(given.robot)
+        except ValueError as failure:
+            parser.error(f"--robot is '{given.robot}', {failure}")
+        keys = _read_keys(given.key).of(given.robot)
         ended = Ending(given.parent)
         session = open_session(options)
         try:

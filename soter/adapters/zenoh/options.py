@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Annotated, Final
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from soter.adapters.zenoh.session import SessionOptions
+from soter.mux.station import PERIOD_S
 from soter.mux.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
-from soter.sdk import BackendConfig
+from soter.problems import not_allowed
+from soter.sdk import BackendConfig, Capabilities
+from soter.streamed.robot import StreamedRobot
 
 _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
+
+CLOCK: Final = "clock"
+"""The key of a simulated world's clock, which is /clock in ROS."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -24,7 +31,7 @@ def checked_key(key: str) -> str:
         ValueError: it begins or ends with a slash, or is a pattern.
     """
     if not _KEY.fullmatch(key):
-        raise ValueError("allowed: a key such as robot1/odom, without a slash at either end and without * $ ? #")
+        raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
     return key
 
 
@@ -105,3 +112,22 @@ class ZenohConfig(BackendConfig):
     discovery_s: Annotated[float, Field(gt=0.0, le=600.0)] = 10.0
     speedup: Positive = 1.0
     truth: str | None = None
+
+    @field_validator("session")
+    @classmethod
+    def _leads_to_robots(cls, session: SessionOptions, info: ValidationInfo) -> SessionOptions:
+        if session.connect and not info.data.get("robots", True):
+            raise not_allowed("connect only with robots to reach, a table [backends.zenoh.robots.N] for each")
+        return session
+
+    def promised(self) -> Capabilities:
+        """Return what the robots promise: times are in fleet time, of which a host second has `speedup`."""
+        declared, speedup = StreamedRobot.declared, self.speedup
+        return replace(
+            declared,
+            latency_s=declared.latency_s * speedup,
+            sample_age_s=declared.sample_age_s * speedup,
+            jitter_s=declared.jitter_s * speedup,
+            lease_s=declared.lease_s + PERIOD_S * (speedup - 1.0),
+            position_noise_m=declared.position_noise_m * speedup,
+        )

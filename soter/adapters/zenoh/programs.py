@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,15 +12,14 @@ from pathlib import Path
 from soter.adapters.zenoh.session import SessionOptions
 from soter.config import validate_options
 from soter.errors import ConfigError, SoterError
-
-_COMMAND_LINE = "command line"
+from soter.problems import read_limited
 
 
 def add_session(parser: argparse.ArgumentParser) -> None:
     """Let a program be told how to open its session."""
     parser.add_argument(
         "--session", type=Path, metavar="FILE",
-        help="how Zenoh is reached, as JSON with the keys of [backends.zenoh.session]",
+        help="how Zenoh is reached: the keys of [backends.zenoh.session], as TOML or, in a file.json, as JSON",
     )  # fmt: skip
     parser.add_argument("--mode", metavar="M", help="what the session is: peer, which is the default, or client")
     parser.add_argument("--listen", action="append", metavar="E", help="where it listens, such as tcp/127.0.0.1:7447")
@@ -32,17 +32,34 @@ def read_session(given: argparse.Namespace) -> SessionOptions:
     Raises:
         ConfigError: it is not allowed; the message lists all that is wrong.
     """
-    raw, source = {}, _COMMAND_LINE
-    if given.session is not None:
-        source = str(given.session)
-        try:
-            raw = json.loads(given.session.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as failure:
-            raise ConfigError(f"it cannot be read: {failure}", source=source) from failure
-        if not isinstance(raw, dict):
-            raise ConfigError("this is no table", source=source)
-    told = {name: value for name in ("mode", "listen", "connect") if (value := getattr(given, name)) is not None}
-    return validate_options(SessionOptions, {**raw, **told}, source, "session")
+    return session_options(given.session, mode=given.mode, listen=given.listen, connect=given.connect)
+
+
+def session_options(file: Path | None, **told: object) -> SessionOptions:
+    """Return the options of a session.
+
+    Args:
+        file: where they are, or None.
+        told: options in place of those of the file; None is nothing told.
+
+    Raises:
+        ConfigError: one is not allowed; the message lists all that is wrong.
+    """
+    raw = {} if file is None else _read(file)
+    raw |= {name: value for name, value in told.items() if value is not None}
+    return validate_options(SessionOptions, raw, "command line" if file is None else str(file), "session")
+
+
+def _read(file: Path) -> dict[str, object]:
+    source = str(file)
+    try:
+        text = read_limited(file, "session file").decode("utf-8")
+        raw = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
+    except ValueError as failure:
+        raise ConfigError(f"it cannot be read: {failure}", source=source) from failure
+    if not isinstance(raw, dict):
+        raise ConfigError("this is no table", source=source)
+    return raw
 
 
 @contextmanager

@@ -14,6 +14,9 @@ from soter.streamed.robot import SETTLED, StreamedRobot, wait_for
 if TYPE_CHECKING:
     import zenoh
 
+_LISTEN_S: Final = 0.5
+"""How long to listen for others who drive a robot, before it is taken."""
+
 
 class ZenohRobot(StreamedRobot):
     """One robot below a namespace.
@@ -34,13 +37,10 @@ class ZenohRobot(StreamedRobot):
         from soter.adapters.zenoh.wire import Wire
 
         place = config.robots[spec.id]
-        super().__init__(spec, clock, place.odom_origin)
+        super().__init__(spec, clock, place.odom_origin, rate=config.speedup)
         self._config: Final = config
         self.namespace: Final = place.namespace
-        who = f"commander-{self._order.session}"
-        self.wire: Final = Wire(
-            session, place.namespace, config.keys.of(place.namespace), stamped=config.stamped, who=who
-        )
+        self.wire: Final = Wire(session, config, place.namespace, f"commander-{self._order.session}")
         self.wire.listen(self._take_odometry, self._take_battery, self._take_report)
 
     def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
@@ -51,20 +51,34 @@ class ZenohRobot(StreamedRobot):
         self.wire.send_order(text)
 
     def _connect(self, timeout_s: float) -> Capabilities:
-        clock = self.clock
+        clock, wire = self.clock, self.wire
         until_s = clock.steady_s() + timeout_s
         if not wait_for(self._all_heard, min(timeout_s, self._config.discovery_s)):
-            raise RobotUnavailable(f"robot {self.id} at {self.namespace}: {self._missing()}")
+            raise self._unavailable(self._missing())
+        # A lease that has just died is reported a little later.
+        if not wait_for(lambda: self._refusal() is None, _LISTEN_S):
+            raise self._unavailable(self._refusal() or "its mux follows one program after another")
+        others = wire.others(_LISTEN_S)
+        if others:
+            raise self._unavailable(f"{'; '.join(others)}; let them say it on {wire.keys.cmd_vel_ac}")
         if not self._settle(until_s - clock.steady_s()):
-            why = self._refusal() or (
-                f"its mux takes no order; does it hear {self.wire.keys.order}, and does it know the robot's clock?"
+            raise self._unavailable(
+                self._refusal()
+                or f"its mux takes no order; does it hear {wire.keys.order}, and does it know the robot's clock?"
             )
-            raise RobotUnavailable(f"robot {self.id} at {self.namespace}: {why}")
-        return replace(self.declared, reports_battery=bool(self.wire.keys.battery))
+        return replace(self.declared, reports_battery=bool(wire.keys.battery))
 
     def _all_heard(self) -> bool:
         battery = self._charge is not None or not self.wire.keys.battery
         return self._heard >= SETTLED and self._gate is not None and battery
 
     def _missing(self) -> str:
-        return "nothing was heard"
+        """Return what was not heard, and why that may be."""
+        missing = self.wire.missing() or ["what was heard makes no sense"]
+        return (
+            f"within {self._config.discovery_s:g} s: {'; '.join(missing)}. Is the robot running, with "
+            "`soter zenoh-mux` beside it, and are the namespace, the keys and the session in [backends.zenoh] right?"
+        )
+
+    def _unavailable(self, why: str) -> RobotUnavailable:
+        return RobotUnavailable(f"robot {self.id} at {self.namespace}: {why}")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.session import SessionOptions
 from soter.sdk import RobotSpec
 from soter.streamed.simulator import StreamedSimulator
@@ -68,7 +69,3 @@ class Simulator(StreamedSimulator):
         path = Path(self._folder.name) / f"{name}.json"
         path.write_text(session.model_dump_json(), encoding="utf-8")
         return str(path)
-
-
-CLOCK: Final = "clock"
-"""Where a simulated world shows its clock."""

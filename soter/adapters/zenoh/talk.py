@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import threading
 from collections.abc import Callable
 from typing import Any, Final, Generic
+from weakref import WeakSet
 
 import zenoh
 
@@ -15,6 +17,15 @@ from soter.errors import RobotUnavailable
 logger = logging.getLogger(__name__)
 
 _END_TIMEOUT_S: Final = 2.0
+
+_listening: Final[WeakSet[Listener]] = WeakSet()
+
+
+@atexit.register
+def _end_all() -> None:
+    """End what still listens: a thread that waits in Zenoh when the interpreter goes takes the whole process down."""
+    for listener in [*_listening]:
+        listener.close()
 
 
 class Listener:
@@ -38,10 +49,13 @@ class Listener:
         self._take: Final = take
         self._name: Final = str(subscriber.key_expr)
         self._thread: Final = threading.Thread(target=self._listen, name=f"hears {self._name}", daemon=True)
+        _listening.add(self)
         self._thread.start()
 
     def close(self) -> None:
         """Hear no more, and wait for the thread. Idempotent; not to be called from that thread."""
+        if not self._thread.is_alive():
+            return
         try:
             self._subscriber.undeclare()
         except zenoh.ZError as failure:
@@ -77,6 +91,7 @@ class Ear(Generic[Message]):
 
     Attributes:
         key: the same.
+        kind: the same.
         heard: how many messages came.
         foreign: how many payloads were no such message.
     """
@@ -92,7 +107,7 @@ class Ear(Generic[Message]):
     ) -> None:
         self.key: Final = key
         self.heard = self.foreign = 0
-        self._kind: Final[type[Message]] = kind
+        self.kind: Final[type[Message]] = kind
         self._take: Final[Callable[[Message], object]] = take
         origin = zenoh.Locality.REMOTE if elsewhere_only else zenoh.Locality.ANY
         newest: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(1)
@@ -111,11 +126,11 @@ class Ear(Generic[Message]):
         if sample.kind != zenoh.SampleKind.PUT:
             return
         try:
-            message = decode(self._kind, sample.payload.to_bytes())
+            message = decode(self.kind, sample.payload.to_bytes())
         except Foreign as failure:
             self.foreign += 1
             if self.foreign == 1:
-                logger.warning("%s: dropped what is no %s: %s", self.key, self._kind.__name__, failure)
+                logger.warning("%s: dropped what is no %s: %s", self.key, self.kind.__name__, failure)
             return
         self.heard += 1
         self._take(message)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
 import zenoh
 
+from soter.adapters.zenoh.diagnosis import why_not_reached
+from soter.adapters.zenoh.endpoint import Endpoint
 from soter.adapters.zenoh.messages import BatteryState, Odometry, String
-from soter.adapters.zenoh.options import Keys
+from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.presence import Presence, announce
 from soter.adapters.zenoh.talk import Ear, Voice
-from soter.adapters.zenoh.velocities import make_velocity, stamp_of
+from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
 from soter.mux.wire import AC, SC
+
+logger = logging.getLogger(__name__)
 
 
 class Wire:
@@ -20,23 +26,24 @@ class Wire:
 
     Args:
         session: to hear and say over; somebody else's to close.
+        config: of the backend.
         namespace: of the robot.
-        keys: of the robot, in full.
-        stamped: whether velocities are TwistStamped.
         who: what this end says to be.
 
     Attributes:
-        keys: the same.
+        keys: of the robot, in full.
         presence: who is there.
-        ears: by what `Keys` calls what they hear; empty before `listen`.
+        ears: by what `Keys` calls what they hear. That of `cmd_vel_sc` hears only what others say there.
     """
 
-    def __init__(self, session: zenoh.Session, namespace: str, keys: Keys, *, stamped: bool, who: str) -> None:
+    def __init__(self, session: zenoh.Session, config: ZenohConfig, namespace: str, who: str) -> None:
+        keys = config.keys.of(namespace)
         self.keys: Final = keys
         self.presence: Final = Presence(session, namespace)
         self.ears: Final[dict[str, Ear[Any]]] = {}
         self._session: Final = session
-        self._stamped: Final = stamped
+        self._namespace: Final = namespace
+        self._config: Final = config
         self._token: Final = announce(session, namespace, who)
         self._velocities: Final = {AC: Voice(session, keys.cmd_vel_ac), SC: Voice(session, keys.cmd_vel_sc)}
         self._orders: Final = Voice(session, keys.order)
@@ -49,6 +56,7 @@ class Wire:
     ) -> None:
         """Hand on what is heard from now on, each kind in a thread of its own."""
         session, keys, ears = self._session, self.keys, self.ears
+        ears["cmd_vel_sc"] = self._hear_velocity(keys.cmd_vel_sc, self._warn_of_forger)
         ears["gate"] = Ear(session, keys.gate, String, lambda message: take_report(message.data))
         if keys.battery:
             ears["battery"] = Ear(session, keys.battery, BatteryState, take_battery)
@@ -56,9 +64,57 @@ class Wire:
 
     def send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float, clock_s: float) -> None:
         """Ask for a velocity in the name of a controller, at a time of the robot's clock."""
-        stamp = stamp_of(clock_s) if self._stamped else None
+        stamp = stamp_of(clock_s) if self._config.stamped else None
         self._velocities[by].say(make_velocity(forward_m_s, turn_rad_s, stamp))
 
     def send_order(self, text: str) -> None:
         """Say who is in charge."""
         self._orders.say(String(text))
+
+    def missing(self) -> list[str]:
+        """Return what is not heard and who is not there, one line each."""
+        found = self._no_link()
+        if found:
+            return found
+        for name, ear in self.ears.items():
+            if ear.foreign:
+                found.append(f"what came on {ear.key} was no {ear.kind.__name__} ({ear.foreign} messages)")
+            elif not ear.heard and name != "cmd_vel_sc":
+                found.append(f"nothing was heard on {ear.key}")
+        there = sorted(self.presence.there & {"base", "mux"})
+        if there:
+            found.append(f"its {' and '.join(there)} say to be there")
+        elif self.presence.there:
+            found.append(f"no mux says to be there below {self._namespace}")
+        return found
+
+    def others(self, listen_s: float) -> list[str]:
+        """Listen for a while, and return who else drives the robot although its mux lets nobody, one line each."""
+        past: list[str] = []
+
+        def note(forward_m_s: float, turn_rad_s: float) -> None:
+            # The mux says rest there, all the time.
+            if forward_m_s or turn_rad_s:
+                past.append(f"somebody says velocities on {self.keys.cmd_vel} and drives it past the mux")
+
+        ear = self._hear_velocity(self.keys.cmd_vel, note)
+        time.sleep(listen_s)
+        ear.close()
+        forged = f"somebody says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
+        return [*past[:1], *([forged] if self.ears["cmd_vel_sc"].heard else [])]
+
+    def _no_link(self) -> list[str]:
+        """Return why there is no link to anybody, one line for each place to connect to; nothing if there is one."""
+        options = self._config.session
+        if self._session.info.links():
+            return []
+        if not options.connect:
+            return ["nobody has connected, and session.connect names nobody to connect to"]
+        return [f"no link to {text}: {why_not_reached(Endpoint.parse(text), options.tls)}" for text in options.connect]
+
+    def _hear_velocity(self, key: str, take: Callable[[float, float], object]) -> Ear[Any]:
+        return hear_velocity(self._session, key, take, stamped=self._config.stamped, elsewhere_only=True)
+
+    def _warn_of_forger(self, *_velocity: float) -> None:
+        if self.ears["cmd_vel_sc"].heard == 1:
+            logger.warning("%s: somebody else speaks for its safe controller", self.keys.cmd_vel_sc)

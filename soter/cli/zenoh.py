@@ -1,0 +1,132 @@
+"""`soter zenoh-mux` and `soter sim zenoh`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from soter.cli.exits import StopSignals, guard
+
+if TYPE_CHECKING:
+    from soter.adapters.zenoh.simulator import Simulator
+
+SIM_EXAMPLES = """Examples:
+
+  soter sim zenoh examples/surveillance.xml
+
+  soter sim zenoh examples/surveillance.xml --robots 1 --listen tcp/127.0.0.1:7447
+
+  soter sim zenoh examples/surveillance.xml --mode client --connect tcp/127.0.0.1:7447
+
+Exit codes:
+
+  0  ended by Ctrl-C or a request to terminate
+
+  2  bad input, an endpoint that cannot be used, or Zenoh is not there
+"""
+
+# Its own parser says more of it than could be said here, so that `python -m soter.adapters.zenoh.mux` says it too.
+MUX_CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+
+
+def zenoh_mux(context: typer.Context) -> None:
+    """Run the mux of one robot: beside the robot's base, between its two controllers and the base."""
+    with guard():
+        _require_zenoh()
+        from soter.adapters.zenoh.mux import main
+
+        main(context.args)
+
+
+def sim_zenoh(
+    workspace: Annotated[
+        Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
+    ],
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="E", help="Where the world listens, such as tcp/127.0.0.1:7447; a free port of this host otherwise."
+        ),
+    ] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(metavar="E", help="Where the robots connect to, such as a router.")
+    ] = None,
+    mode: Annotated[
+        str | None, typer.Option(metavar="M", help="What their sessions are: peer, which is the default, or client.")
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="All about the session: the keys of \\[backends.zenoh.session], as TOML."),
+    ] = None,
+    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
+    stamped: Annotated[bool, typer.Option("--stamped", help="Velocities are TwistStamped instead of Twist.")] = False,
+    speedup: Annotated[float, typer.Option(metavar="N", help="Simulated seconds by second.", min=0.1)] = 1.0,
+    truth: Annotated[
+        int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
+    ] = 0,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
+    ] = None,
+) -> None:
+    """Simulate robots on Zenoh, each with its mux, until Ctrl-C. Only this host reaches them unless told otherwise."""
+    with guard(), StopSignals() as stop:
+        _require_zenoh()
+        import time
+
+        from soter.adapters.zenoh.programs import session_options
+        from soter.adapters.zenoh.simulator import Simulator
+        from soter.cli.sim import room_and_robots
+        from soter.errors import RunFailed
+
+        options = session_options(session, mode=mode, listen=listen or None, connect=connect or None)
+        room, specs = room_and_robots(workspace, robots, seed)
+        simulator = Simulator(room, specs, options, stamped=stamped, speedup=speedup, truth_port=truth)
+        try:
+            _say_how_to_connect(simulator, stamped=stamped, speedup=speedup)
+            while not stop():
+                if simulator.world.poll() is not None:
+                    raise RunFailed(f"the world ended with code {simulator.world.returncode}")
+                time.sleep(_LOOK_S)
+        finally:
+            simulator.close()
+
+
+_LOOK_S = 0.1
+
+
+def _require_zenoh() -> None:
+    """Say at once what is missing."""
+    from soter.registry import load_backend
+
+    load_backend("zenoh")
+
+
+def _say_how_to_connect(simulator: Simulator, *, stamped: bool, speedup: float) -> None:
+    """Print what a mission file needs to meet the robots, and what there is for everybody else."""
+    from soter.adapters.zenoh.options import CLOCK
+
+    session = simulator.session
+    lines = [
+        "[backends.zenoh]", f'truth = "{simulator.truth}"', f'session.mode = "{session.mode}"',
+        f"session.connect = [{', '.join(map(repr, session.connect))}]",
+        *(["stamped = true"] if stamped else []), *([f"speedup = {speedup:g}"] if speedup != 1.0 else []),
+        *(f'robots.{robot_id}.namespace = "{name}"' for robot_id, name in simulator.namespaces.items()),
+    ]  # fmt: skip
+    typer.echo("In a mission file:\n\n" + "\n".join(lines))
+    twist = "geometry_msgs/TwistStamped" if stamped else "geometry_msgs/Twist"
+    keys = {
+        "odom": "nav_msgs/Odometry, 30 Hz",
+        "battery_state": "sensor_msgs/BatteryState, 2 Hz",
+        "cmd_vel_ac": f"{twist}, to the mux",
+        "cmd_vel_sc": f"{twist}, to the mux",
+        "cmd_vel": f"{twist}, from the mux to the base",
+        "soter/order": "std_msgs/String, to the mux",
+        "soter/gate": "std_msgs/String, from the mux",
+    }
+    typer.echo("\nKeys, all of them CDR:\n")
+    for name in simulator.namespaces.values():
+        typer.echo("\n".join(f"{f'{name}/{key}':28}{what}" for key, what in keys.items()))
+    typer.echo(f"{CLOCK:28}rosgraph_msgs/Clock, 60 Hz")
+    typer.echo("\nCtrl-C ends it.")
