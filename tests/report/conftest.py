@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
 from soter.record.tracks import RunTracks, Track
 from soter.rta import SwitchRecord
 from soter.workspace import Box, RobotPlace, Workspace
+from tests.report.chromium import chromium
 
 DRIVERS = ("AC", "collision", "geofence")
 
@@ -49,3 +52,10 @@ def make_run(robots: int = 2, drivers: str = "1000200011", period_s: float = 1.0
 def run() -> RunTracks:
     """Two robots for nine seconds."""
     return make_run()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, see `tests.report.chromium`."""
+    with chromium() as started:
+        yield started

@@ -7,11 +7,7 @@ from __future__ import annotations
 
 import cmath
 import math
-import os
-import shutil
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,26 +17,14 @@ from soter.record.content import Content
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
 from tests.record.helpers import recorded
+from tests.report.chromium import NEEDED, moment, opened, until
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="NOT RUN: no page was opened, Playwright is not installed (`make browser-test`)"
-)
-
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
-pytestmark = [
-    pytest.mark.skipif(
-        CHROMIUM is None, reason=f"NOT RUN: no page was opened, there is none of {', '.join(NAMES)} on the PATH"
-    ),
-    pytest.mark.timeout(300),
-]
+pytestmark = NEEDED
 
 DURATION_S = 600.0
 MOST_BYTES = 8_000_000
 MOST_OPENING_S = 3.0
-WAIT_S = 30.0
 PHONE = {"width": 390, "height": 844}
-DESKTOP = {"width": 1440, "height": 900}
 
 
 class Made(NamedTuple):
@@ -58,49 +42,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     recording = Recording(folder / "run.mcap")
     (folder / "run.html").write_text(make_page(recording), encoding="utf-8")
     return Made(folder / "run.html", recording.content())
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as driver:
-        # The sandbox cannot be had as root; the page is our own.
-        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        started = driver.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield started
-        started.close()
-
-
-@contextmanager
-def opened(browser: Any, path: Path, fragment: str = "", **options: Any) -> Iterator[Any]:
-    """The page in a window of its own; afterwards it must have been silent and alone."""
-    context = browser.new_context(**{"viewport": DESKTOP, "offline": True, **options})
-    page = context.new_page()
-    said: list[str] = []
-    asked: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda failure: said.append(str(failure)))
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(f"{path.as_uri()}{fragment}")
-    until(page, "window.soter && window.soter.openedMs")
-    yield page
-    context.close()
-    assert said == []
-    assert asked == [path.as_uri()]
-
-
-def until(page: Any, expression: str) -> None:
-    """Wait for something to become true. The page forbids to make programs of texts, so the driver has to ask."""
-    deadline_s = time.monotonic() + WAIT_S
-    while not page.evaluate(expression):
-        assert time.monotonic() < deadline_s, f"it never came true: {expression}"
-        page.wait_for_timeout(20)
-
-
-def moment(page: Any) -> dict[str, Any]:
-    """What the page shows, once it has drawn what was asked for."""
-    until(page, "soter.page.moment && soter.page.moment.timeS === soter.player.timeS")
-    found: dict[str, Any] = page.evaluate("soter.page.moment")
-    return found
 
 
 def pixel(page: Any, x_m: float, y_m: float) -> tuple[int, int, int]:

@@ -13,6 +13,11 @@
       document.documentElement.dataset.live = "";
       byId("live").hidden = false;
       byId("live").addEventListener("click", () => soter.page.toEnd());
+      if (run.goesOn) this.listen();
+      setInterval(() => this.say(), 500);
+    }
+
+    listen() {
       this.source = new EventSource(byId("recording").dataset.stream);
       // One after the other: each part is what has come since the one before.
       let turn = Promise.resolve();
@@ -29,7 +34,6 @@
         this.lost = this.run.goesOn;
         this.say();
       };
-      setInterval(() => this.say(), 500);
     }
 
     async hear(data) {
