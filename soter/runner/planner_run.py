@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from soter.clock import VehicleClock
+from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
 from soter.record.recorder import Recorder
 from soter.registry import load_backend
@@ -76,14 +76,14 @@ class _PlannerLoop:
         body_radius_m: float,
         side: MissionSide,
         together: Together,
-        clock: VehicleClock,
+        clock: Clock,
         recorder: Recorder | None,
     ) -> None:
         self.part: Final = part
         self.mission: Final = part.mission
         self.side: Final = side
         self.together: Final = together
-        self.clock: Final = clock
+        self.clock: Final[Clock] = clock
         self.recorder: Final = recorder
         self.workspace: Final = workspace
         self.body_radius_m: Final = body_radius_m
