@@ -8,22 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from soter.sdk import RobotSpec
-from soter.workspace import Box, RobotPlace, Workspace
+from tests.streamed.driving import ROOM, SPECS
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet
     from soter.adapters.ros2.graph import Graph
     from soter.adapters.ros2.simulator import Simulator
-
-ROOM = Workspace(
-    8.0, 6.0, (),
-    (
-        RobotPlace(1, 2.0, 2.5, Box(1.9, 2.4, 2.1, 2.6), 0.4),
-        RobotPlace(2, 5.0, 3.5, Box(4.9, 3.4, 5.1, 3.6), -2.0),
-    ),
-)  # fmt: skip
-SPECS = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in ROOM.robots]
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -11,8 +10,8 @@ import pytest
 
 from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
-from tests.adapters.ros2.conftest import ROOM, SPECS
-from tests.adapters.ros2.driving import rest_after_s, tick
+from tests.streamed import behaviour
+from tests.streamed.driving import ROOM, SPECS, tick
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet
@@ -22,20 +21,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.rclpy
 
 Open = Callable[..., "Ros2Fleet"]
-
-
-def moves(fleet: Ros2Fleet) -> bool:
-    state = fleet.robots[0].read_state()
-    return math.hypot(state.vx_m_s, state.vy_m_s) > 0.2
-
-
-def under_way(fleet: Ros2Fleet) -> Waypoint:
-    """Send the robot straight on and return where to, once it is at speed."""
-    robot = fleet.robots[0]
-    target = Waypoint(2.0 + 2.0 * math.cos(0.4), 2.5 + 2.0 * math.sin(0.4))
-    robot.goto(target, Controller.SC)
-    assert tick(fleet, lambda: moves(fleet), 5.0)
-    return target
 
 
 def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
@@ -160,17 +145,7 @@ def test_whoever_can_go_round_the_mux_is_named(
 
 
 def test_a_robot_that_follows_another_program_is_refused(simulator: Simulator, open_fleet: Open) -> None:
-    first = open_fleet(simulator)
-    other = open_fleet(simulator, ready=False)
-    done = threading.Event()
-    renewing = threading.Thread(target=lambda: tick(first, done.is_set, 30.0))
-    renewing.start()
-    try:
-        with pytest.raises(RobotUnavailable, match="its mux follows somebody else, whose lease lives"):
-            other.robots[0].init(5.0)
-    finally:
-        done.set()
-        renewing.join()
+    behaviour.follows_another_program(open_fleet(simulator), open_fleet(simulator, ready=False))
 
 
 def test_an_ac_that_is_somebody_elses_is_not_spoken_for(simulator: Simulator, open_fleet: Open, graph: Graph) -> None:
@@ -188,45 +163,17 @@ def test_an_ac_that_is_somebody_elses_is_not_spoken_for(simulator: Simulator, op
 
 
 def test_when_soter_falls_silent_the_robot_stops(simulator: Simulator, open_fleet: Open) -> None:
-    fleet = open_fleet(simulator)
-    under_way(fleet)
-    caps = fleet.robots[0].capabilities
-    stopped_s = rest_after_s(fleet, 2.0, drive=False)
-    assert stopped_s <= caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.2
+    behaviour.silence(open_fleet(simulator))
 
 
 def test_when_its_mux_dies_the_robot_stops_and_goes_on_with_the_next(simulator: Simulator, open_fleet: Open) -> None:
-    fleet = open_fleet(simulator)
-    target = under_way(fleet)
-    simulator.muxes[1].kill()
-    simulator.muxes[1].wait()
-    # The base's own time-out of 0.2 s, and braking.
-    assert rest_after_s(fleet, 2.0, drive=True) <= 0.2 + 0.22 + 0.2
-    simulator.start_mux(1)
-    goal = fleet.robots[0].goto(target, Controller.SC)
-    assert tick(fleet, lambda: not goal.active, 30.0)
-    assert goal.status is GoalStatus.REACHED
+    behaviour.mux_dies(open_fleet(simulator), simulator)
 
 
 def test_when_the_robot_dies_its_link_goes_down_and_closing_does_not_hang(
     simulator: Simulator, open_fleet: Open
 ) -> None:
-    fleet = open_fleet(simulator)
-    under_way(fleet)
-    simulator.world.kill()
-    simulator.world.wait()
-    robot = fleet.robots[0]
-    links: set[Link] = set()
-
-    def down() -> bool:
-        links.add(robot.read_state().link)
-        return Link.DOWN in links
-
-    assert tick(fleet, down, 5.0)
-    assert links == {Link.UP, Link.STALE, Link.DOWN}
-    began_s = fleet.clock.steady_s()
-    fleet.close()
-    assert fleet.clock.steady_s() - began_s < 3.0
+    behaviour.robot_dies(open_fleet(simulator), simulator)
 
 
 def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
@@ -234,21 +181,7 @@ def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
 ) -> None:
     from soter.adapters.ros2.simulator import Simulator as Another
 
-    fleet = open_fleet(simulator, truth=None)
-    robot = fleet.robots[0]
-    under_way(fleet)
-    # A clock that began anew is known by stamps that go back: it must have been on for longer than it will be off.
-    tick(fleet, lambda: robot.read_state().vehicle_stamp_s > 1020.0, 30.0)
-    simulator.close()
-    assert tick(fleet, lambda: robot.read_state().link is Link.STALE, 5.0)
-    # Its clock, its session and its odometry begin anew.
-    another = Another(ROOM.with_robots(1), SPECS[:1], domain_id=simulator.domain_id)
-    try:
-        assert tick(fleet, lambda: robot.read_state().link is Link.UP, 10.0)
-        assert tick(fleet, lambda: robot.read_state().controller is Controller.SC, 5.0)
-        goal = robot.goto(Waypoint(2.3, 2.6), Controller.SC)
-        assert tick(fleet, lambda: not goal.active, 20.0)
-        assert goal.status is GoalStatus.REACHED
-        assert robot.read_state().age_s(fleet.clock.now()) < 0.3
-    finally:
-        another.close()
+    def start_again() -> Another:
+        return Another(ROOM.with_robots(1), SPECS[:1], domain_id=simulator.domain_id)
+
+    behaviour.robot_reboots(open_fleet(simulator, truth=None), simulator, start_again, on_s=20.0)

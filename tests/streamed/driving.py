@@ -1,4 +1,4 @@
-"""Driving as a supervisor does, without ROS."""
+"""A room, its robots, and driving them as a supervisor does, whatever carries the messages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,17 @@ import math
 from collections.abc import Callable
 
 from soter.conformance.bench import drive_until
-from soter.sdk import Fleet
+from soter.sdk import Controller, Fleet, RobotSpec, Waypoint
+from soter.workspace import Box, RobotPlace, Workspace
+
+ROOM = Workspace(
+    8.0, 6.0, (),
+    (
+        RobotPlace(1, 2.0, 2.5, Box(1.9, 2.4, 2.1, 2.6), 0.4),
+        RobotPlace(2, 5.0, 3.5, Box(4.9, 3.4, 5.1, 3.6), -2.0),
+    ),
+)  # fmt: skip
+SPECS = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in ROOM.robots]
 
 
 def tick(fleet: Fleet, until: Callable[[], bool], timeout_s: float, *, renew: bool = True) -> bool:
@@ -36,3 +46,17 @@ def rest_after_s(fleet: Fleet, timeout_s: float, *, drive: bool) -> float:
         if math.dist(pose[:2], before[:2]) > 1e-4:
             before, moved_s = pose, clock.now()
     return math.inf if clock.now() - moved_s < 0.3 else moved_s - began_s
+
+
+def moves(fleet: Fleet) -> bool:
+    state = fleet.robots[0].read_state()
+    return math.hypot(state.vx_m_s, state.vy_m_s) > 0.2
+
+
+def under_way(fleet: Fleet) -> Waypoint:
+    """Send the robot straight on and return where to, once it is at speed."""
+    robot = fleet.robots[0]
+    target = Waypoint(2.0 + 2.0 * math.cos(0.4), 2.5 + 2.0 * math.sin(0.4))
+    robot.goto(target, Controller.SC)
+    assert tick(fleet, lambda: moves(fleet), 5.0)
+    return target
