@@ -36,6 +36,7 @@ check: lint types wheel-check test ## Everything a change must pass: lint, types
 browser-test: ## Open pages of recordings in Chromium: play, scrub, jump; how long it takes and how large they are
 	@tools/env.sh test
 	$(VENV)/python -m pytest -n 0 -s -rs tests/report/test_browser.py tests/report/test_live_browser.py $(PYTEST_ARGS)
+	$(VENV)/python benchmarks/page.py $(BENCH_ARGS)
 
 .PHONY: accept
 accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped and resumed

@@ -26,7 +26,7 @@ from soter.report.page.growing import GrowingPage
 PUBLISH_S: Final = 0.25
 """Host time between two parts where there is always something new."""
 
-VIEWER_S: Final = 5.0
+VIEWER_S: Final = 3.0
 """Host time for which a viewer may not take what it is sent, or not finish what it asks; then it is dropped."""
 
 ALIVE_S: Final = 2.0

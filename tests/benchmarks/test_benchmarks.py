@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from benchmarks.common import ROOT, in_turns
+from tests.report.chromium import NEEDED
 
 HELPERS = {"common", "replay", "wall_clock"}
 OWN_ENVIRONMENT = {"peers"}
@@ -20,6 +21,7 @@ NEEDS = {
     "real_time_factor": (pytest.mark.ompl,),
     "recording": (pytest.mark.pybullet, pytest.mark.ompl),
     "ros2_latency": (pytest.mark.rclpy,),
+    "page": tuple(NEEDED),
 }
 
 
