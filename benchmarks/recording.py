@@ -1,25 +1,48 @@
-"""What recording costs a run: the same mission with and without, on both engines; and how large recordings get.
+"""What recording costs a run, and showing it live: the same mission with and without; and how large recordings get.
 
-Two robots, BIT*, all safety modules. Most of the work is done by a process of its own, beside the run; where the
+Two robots, BIT*, all safety modules. Most of the work is done by processes of their own, beside the run; where the
 machine has a core to spare, the run pays only for copying numbers into a pipe. The processor time of the run's own
-process shows that part alone, however busy the machine is.
+process shows that part alone, however busy the machine is. Whoever looks at the live page is one more process, which
+takes all that it is told.
 """
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from benchmarks.common import SURVEILLANCE, Row, arguments, in_turns, show
 from soter.config import Mission, load_mission
+from soter.live.view import PAGE, LiveView
 from soter.runner import run_mission
 
 GOAL: Final = 1.05
 ENGINES: Final = ("pybullet", "kinematic")
+SIDES: Final = {"without": "not recorded", "with": "recorded", "live": "recorded, live, one viewer"}
 TWO_HOURS_S: Final = 7200.0
+
+_VIEWER: Final = """
+import re, sys, time, urllib.error, urllib.request
+address, stream = sys.argv[1], None
+try:
+    while stream is None:
+        time.sleep(0.1)
+        try:
+            page = urllib.request.urlopen(address).read().decode()
+            stream = re.search('data-stream="([^"]*)"', page)[1].replace("&amp;", "&")
+        except urllib.error.HTTPError:  # it has not begun
+            continue
+    print(sum(map(len, urllib.request.urlopen(address + stream))))
+except OSError:  # it was over before anybody came
+    print(0)
+"""
 
 
 class Bench:
@@ -31,61 +54,70 @@ class Bench:
     Attributes:
         processor_s: processor time of this process, by side.
         size_bytes: of the last recording.
+        told_bytes: what the last viewer was told.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder: Final = folder
-        self.processor_s: Final[dict[str, list[float]]] = {"without": [], "with": []}
+        self.processor_s: Final[dict[str, list[float]]] = {side: [] for side in SIDES}
         self.size_bytes = 0
+        self.told_bytes = 0
 
-    def measure(self, mission: Mission, *, record: bool) -> float:
+    def measure(self, mission: Mission, side: str) -> float:
         """Run a mission; return the host time of its ticks in seconds."""
-        path = self._folder / "run.mcap" if record else None
-        before_s = time.process_time()
-        run = run_mission(mission, record=path)
-        self.processor_s["with" if record else "without"].append(time.process_time() - before_s)
+        path = None if side == "without" else self._folder / "run.mcap"
+        with ExitStack() as stack:
+            view = stack.enter_context(self._viewed()) if side == "live" else None
+            before_s = time.process_time()
+            run = run_mission(mission, record=path, on_recording=None if view is None else view.begin)
+            self.processor_s[side].append(time.process_time() - before_s)
         if run.recording is not None:
             if run.recording.failure:
                 raise RuntimeError(f"nothing was measured: {run.recording.failure}")
             self.size_bytes = run.recording.size_bytes
         return run.result.wall_s
 
+    @contextmanager
+    def _viewed(self) -> Iterator[LiveView]:
+        """Have a live page with somebody who looks at it."""
+        with LiveView(PAGE) as view:
+            command = [sys.executable, "-c", _VIEWER, view.address]
+            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as viewer:
+                yield view
+                view.close()
+                told, _ = viewer.communicate(timeout=60.0)
+        self.told_bytes = int(told)
+
 
 def main(argv: Sequence[str] | None = None) -> float:
-    """Measure and print; return the ratio on the PyBullet engine."""
+    """Measure and print; return the ratio of recording on the PyBullet engine."""
     quick = arguments(__doc__ or "", argv).quick
     ratios = {engine: _measured(engine, quick=quick) for engine in ENGINES}
     return ratios["pybullet"]
 
 
 def _measured(engine: str, *, quick: bool) -> float:
-    """Measure and print one engine; return the ratio."""
-    duration_s, rounds = (2.0, 1) if quick else (120.0 if engine == "pybullet" else 1200.0, 7)
+    """Measure and print one engine; return the ratio of recording."""
+    duration_s, rounds = (120.0 if engine == "pybullet" else 1200.0, 7)
+    if quick:
+        duration_s, rounds = duration_s / 60.0, 1
     mission = load_mission(SURVEILLANCE, {"backend": engine, "duration_s": duration_s})
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder))
-        sides = {
-            "without": lambda: bench.measure(mission, record=False),
-            "with": lambda: bench.measure(mission, record=True),
-        }
-        times = in_turns(sides, rounds)
+        times = in_turns({side: partial(bench.measure, mission, side) for side in SIDES}, rounds)
     ticks = duration_s / mission.base_tick_s
     least_s = {name: min(each) for name, each in times.items()}
     own_s = {name: min(each) for name, each in bench.processor_s.items()}
-    ratio = least_s["with"] / least_s["without"]
-    goal, met = (f"<= {GOAL}", ratio <= GOAL) if engine == "pybullet" else ("", None)
-    rows = [
-        Row(f"{engine}, not recorded", f"{least_s['without'] / ticks * 1e6:.0f} us/tick"),
-        Row("recorded", f"{least_s['with'] / ticks * 1e6:.0f} us/tick", ratio, goal, met),
-        Row(
-            "recorded, own processor time",
-            f"{own_s['with'] / ticks * 1e6:.0f} us/tick",
-            own_s["with"] / own_s["without"],
-        ),
-    ]
+    rows = [Row(f"{engine}, {SIDES['without']}", f"{least_s['without'] / ticks * 1e6:.0f} us/tick")]
+    for name in ("with", "live"):
+        ratio, own = least_s[name] / least_s["without"], own_s[name] / own_s["without"]
+        goal, met = (f"<= {GOAL}", ratio <= GOAL) if (engine, name) == ("pybullet", "with") else ("", None)
+        rows.append(Row(SIDES[name], f"{least_s[name] / ticks * 1e6:.0f} us/tick", ratio, goal, met))
+        rows.append(Row("  own processor time", f"{own_s[name] / ticks * 1e6:.0f} us/tick", own))
     size_mb = bench.size_bytes / 1e6 / duration_s * TWO_HOURS_S
-    show("Cost of recording", rows, f"Two robots, BIT*; least of {rounds} rounds; {size_mb:.0f} MB in 2 h.")
-    return ratio
+    told = f"the viewer was told {bench.told_bytes / 1e6:.1f} MB"
+    show("Cost of recording", rows, f"Two robots, BIT*; least of {rounds} rounds; {size_mb:.0f} MB in 2 h; {told}.")
+    return least_s["with"] / least_s["without"]
 
 
 if __name__ == "__main__":
