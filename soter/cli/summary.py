@@ -68,6 +68,9 @@ def per_robot_hour(disengagements: int, robots: int, duration_s: float) -> float
 
 def rows(result: RunResult) -> list[list[Row]]:
     """Return the summary, a list for each block of it."""
+    if not result.robots:
+        # A process with the task planner only: what robots do, theirs know.
+        return [list(_targets(result)), list(_lateness(result))]
     return [list(_violations(result)), list(_control(result)), list(_targets(result)), list(_machinery(result))]
 
 
@@ -108,7 +111,8 @@ def _targets(result: RunResult) -> Iterator[Row]:
     targets = result.targets
     yield Row("targets reached", str(targets.reached), style="bold")
     yield Row("  given up", f"{targets.unsafe} unsafe, {targets.blocked} blocked, {targets.timed_out} timed out")
-    yield Row("longest stall", f"{result.longest_stall_s:.1f} s")
+    if result.robots:
+        yield Row("longest stall", f"{result.longest_stall_s:.1f} s")
     yield Row("no progress for", f"{result.no_progress_s:.1f} s")
     if result.paths_replaced:
         yield Row("plans replaced", f"{result.paths_replaced} by certified ways")
@@ -121,11 +125,15 @@ def _machinery(result: RunResult) -> Iterator[Row]:
                        f"in {_time(result.wall_s)})")  # fmt: skip
     tick = result.dm_tick_us
     yield Row("decisions, a tick", f"p50 {tick.p50:.1f} us, p99 {tick.p99:.1f} us, max {tick.max:.0f} us")
+    yield from _lateness(result)
+    if result.missed_ticks:
+        yield Row("missed ticks", str(result.missed_ticks), style="yellow")
+
+
+def _lateness(result: RunResult) -> Iterator[Row]:
     if (late := result.tick_late_ms) is not None:
         how = ", scheduled in real time" if result.real_time else ""
         yield Row("ticks late by", f"p50 {late.p50:.1f} ms, p99 {late.p99:.1f} ms, max {late.max:.1f} ms{how}")
-    if result.missed_ticks:
-        yield Row("missed ticks", str(result.missed_ticks), style="yellow")
 
 
 def _errand(result: RunResult) -> str:
@@ -138,8 +146,9 @@ def _errand(result: RunResult) -> str:
 def headline(result: RunResult) -> str:
     """Return what was run."""
     engine = f", engine {result.engine}" if result.engine else ""
+    process = f"process '{result.process}': " if result.process else ""
     return (
-        f"{_many(result.robots, 'robot')} for {_time(result.duration_s)} on {result.backend}{engine}; "
+        f"{process}{_many(result.robots, 'robot')} for {_time(result.duration_s)} on {result.backend}{engine}; "
         f"{_errand(result)}, "
         f"{_listed(result.modules) or 'no safety modules'}, seed {result.seed}"
     )
@@ -157,7 +166,9 @@ def outcome(result: RunResult) -> tuple[str, str]:
 def remarks(result: RunResult) -> list[str]:
     """Return what a reader has to know to judge the figures."""
     found = []
-    if differing := differences(result):
+    if result.process:
+        found.append("These are the figures of this process alone; that of the task planner counts all targets.")
+    elif differing := differences(result):
         found.append(f"Not the thesis's run ({', '.join(differing)}): compare shares and rates, not totals.")
     found += [f"Robot {robot} lost its AC: {why}" for robot, why in result.failed_robots.items()]
     if not result.deterministic and result.nondeterminism:
@@ -182,7 +193,8 @@ def print_summary(console: Console, result: RunResult) -> None:
     console.print(table)
     for remark in remarks(result):
         console.print(remark, soft_wrap=True)
-    console.print(Text(f"trace {result.trace_sha256}", "dim"), soft_wrap=True)
+    if result.trace_sha256:
+        console.print(Text(f"trace {result.trace_sha256}", "dim"), soft_wrap=True)
 
 
 def caption(result: RunResult, safer_charge: float) -> Caption:

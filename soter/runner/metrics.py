@@ -76,6 +76,7 @@ class Metrics:
         self.targets: dict[int, Place] = {}
         self.no_progress_s = 0.0
         self._progress_s = 0.0
+        self._begun_s = 0.0
         self._now_s = 0.0
         self._stalls = {robot_id: Stall() for robot_id in robot_ids}
         self._driver_index: dict[str | None, int] = {None: 0}
@@ -110,6 +111,10 @@ class Metrics:
         self.reached_by_robot[robot_id] += outcome is Outcome.REACHED
         self.no_progress_s = max(self.no_progress_s, self._now_s - self._progress_s)
         self._progress_s = self._now_s
+
+    def begin(self, now_s: float) -> None:
+        """Begin to count: robots may have been ready for long, and have waited for others."""
+        self._begun_s = self._progress_s = now_s
 
     def tick(
         self,
@@ -148,9 +153,9 @@ class Metrics:
 
     # --- at the end ------------------------------------------------------------------------------------------
 
-    def finish(self, now_s: float) -> None:
+    def finish(self, duration_s: float) -> None:
         """Close what is still open at the end of the run."""
-        self.no_progress_s = max(self.no_progress_s, now_s - self._progress_s)
+        self.no_progress_s = max(self.no_progress_s, self._begun_s + duration_s - self._progress_s)
 
     @property
     def ac_share(self) -> float:

@@ -141,6 +141,7 @@ class _PlannerLoop:
     ) -> str:
         base_tick_s, clock, together = self.mission.base_tick_s, self.clock, self.together
         began_s, shown_s = clock.now(), start_s
+        self.metrics.begin(began_s)
         for tick in range(round(self.mission.duration_s / base_tick_s)):
             now_s = clock.now()
             together.look()

@@ -169,6 +169,14 @@ class _Cast:
         self._actuators: dict[int, RecordedActuator] = {}
         self._spells: dict[int, Spell] = {}
         clock = VirtualClock()
+        elsewhere = {each for table in mission.distribution.processes.values() for each in table.robots}
+        elsewhere -= {each.robot_id for each in about.robots}
+        if elsewhere:
+            named = ", ".join(map(str, sorted(elsewhere)))
+            raise BadRecording(
+                f"{recording.path}: this was one process of a distributed mission; what it heard of the robots of "
+                f"others ({named}), which its decisions rest on, is not recorded"
+            )
         try:
             robots = [RecordedRobot(each, clock) for each in about.robots]
             starts = {each.robot_id: sample_of(each.initial, each.robot_id) for each in about.robots}

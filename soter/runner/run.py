@@ -263,6 +263,7 @@ class _Loop:
         base_tick_s, clock, side = self.mission.base_tick_s, self.fleet.clock, self.side
         receive = side.receive if isinstance(side, RemoteSide) else None
         began_s = clock.now()
+        self.metrics.begin(began_s)
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
         charging, recorder, together = self.safety.charging, self.recorder, self.together
         last = round(self.mission.duration_s / base_tick_s)
