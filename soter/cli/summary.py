@@ -134,6 +134,8 @@ def _lateness(result: RunResult) -> Iterator[Row]:
     if (late := result.tick_late_ms) is not None:
         how = ", scheduled in real time" if result.real_time else ""
         yield Row("ticks late by", f"p50 {late.p50:.1f} ms, p99 {late.p99:.1f} ms, max {late.max:.1f} ms{how}")
+    if (age := result.peer_age_ms) is not None:
+        yield Row("peers' samples, age", f"p50 {age.p50:.0f} ms, p99 {age.p99:.0f} ms, max {age.max:.0f} ms")
 
 
 def _errand(result: RunResult) -> str:

@@ -178,11 +178,11 @@ class Metrics:
 
     def tick_times(self) -> TickTimes:
         """Host time of one robot's decisions at one tick."""
-        return _percentiles(np.frombuffer(self._decide_s, dtype=np.float32) * 1e6)
+        return percentiles(np.frombuffer(self._decide_s, dtype=np.float32) * 1e6)
 
     def tick_lateness(self) -> TickTimes:
         """How late ticks came, in milliseconds."""
-        return _percentiles(np.frombuffer(self._late_s) * 1e3)
+        return percentiles(np.frombuffer(self._late_s) * 1e3)
 
     def missed_ticks(self, jitter_s: float) -> int:
         """How many ticks came later than the robots' declared jitter allows."""
@@ -226,7 +226,8 @@ def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, Bre
     }
 
 
-def _percentiles(times: NDArray[np.floating[Any]]) -> TickTimes:
+def percentiles(times: NDArray[np.floating[Any]]) -> TickTimes:
+    """Return what results say of many times; zeros where there are none."""
     if not times.size:
         return TickTimes(p50=0.0, p99=0.0, max=0.0)
     p50, p99 = (float(value) for value in np.percentile(times, (50, 99)))

@@ -177,6 +177,7 @@ class _PlannerLoop:
             failure=failure,
             mission=mission.source or "",
             process=self.part.name,
+            peer_age_ms=self.together.ages_ms(),
             backend=mission.backend,
             engine=None,
             planner=mission.planner,

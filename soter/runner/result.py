@@ -126,6 +126,8 @@ class RunResult(BaseModel):
         monitors: by module, what its spec monitors saw.
         dm_tick_us: host time that one robot's decision modules took at one tick, in microseconds.
         tick_late_ms: how late ticks came on a wall clock, in milliseconds; None in virtual time.
+        peer_age_ms: how old samples of other processes' robots were at the ticks, at most, in milliseconds; None where
+            there are none.
         real_time: whether ticks were scheduled in real time, before everything else that the host had to do.
         missed_ticks: ticks that came later than the robots' declared jitter.
         deterministic: the same seed gives the same run; False where host time had a say.
@@ -180,6 +182,7 @@ class RunResult(BaseModel):
     assumptions: dict[int, dict[str, BreachFigures]] = {}
     ac: str = "mission"
     process: str = ""
+    peer_age_ms: TickTimes | None = None
 
     @property
     def violated(self) -> bool:

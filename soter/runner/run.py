@@ -340,6 +340,7 @@ class _Loop:
             failure=failure,
             mission=mission.source or "",
             process="" if self.together is None else self.together.process,
+            peer_age_ms=None if self.together is None else self.together.ages_ms(),
             backend=mission.backend,
             engine=engine,
             planner=mission.planner,

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Self
+
+import numpy as np
 
 from soter.clock import Clock
 from soter.errors import ConfigError, RobotUnavailable
 from soter.link.company import Company
 from soter.link.status import RobotStatus
 from soter.rta import Mode, RemotePeer, RobotSupervisor
+from soter.runner.metrics import percentiles
 from soter.runner.part import Part
 from soter.runner.progress import RobotProgress
+from soter.runner.result import TickTimes
 from soter.sdk import Capabilities, Robot, RobotState
 from soter.stack.kit import RobotPort
 from soter.stack.right_of_way import needs_charge
@@ -45,6 +50,8 @@ class Together:
 
     def __init__(self, part: Part, clock: Clock) -> None:
         self.process: Final = part.name
+        self._ages_s: Final[array[float]] = array("d")
+        self._clock: Final = clock
         self._part: Final = part
         self._company: Final[Company] = part.company(part.open_bus(), clock)
         company = self._company
@@ -61,6 +68,8 @@ class Together:
     def look(self) -> None:
         """Take what has been heard. To be called before every tick."""
         self._company.look()
+        now_s = self._clock.now()
+        self._ages_s.extend(now_s - sample.stamp_s for peer in self.peers if (sample := peer.sample()) is not None)
 
     def tell(self, robots: Sequence[RobotSupervisor]) -> None:
         """Tell the others how the robots are. To be called after every tick."""
@@ -112,6 +121,10 @@ class Together:
                 say(f"waiting for {words}")
             clock.sleep_until(clock.now() + _LOOK_S)
         return False
+
+    def ages_ms(self) -> TickTimes | None:
+        """Return how old the others' samples were at the ticks, at most; None where they have no robots."""
+        return percentiles(np.frombuffer(self._ages_s) * 1e3) if self.peers else None
 
     def progress(self) -> tuple[RobotProgress, ...]:
         """Return how the other processes' robots are doing, as far as they have told."""
