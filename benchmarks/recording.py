@@ -115,7 +115,7 @@ def _measured(engine: str, *, quick: bool) -> float:
         rows.append(Row(SIDES[name], f"{least_s[name] / ticks * 1e6:.0f} us/tick", ratio, goal, met))
         rows.append(Row("  own processor time", f"{own_s[name] / ticks * 1e6:.0f} us/tick", own))
     size_mb = bench.size_bytes / 1e6 / duration_s * TWO_HOURS_S
-    told = f"the viewer was told {bench.told_bytes / 1e6:.1f} MB"
+    told = f"the viewer was told {bench.told_bytes / 1e3:.0f} kB"
     show("Cost of recording", rows, f"Two robots, BIT*; least of {rounds} rounds; {size_mb:.0f} MB in 2 h; {told}.")
     return least_s["with"] / least_s["without"]
 
