@@ -1,4 +1,4 @@
-"""Opening Zenoh sessions: what may be said about one, and what a session is given that nobody said anything about.
+"""Opening Zenoh sessions, and what a session is given that nobody said anything about.
 
 Zenoh's own defaults listen on all interfaces and look for others by multicast. Here a session listens on loopback
 unless told otherwise, finds others by their endpoints and by what those know of, and by nothing else.
@@ -8,26 +8,19 @@ from __future__ import annotations
 
 import json
 import logging
-import os
-import re
-import ssl
 import threading
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.zenoh.diagnosis import why_not_reached
 from soter.adapters.zenoh.endpoint import Endpoint
-from soter.errors import BackendUnavailable, ConfigError, RobotUnavailable
-from soter.problems import not_allowed
+from soter.adapters.zenoh.session_options import SessionOptions, TlsOptions
+from soter.errors import BackendUnavailable, RobotUnavailable
 from soter.sdk.hints import install_command
 
 if TYPE_CHECKING:
     import zenoh
 
-DEFAULT_PORT: Final = 7447
-"""Where a router listens, as everywhere with Zenoh."""
+__all__ = ["SessionOptions", "TlsOptions", "close_session", "endpoints", "open_session"]
 
 _RETRY_LEAST_MS: Final = 200
 _RETRY_MOST_MS: Final = 1000
@@ -37,234 +30,6 @@ _SCOUT_MS: Final = 500
 _FOREVER: Final = -1
 
 _log = logging.getLogger(__name__)
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-def _readable(path: Path) -> Path:
-    try:
-        with path.open("rb"):
-            return path
-    except OSError as failure:
-        raise not_allowed(f"a file that can be read ({failure.strerror or failure})") from failure
-
-
-class TlsOptions(_Table):
-    """How links are encrypted, and who may have one.
-
-    Attributes:
-        root_ca: the certificates of the authorities that are believed, in PEM; nobody else's count.
-        certificate: this session's own, in PEM, for both ends of links.
-        private_key: that of the certificate, in PEM, without a passphrase.
-        mutual: whoever connects to this session must show a certificate too.
-        verify_name: the host that is connected to must be named in the certificate that it shows.
-    """
-
-    root_ca: Path
-    certificate: Path | None = None
-    private_key: Path | None = Field(default=None, validate_default=True)
-    mutual: bool = Field(default=True, validate_default=True)
-    verify_name: bool = True
-
-    @field_validator("root_ca")
-    @classmethod
-    def _is_authority(cls, path: Path) -> Path:
-        try:
-            ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(_readable(path))
-        except ssl.SSLError as failure:
-            raise not_allowed(f"certificates in PEM ({failure.reason or 'it has none'})") from failure
-        return path
-
-    @field_validator("certificate")
-    @classmethod
-    def _is_there(cls, path: Path | None) -> Path | None:
-        return None if path is None else _readable(path)
-
-    @field_validator("private_key")
-    @classmethod
-    def _belongs(cls, path: Path | None, info: ValidationInfo) -> Path | None:
-        if "certificate" not in info.data:
-            return path
-        certificate = info.data["certificate"]
-        if path is None and certificate is None:
-            return None
-        if path is None:
-            raise not_allowed("the private key of the certificate")
-        if certificate is None:
-            raise not_allowed("none without a certificate")
-        try:
-            # A passphrase that is wrong, lest OpenSSL asks for one on the terminal.
-            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, _readable(path), password="")
-        except (ssl.SSLError, ValueError) as failure:
-            reason = getattr(failure, "reason", None) or "it does not belong to it"
-            raise not_allowed(
-                f"the private key of certificate '{certificate}', both in PEM, without a passphrase ({reason})"
-            ) from failure
-        return path
-
-    @field_validator("mutual")
-    @classmethod
-    def _can_show(cls, mutual: bool, info: ValidationInfo) -> bool:
-        if mutual and "certificate" in info.data and info.data["certificate"] is None:
-            raise not_allowed("false without a certificate, or true with one")
-        return mutual
-
-
-class SessionOptions(_Table):
-    """What may be said about a session.
-
-    Attributes:
-        mode: a "peer" talks with peers that it has a link to; a "client" talks through a router; a "router" passes on
-            what its clients say to each other. Routers do not pass on between peers.
-        tls: encrypts all links; without it there are no encrypted ones.
-        unencrypted: lets links that leave this host do without, where the network itself is closed.
-        allow_all_interfaces: lets it listen on 0.0.0.0 and [::].
-        listen: where others can connect to; default for a peer: any port of 127.0.0.1, with TLS and without a
-            certificate of its own nowhere; for a router: port 7447 of 127.0.0.1.
-        connect: where to connect to. A client needs one; it connects to the first that answers, others to all.
-        username: by which it is known where it connects to.
-        password_file: the first line is its password.
-        password_env: the environment variable with its password, instead.
-        users_file: who may connect, as `NAME:PASSWORD`, a line each; without it names are not asked for.
-        open_timeout_s: how long a client waits for a router at first, and everybody for a link.
-        lease_s: a link over which nothing comes for so long is given up and made anew.
-    """
-
-    mode: Literal["peer", "client", "router"] = "peer"
-    tls: TlsOptions | None = None
-    unencrypted: bool = False
-    allow_all_interfaces: bool = False
-    listen: tuple[str, ...] = ()
-    connect: tuple[str, ...] = Field(default=(), validate_default=True)
-    username: str | None = None
-    password_file: Path | None = None
-    password_env: str | None = Field(default=None, validate_default=True)
-    users_file: Path | None = None
-    open_timeout_s: Annotated[float, Field(ge=0.1, le=60.0, allow_inf_nan=False)] = 5.0
-    lease_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 3.0
-
-    @field_validator("listen", "connect")
-    @classmethod
-    def _are_endpoints(cls, texts: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        listens, mode = info.field_name == "listen", info.data.get("mode")
-        if listens and texts and mode == "client":
-            raise not_allowed("none with mode = 'client'; only peers and routers listen")
-        if not listens and not texts and mode == "client":
-            raise not_allowed("at least one with mode = 'client', such as 'tcp/127.0.0.1:7447'")
-        for text in texts:
-            try:
-                endpoint = Endpoint.parse(text)
-            except ValueError as failure:
-                raise not_allowed(f"{failure}; '{text}' is none") from failure
-            why = _not_encrypted(endpoint, info.data) or (
-                _not_to_listen_on(endpoint, info.data) if listens else _not_to_connect_to(endpoint)
-            )
-            if why:
-                raise not_allowed(f"{why}; '{text}' is not")
-        return texts
-
-    @field_validator("username")
-    @classmethod
-    def _is_a_name(cls, name: str | None) -> str | None:
-        if name is not None and not re.fullmatch(r"[^:\s]{1,64}", name):
-            raise not_allowed("1 to 64 characters without spaces and colons")
-        return name
-
-    @field_validator("password_env")
-    @classmethod
-    def _has_one_password(cls, variable: str | None, info: ValidationInfo) -> str | None:
-        if not {"username", "password_file"} <= info.data.keys():
-            return variable
-        given = (variable is not None) + (info.data["password_file"] is not None)
-        if info.data["username"] is None and given:
-            raise not_allowed("a password only with a username")
-        if info.data["username"] is not None and given != 1:
-            raise not_allowed("with a username one of password_file and password_env")
-        return variable
-
-    @field_validator("users_file")
-    @classmethod
-    def _lists_users(cls, path: Path | None) -> Path | None:
-        if path is None:
-            return None
-        try:
-            lines = _readable(path).read_text(encoding="utf-8").splitlines()
-        except UnicodeDecodeError as failure:
-            raise not_allowed("a text file, NAME:PASSWORD a line") from failure
-        wrong = next((number for number, line in enumerate(lines, 1) if not re.fullmatch(r"[^:\s]+:\S+", line)), None)
-        if wrong is not None or not lines:
-            # The line itself may be a password.
-            raise not_allowed("NAME:PASSWORD a line; " + ("there is none" if not lines else f"line {wrong} is none"))
-        return path
-
-    def read_password(self) -> str | None:
-        """Return the password, or None where no username is given.
-
-        Raises:
-            ConfigError: there is none where it should be.
-        """
-        if self.username is None:
-            return None
-        if self.password_env is not None:
-            password, key = os.environ.get(self.password_env, ""), "password_env"
-            where = f"the environment variable '{self.password_env}'"
-        else:
-            assert self.password_file is not None
-            key, where = "password_file", f"the first line of '{self.password_file}'"
-            try:
-                password = self.password_file.read_text(encoding="utf-8").partition("\n")[0]
-            except (OSError, UnicodeDecodeError) as failure:
-                raise ConfigError(f"{where} cannot be read: {failure}", key=key) from failure
-        if not re.fullmatch(r"\S+", password.strip()):
-            raise ConfigError(f"there is no password in {where}, allowed: a text without spaces", key=key)
-        return password.strip()
-
-    @property
-    def listens_at(self) -> tuple[str, ...]:
-        """Where it listens, by default or as it was told."""
-        if self.listen or self.mode == "client":
-            return self.listen
-        if self.tls is not None and self.tls.certificate is None:
-            return ()
-        protocol = "tcp" if self.tls is None else "tls"
-        return (f"{protocol}/127.0.0.1:{DEFAULT_PORT if self.mode == 'router' else 0}",)
-
-
-def _not_encrypted(endpoint: Endpoint, given: dict[str, Any]) -> str | None:
-    """Return what is allowed instead, if an endpoint lacks the encryption that it should have, or cannot have it."""
-    if "tls" not in given:
-        return None
-    if endpoint.protocol == "tls":
-        return None if given["tls"] is not None else "tls/… with a table 'tls' that names root_ca"
-    if given["tls"] is not None:
-        return "tls/… where there is a table 'tls'"
-    if endpoint.is_local or given.get("unencrypted", True):
-        return None
-    return "127.0.0.1, or tls/… with a table 'tls', or unencrypted = true where the network itself is closed"
-
-
-def _not_to_listen_on(endpoint: Endpoint, given: dict[str, Any]) -> str | None:
-    address = endpoint.address
-    if address is None and endpoint.host != "localhost":
-        # Names such as "0" mean all interfaces too.
-        return "an address of this host, such as 127.0.0.1"
-    if address is not None and address.is_multicast:
-        return "an address of this host, and no multicast"
-    if address is not None and address.is_unspecified and not given.get("allow_all_interfaces", True):
-        return "an address of this host, such as 127.0.0.1, or allow_all_interfaces = true"
-    tls = given.get("tls")
-    if endpoint.protocol == "tls" and tls is not None and tls.certificate is None:
-        return "tls/… with tls.certificate and tls.private_key"
-    return None
-
-
-def _not_to_connect_to(endpoint: Endpoint) -> str | None:
-    address = endpoint.address
-    if endpoint.port == 0 or (address is not None and (address.is_multicast or address.is_unspecified)):
-        return "HOST:PORT where somebody listens"
-    return None
 
 
 def open_session(options: SessionOptions) -> zenoh.Session:

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from soter.adapters.zenoh.session import DEFAULT_PORT, SessionOptions, endpoints, open_session
+from soter.adapters.zenoh.session import SessionOptions, endpoints, open_session
+from soter.adapters.zenoh.session_options import DEFAULT_PORT
 from soter.errors import BackendUnavailable, ConfigError, RobotUnavailable
 from soter.problems import config_error, pydantic_problems
 from tests.adapters.zenoh.sessions import SILENCE_S, Heard, client, eventually, opened, router
@@ -76,6 +77,17 @@ def test_nobody_listens_on_all_interfaces_by_accident(everywhere: str) -> None:
 @pytest.mark.parametrize("name", ["0", "robot1", "224.0.0.224"])
 def test_only_an_address_of_this_host_can_be_listened_on(name: str) -> None:
     assert "allowed: an address of this host" in refusal(listen=[f"tcp/{name}:0"], unencrypted=True)
+
+
+def test_options_survive_being_handed_to_another_program(tmp_path: Path) -> None:
+    users = tmp_path / "users"
+    users.write_text("alpha:secret1")
+    for options in (
+        SessionOptions(),
+        client(["tcp/127.0.0.1:7447"], username="alpha", **by("ALPHA")),
+        SessionOptions(mode="router", listen=("tcp/127.0.0.1:0",), users_file=users, lease_s=1.5),
+    ):
+        assert SessionOptions.model_validate_json(options.model_dump_json()) == options
 
 
 def test_nobody_who_says_nothing_listens_beyond_loopback() -> None:
