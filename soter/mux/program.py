@@ -34,7 +34,10 @@ class Ending:
 
 
 def favour() -> None:
-    """Schedule all threads before what is not real-time, where the kernel allows it: what stops a robot comes first."""
+    """Schedule all threads before what is not real-time, where the kernel allows it: what stops a robot comes first.
+
+    So are threads that they start later, as libraries do when a link breaks and is made anew.
+    """
     with suppress(OSError):
         for task in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(task.name), os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+            os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from soter.adapters.zenoh.programs import add_session, read_session, refusing
+from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
 from soter.adapters.zenoh.session import close_session, endpoints, open_session
 from soter.mux.program import Ending
 from soter_sim.streamed_program import make_parser, read_namespaces, read_world, serve
@@ -12,7 +12,7 @@ from soter_sim.zenoh.face import Face
 def main() -> None:
     """Run until interrupted or, with `--parent PID`, until that process is gone."""
     parser = make_parser("soter_sim.zenoh", "robots on Zenoh", "robot1")
-    parser.add_argument("--speedup", type=float, default=1.0, metavar="N", help="seconds of the world by second")
+    parser.add_argument("--speedup", type=positive, default=1.0, metavar="N", help="seconds of the world by second")
     add_session(parser)
     given = parser.parse_args()
     with refusing(parser):

@@ -22,7 +22,7 @@ import zenoh
 from soter.adapters.zenoh.messages import Clock, String, Twist, TwistStamped
 from soter.adapters.zenoh.options import Keys, checked_key
 from soter.adapters.zenoh.presence import announce
-from soter.adapters.zenoh.programs import add_session, read_session, refusing
+from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
@@ -136,10 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     logging.basicConfig(format="%(name)s: %(message)s")
     with refusing(parser):
         options = read_session(given)
-        try:
-            gate = Gate(given.lease, given.command, given.v_max, given.yaw_rate_max)
-        except ValueError as failure:
-            parser.error(str(failure))
+        gate = Gate(given.lease, given.command, given.v_max, given.yaw_rate_max)
         try:
             checked_key(given.robot)
         except ValueError as failure:
@@ -176,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
         ("yaw-rate-max", YAW_RATE_MAX_RAD_S, "nor any turn rate beyond this, in rad/s"),
         ("speedup", 1.0, "seconds of the robot's clock by second, for simulated robots"),
     ):
-        parser.add_argument(f"--{name}", type=float, default=default, metavar="N", help=f"{meaning}; {default:g}")
+        parser.add_argument(f"--{name}", type=positive, default=default, metavar="N", help=f"{meaning}; {default:g}")
     parser.add_argument("--stamped", action="store_true", help="velocities are TwistStamped instead of Twist")
     parser.add_argument("--clock", metavar="KEY", help="the key of the robot's clock, if it is not that of this host")
     parser.add_argument("--parent", type=int, metavar="PID", help="end when this process is no longer the parent")

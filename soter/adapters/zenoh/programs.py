@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,21 @@ from soter.adapters.zenoh.session import SessionOptions
 from soter.config import validate_options
 from soter.errors import ConfigError, SoterError
 from soter.problems import read_limited
+
+
+def positive(text: str) -> float:
+    """Read a number above 0, for an option of a parser.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"it is {text}, allowed: finite and above 0")
+    return value
 
 
 def add_session(parser: argparse.ArgumentParser) -> None:

@@ -16,6 +16,7 @@ import pytest
 
 from soter.sdk import RobotSpec
 from soter.workspace import Box, RobotPlace, Workspace
+from tests.streamed.processes import alive
 
 pytestmark = pytest.mark.rclpy
 
@@ -160,13 +161,3 @@ def test_it_ends_with_its_parent(domain_id: int) -> None:
     while any(map(alive, left)):
         assert time.monotonic() < until_s
         time.sleep(0.05)
-
-
-def alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    # Nobody may be there to bury it.
-    with open(f"/proc/{pid}/stat") as stat:  # noqa: PTH123 - a pseudo file
-        return stat.read().rpartition(")")[2].split()[0] != "Z"

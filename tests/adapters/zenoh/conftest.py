@@ -1,0 +1,56 @@
+"""Robots for the tests: simulated, on this host only, on ports that are free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+import zenoh
+
+from soter.adapters.zenoh.backend import ZenohFleet, simulated
+from soter.adapters.zenoh.options import ZenohConfig
+from soter.adapters.zenoh.simulator import Simulator
+from tests.adapters.zenoh.sessions import opened
+from tests.streamed.driving import ROOM, SPECS
+
+
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    """One simulated robot and its mux, for a test that ends one of them."""
+    simulator = Simulator(ROOM.with_robots(1), SPECS[:1])
+    yield simulator
+    simulator.close()
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Simulator]:
+    """One simulated robot and its mux, for all tests that leave them alone."""
+    simulator = Simulator(ROOM.with_robots(1), SPECS[:1])
+    yield simulator
+    simulator.close()
+
+
+@pytest.fixture
+def open_fleet() -> Iterator[Callable[..., ZenohFleet]]:
+    """Opens a fleet of a simulator's one robot, with options in place of what is right; ready unless told otherwise."""
+    with ExitStack() as stack:
+
+        def open_fleet(simulator: Simulator, *, ready: bool = True, **options: Any) -> ZenohFleet:
+            config = simulated(ZenohConfig(workspace=ROOM.with_robots(1)), simulator)
+            given = {name: getattr(config, name) for name in type(config).model_fields}
+            config = ZenohConfig.model_validate({**given, **options})
+            fleet = stack.enter_context(ZenohFleet(config, SPECS[:1], None))
+            if ready:
+                fleet.robots[0].init(20.0)
+            return fleet
+
+        yield open_fleet
+
+
+@pytest.fixture
+def somebody(shared: Simulator) -> Iterator[zenoh.Session]:
+    """Somebody else's session, beside the shared robot."""
+    with opened(shared.session) as (session,):
+        yield session

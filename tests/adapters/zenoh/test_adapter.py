@@ -1,0 +1,207 @@
+"""The adapter over real Zenoh, on loopback, against simulated robots in processes of their own."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+import zenoh
+
+from soter.adapters.zenoh.backend import ZenohBackend, ZenohFleet
+from soter.adapters.zenoh.messages import Header, Odometry, String, Twist, Vector3
+from soter.adapters.zenoh.options import ZenohConfig
+from soter.adapters.zenoh.session import SessionOptions
+from soter.adapters.zenoh.simulator import Simulator
+from soter.adapters.zenoh.talk import Voice
+from soter.adapters.zenoh.velocities import stamp_of
+from soter.errors import RobotUnavailable
+from soter.sdk import Controller, GoalStatus, Link, Waypoint
+from tests.streamed import behaviour
+from tests.streamed.driving import ROOM, SPECS, tick
+
+Open = Callable[..., ZenohFleet]
+
+
+def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
+    with ZenohBackend().open(ZenohConfig(workspace=ROOM, stamped=True), SPECS) as fleet:
+        assert fleet.truth is not None
+        for robot in fleet.robots:
+            robot.init(20.0)
+        goals = [robot.goto(Waypoint(robot.spec.x_m, robot.spec.y_m + 0.5), Controller.SC) for robot in fleet.robots]
+        assert tick(fleet, lambda: not any(goal.active for goal in goals), 15.0)
+        for goal, robot in zip(goals, fleet.zenoh_robots, strict=True):
+            assert goal.status is GoalStatus.REACHED
+            state, pose = robot.read_state(), fleet.truth.pose(robot.id)
+            assert math.dist((state.x_m, state.y_m), pose[:2]) < 0.03
+            assert state.controller is Controller.SC
+            assert state.battery is not None
+            # It stood on its charger for a while.
+            assert 0.75 < state.battery < 0.95
+            assert state.vehicle_stamp_s > 1000.0, "the world's clock, not the host's"
+            assert robot.wire.presence.there >= {"base", "mux"}
+        simulator = fleet.simulator
+        assert simulator is not None
+    assert simulator.world.returncode == 0
+    assert [process.returncode for process in simulator.muxes.values()] == [0, 0]
+
+
+def test_a_faster_world_is_driven_at_its_own_pace_and_promises_less() -> None:
+    config = ZenohConfig(workspace=ROOM.with_robots(1), speedup=2.0)
+    with ZenohBackend().open(config, SPECS[:1]) as fleet:
+        robot = fleet.robots[0]
+        robot.init(20.0)
+        assert robot.capabilities == ZenohBackend.promises(config)
+        assert robot.capabilities.latency_s == 2.0 * ZenohBackend.robot_class.declared.latency_s
+        began_s, host_s = fleet.clock.now(), fleet.clock.steady_s()
+        goal = robot.goto(Waypoint(2.3, 2.6), Controller.SC)
+        assert tick(fleet, lambda: not goal.active, 20.0)
+        assert goal.status is GoalStatus.REACHED
+        assert (fleet.clock.now() - began_s) / (fleet.clock.steady_s() - host_s) == pytest.approx(2.0, rel=0.01)
+
+
+# --- what is refused, and how it is said -------------------------------------------------------------------
+
+
+def refusal(fleet: ZenohFleet) -> str:
+    with pytest.raises(RobotUnavailable) as caught:
+        fleet.robots[0].init(20.0)
+    return str(caught.value)
+
+
+def test_what_is_missing_is_listed(shared: Simulator, open_fleet: Open) -> None:
+    text = refusal(open_fleet(shared, ready=False, robots={1: {"namespace": "nobody"}}, discovery_s=0.5))
+    assert text.startswith("robot 1 at nobody: within 0.5 s: ")
+    for missing in ("nothing was heard on nobody/odom", "nothing was heard on nobody/battery_state",
+                    "nothing was heard on nobody/soter/gate", "no mux says to be there below nobody"):  # fmt: skip
+        assert missing in text
+    assert "Is the robot running, with `soter zenoh-mux` beside it" in text
+
+
+def test_what_has_another_type_is_named(shared: Simulator, open_fleet: Open) -> None:
+    text = refusal(open_fleet(shared, ready=False, keys={"odom": "battery_state"}, discovery_s=1.5))
+    assert "what came on robot1/battery_state was no Odometry" in text
+    assert "its base and mux say to be there" in text
+    assert "soter/gate" not in text
+
+
+def test_that_there_is_no_link_is_said_with_the_cause(shared: Simulator, open_fleet: Open) -> None:
+    nowhere = SessionOptions(connect=("tcp/127.0.0.1:9",))
+    text = refusal(open_fleet(shared, ready=False, session=nowhere, discovery_s=0.5))
+    assert "no link to tcp/127.0.0.1:9: nobody listens there; start it, or correct host and port" in text
+    assert "nothing was heard" not in text
+
+
+def test_a_robot_without_a_namespace_is_refused() -> None:
+    config = ZenohConfig.model_validate({"workspace": ROOM, "robots": {"2": {"namespace": "robot2"}}})
+    with pytest.raises(RobotUnavailable, match=r"no namespace is given for the robots \[1\]"):
+        ZenohBackend().open(config, SPECS)
+
+
+@contextmanager
+def saying(session: zenoh.Session, key: str, message: Any) -> Iterator[None]:
+    """Somebody says something again and again."""
+    voice, done = Voice(session, key), threading.Event()
+
+    def say() -> None:
+        while not done.wait(0.05):
+            voice.say_bytes(message) if isinstance(message, bytes) else voice.say(message)
+
+    talking = threading.Thread(target=say)
+    talking.start()
+    try:
+        yield
+    finally:
+        done.set()
+        talking.join()
+
+
+@pytest.mark.parametrize(
+    ("key", "what"), [("cmd_vel", "drives it past the mux"), ("cmd_vel_sc", "in its safe controller's name")]
+)
+def test_whoever_can_go_round_the_mux_is_noticed(
+    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, key: str, what: str
+) -> None:
+    # Too slow to move it by much.
+    with saying(somebody, f"robot1/{key}", Twist(Vector3(x=0.001))):
+        text = refusal(open_fleet(shared, ready=False))
+    assert f"somebody says velocities on robot1/{key}" in text
+    assert what in text
+    assert "let them say it on robot1/cmd_vel_ac" in text
+
+
+def test_a_robot_that_follows_another_program_is_refused(shared: Simulator, open_fleet: Open) -> None:
+    behaviour.follows_another_program(open_fleet(shared), open_fleet(shared, ready=False))
+
+
+# --- what others send ------------------------------------------------------------------------------------------------
+
+
+def test_garbage_is_counted_and_changes_nothing(
+    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    fleet = open_fleet(shared)
+    robot = fleet.zenoh_robots[0]
+    ears = robot.wire.ears
+    with saying(somebody, "robot1/odom", b"\x00\x01\x00\x00garbage"), saying(somebody, "robot1/soter/gate", b""):
+        assert tick(fleet, lambda: ears["odom"].foreign > 5 and ears["gate"].foreign > 5, 10.0)
+    assert robot.read_state().link is Link.UP
+    assert robot.discarded == 0
+    told = [each.getMessage() for each in caplog.records]
+    assert len([each for each in told if "robot1/odom: dropped what is no Odometry" in each]) == 1
+    # The mux and the base get the like, and go on.
+    with saying(somebody, "robot1/soter/order", b"\xff"), saying(somebody, "robot1/cmd_vel_sc", String("go")):
+        goal = robot.goto(Waypoint(2.2, 2.55), Controller.SC)
+        assert tick(fleet, lambda: not goal.active, 20.0)
+    assert goal.status is GoalStatus.REACHED
+
+
+def test_numbers_that_cannot_be_meant_are_dropped(
+    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    fleet = open_fleet(shared)
+    robot = fleet.zenoh_robots[0]
+    nowhere = Odometry(Header(stamp_of(2000.0)))
+    nowhere.pose.pose.position.__dict__["x"] = math.nan
+    with (
+        saying(somebody, "robot1/odom", nowhere),
+        saying(somebody, "robot1/soter/gate", String('{"seq": 1, "controller": "both"}')),
+    ):
+        assert tick(fleet, lambda: "a report of its mux that makes no sense" in caplog.text, 10.0)
+        assert tick(fleet, lambda: "dropped odometry that is not finite" in caplog.text, 10.0)
+    state = robot.read_state()
+    assert math.isfinite(state.x_m)
+    assert state.link is Link.UP
+    assert robot.discarded == 0
+
+
+# --- what stops what ---------------------------------------------------------------------------------------
+
+
+def test_when_soter_falls_silent_the_robot_stops(shared: Simulator, open_fleet: Open) -> None:
+    behaviour.silence(open_fleet(shared))
+
+
+def test_when_its_mux_dies_the_robot_stops_and_goes_on_with_the_next(
+    simulator: Simulator, open_fleet: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    behaviour.mux_dies(open_fleet(simulator), simulator)
+    assert "robot1: its mux has gone, or the link to it" in caplog.text
+
+
+def test_when_the_robot_dies_its_link_goes_down_and_closing_does_not_hang(
+    simulator: Simulator, open_fleet: Open
+) -> None:
+    behaviour.robot_dies(open_fleet(simulator), simulator)
+
+
+def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
+    simulator: Simulator, open_fleet: Open
+) -> None:
+    def start_again() -> Simulator:
+        return Simulator(ROOM.with_robots(1), SPECS[:1], SessionOptions(listen=simulator.session.connect))
+
+    behaviour.robot_reboots(open_fleet(simulator, truth=None), simulator, start_again, on_s=6.0)

@@ -1,0 +1,153 @@
+"""The simulated base on keys: what it says, what it does with velocities, and when it stops."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+from pydantic import TypeAdapter
+
+from soter.adapters.zenoh.messages import BatteryState, Clock, Odometry, String, Twist, Vector3
+from soter.adapters.zenoh.session import SessionOptions
+from soter.adapters.zenoh.talk import Ear, Voice
+from soter.sdk import RobotSpec
+from soter.streamed.motion import seconds
+from soter.workspace import Workspace
+from tests.adapters.zenoh.sessions import eventually, opened
+from tests.streamed.driving import ROOM, SPECS
+from tests.streamed.processes import alive
+
+
+def start(*options: str) -> subprocess.Popen[bytes]:
+    """The face alone, without a mux in front of it."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "soter_sim.zenoh", "--namespaces", "1=robot1", "--parent", str(os.getpid()), *options],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert process.stdin is not None
+    # One that refuses does not read it.
+    with suppress(BrokenPipeError):
+        process.stdin.write(TypeAdapter(tuple[Workspace, list[RobotSpec]]).dump_json((ROOM.with_robots(1), SPECS[:1])))
+        process.stdin.close()
+    return process
+
+
+class Client:
+    """Whoever drives the base: hears everything, says velocities."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.odometry: list[Odometry] = []
+        self.clock: list[float] = []
+        self.battery: list[BatteryState] = []
+        Ear(session, "robot1/odom", Odometry, self.odometry.append)
+        Ear(session, "robot1/battery_state", BatteryState, self.battery.append)
+        Ear(session, "clock", Clock, lambda message: self.clock.append(seconds(message.clock)))
+        self.velocity = Voice(session, "robot1/cmd_vel")
+
+    def reaches(self, speed_m_s: float, seen_m_s: float) -> bool:
+        """Whether it goes as fast as this in the end, if told again and again."""
+
+        def seen() -> bool:
+            self.velocity.say(Twist(Vector3(x=speed_m_s)))
+            return self.speed_m_s == pytest.approx(seen_m_s)
+
+        return eventually(seen)
+
+    @property
+    def speed_m_s(self) -> float:
+        return self.odometry[-1].twist.twist.linear.x if self.odometry else math.nan
+
+
+@pytest.fixture
+def face() -> Iterator[subprocess.Popen[bytes]]:
+    with start() as process:
+        yield process
+        process.kill()
+
+
+@pytest.fixture
+def client(face: subprocess.Popen[bytes]) -> Iterator[Client]:
+    assert face.stdout is not None
+    told: dict[str, Any] = json.loads(face.stdout.readline())
+    assert all(each.startswith("tcp/127.0.0.1:") for each in told["endpoints"])
+    with opened(SessionOptions(connect=tuple(told["endpoints"]))) as (session,):
+        client = Client(session)
+        assert eventually(lambda: len(client.odometry) > 5 and len(client.clock) > 5 and bool(client.battery))
+        yield client
+
+
+def test_it_says_where_it_is_at_its_rates_and_does_what_it_is_told(client: Client) -> None:
+    before, began_s = len(client.odometry), time.monotonic()
+    assert eventually(lambda: len(client.odometry) >= before + 30)
+    assert 0.8 * 30.0 < 30 / (time.monotonic() - began_s) < 1.2 * 30.0
+    last = client.odometry[-1]
+    position, turned = last.pose.pose.position, last.pose.pose.orientation
+    assert (position.x, position.y) == pytest.approx((2.0, 2.5))
+    assert 2.0 * math.atan2(turned.z, turned.w) == pytest.approx(0.4)
+    assert (last.header.frame_id, last.child_frame_id) == ("robot1/odom", "robot1/base_link")
+    assert 0.79 < client.battery[-1].percentage <= 1.0, "it stands on its charger"
+    assert client.clock == sorted(client.clock)
+    assert client.clock[0] >= 1000.0
+    # NaN stops it, and nothing makes it faster than it is.
+    assert client.reaches(9.0, 0.22)
+    assert client.reaches(math.nan, 0.0)
+    assert client.reaches(-9.0, -0.22)
+    # Without new velocities it stops, after the time-out, braking, and what a busy host adds.
+    silent_s = time.monotonic()
+    assert eventually(lambda: client.speed_m_s == 0.0)
+    assert 0.1 < time.monotonic() - silent_s < 0.2 + 0.2 + 0.3
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes], number: int) -> None:
+    # What is no velocity does not hurt it.
+    client.velocity.say_bytes(b"\x00\x01")
+    client.velocity.say(String("go"))
+    face.send_signal(number)
+    assert face.wait(5.0) == 0
+    assert face.stderr is not None
+    said = face.stderr.read().decode()
+    assert "Traceback" not in said
+
+
+def test_it_ends_with_its_parent() -> None:
+    program = (
+        "import os\n"
+        "from soter.adapters.zenoh.simulator import Simulator\n"
+        "from tests.streamed.driving import ROOM, SPECS\n"
+        "simulator = Simulator(ROOM, SPECS)\n"
+        "print(simulator.world.pid, *(each.pid for each in simulator.muxes.values()), flush=True)\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path.cwd()), *sys.path])}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60, env=env, check=False)
+    assert done.returncode == -signal.SIGKILL
+    left = [int(number) for number in done.stdout.split()]
+    assert len(left) == 3
+    assert eventually(lambda: not any(map(alive, left)))
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--speedup", "0"], "argument --speedup: it is 0, allowed: finite and above 0"),
+        (["--listen", "tcp/0.0.0.0:0"], "allow_all_interfaces = true"),
+    ],
+)
+def test_bad_options_end_it(options: list[str], complaint: str) -> None:
+    with start(*options) as process:
+        assert process.wait(30.0) == 2
+        assert process.stderr is not None
+        assert complaint in process.stderr.read().decode()
