@@ -73,6 +73,7 @@ def robot_reboots(
         assert tick(fleet, lambda: not goal.active, 20.0)
         assert goal.status is GoalStatus.REACHED
         assert robot.read_state().age_s(fleet.clock.now()) < 0.3
+        fleet.close()
     finally:
         another.close()
 

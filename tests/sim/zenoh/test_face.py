@@ -143,7 +143,7 @@ def test_it_ends_with_its_parent() -> None:
     ("options", "complaint"),
     [
         (["--speedup", "0"], "argument --speedup: it is 0, allowed: finite and above 0"),
-        (["--listen", "tcp/0.0.0.0:0"], "allow_all_interfaces = true"),
+        (["--listen", "tcp/0.0.0.0:0"], "session.listen: it is ['tcp/0.0.0.0:0'], allowed: 127.0.0.1"),
     ],
 )
 def test_bad_options_end_it(options: list[str], complaint: str) -> None:
