@@ -29,6 +29,8 @@ from soter.cli.sim import sim
 from soter.cli.zenoh import MUX_CONTEXT as ZENOH_MUX_CONTEXT
 from soter.cli.zenoh import SIM_EXAMPLES as ZENOH_SIM_EXAMPLES
 from soter.cli.zenoh import sim_zenoh, zenoh_mux
+from soter.cli.zenoh_router import EXAMPLES as ZENOH_ROUTER_EXAMPLES
+from soter.cli.zenoh_router import zenoh_router
 
 app = typer.Typer(
     name="soter",
@@ -52,6 +54,7 @@ sim.command("zenoh", epilog=ZENOH_SIM_EXAMPLES)(sim_zenoh)
 app.add_typer(sim)
 app.command(context_settings=MUX_CONTEXT)(ros2_mux)
 app.command(context_settings=ZENOH_MUX_CONTEXT)(zenoh_mux)
+app.command(epilog=ZENOH_ROUTER_EXAMPLES)(zenoh_router)
 app.command(epilog=ROS2_MONITOR_EXAMPLES)(ros2_monitor)
 app.command(epilog=ABLATE_EXAMPLES)(ablate)
 
