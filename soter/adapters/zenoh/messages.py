@@ -1,8 +1,9 @@
 """The ROS messages that go over Zenoh, and CDR, which is what they are as bytes.
 
 zenoh-bridge-ros2dds passes on what ROS 2 nodes send to each other, as it is: CDR version 1 behind a header of 4 bytes.
-These classes have the fields of the ROS messages of the same name, and `encode` writes byte for byte what rclpy writes.
-They import neither ROS 2 nor Zenoh. What a field means is said where the adapter reads it.
+These classes have the fields of the ROS messages of the same name, and `encode` writes byte for byte what rclpy writes,
+but for the gaps between fields, which are zero here and in ROS whatever its memory held. They import neither ROS 2 nor
+Zenoh. What a field means is said where the adapter reads it.
 """
 
 # Without postponed annotations: pycdr2 reads the types of the fields when it makes a class.

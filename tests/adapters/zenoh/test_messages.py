@@ -1,4 +1,4 @@
-"""CDR as it is read and written; that it is what ROS 2 writes is told in test_ros_bytes.py."""
+"""CDR as it is read and written; that it is what ROS 2 writes is told in tests/adapters/ros2/test_cdr.py."""
 
 from __future__ import annotations
 
