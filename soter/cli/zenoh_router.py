@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -60,6 +61,9 @@ def zenoh_router(
     allow_all_interfaces: Annotated[
         bool, typer.Option("--allow-all-interfaces", help="Let --listen name 0.0.0.0 or \\[::].")
     ] = False,
+    parent: Annotated[
+        int | None, typer.Option(metavar="PID", help="End when this process is no longer the parent.", hidden=True)
+    ] = None,
 ) -> None:
     """Pass on between Zenoh clients, until Ctrl-C. Only this host reaches it unless told otherwise.
 
@@ -85,7 +89,7 @@ def zenoh_router(
         try:
             _say_how_to_connect(endpoints(opened), options)
             connected = 0
-            while not stop():
+            while not stop() and (parent is None or os.getppid() == parent):
                 time.sleep(_LOOK_S)
                 before, connected = connected, len(opened.info.transports())
                 if connected != before:

@@ -43,7 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.adapters.ros2.harness": {"soter.adapters.ros2", "soter.sdk", "soter.conformance"},
     "soter.adapters.ros2.relay": {"soter.adapters.ros2", "soter.mux", "soter.conformance"},
     "soter.adapters.zenoh": {"soter.sdk", "soter.drive", "soter.mux", "soter.streamed"},
-    "soter.adapters.zenoh.harness": {"soter.adapters.zenoh", "soter.sdk", "soter.conformance"},
+    "soter.adapters.zenoh.harness": {"soter.adapters.zenoh", "soter.sdk", "soter.streamed", "soter.conformance"},
     "soter.adapters.zenoh.relay": {"soter.adapters.zenoh", "soter.mux", "soter.conformance"},
     "soter.stack": {"soter.child", "soter.machine", "soter.rta", "soter.sdk"},
     "soter.check": {"soter.machine", "soter.rta"},

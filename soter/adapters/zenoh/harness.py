@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
+import sys
+from collections.abc import Mapping
 from typing import Final
 
 from soter.adapters.zenoh.backend import ZenohFleet
@@ -13,8 +16,9 @@ from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.conformance import RelayedHarness
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.sdk import Fleet, RobotSpec, Waypoint, program
 from soter.sdk.truth import StreamedTruth
+from soter.streamed.simulator import START_TIMEOUT_S
 from soter.workspace import Box, RobotPlace, Workspace
 
 _ROOM: Final = Workspace(
@@ -34,21 +38,80 @@ class ZenohHarness(RelayedHarness):
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
-        relay = Relay(simulator.session, SessionOptions(), simulator.namespaces)
+        relay = Relay(self.beside(simulator.session), self.of_relay(), simulator.namespaces, self.prefix())
         self.relay = relay
-        here = SessionOptions(connect=tuple(endpoints(relay.session)))
-        self.fleet = _fleet(here, simulator.truth, simulator.namespaces)
+        namespaces = {robot_id: self.prefix() + name for robot_id, name in simulator.namespaces.items()}
+        self.fleet = ZenohFleet(
+            _config(self.to_relay(relay), simulator.truth, namespaces), _specs(len(namespaces)), None
+        )
         return self.fleet
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
-        config = _config(simulator.session, simulator.truth, {1: simulator.namespaces[1]})
+        config = _config(self.beside(simulator.session), simulator.truth, simulator.namespaces)
         return self.driven(f"{__name__}:open_given", config.model_dump_json(exclude={"workspace"}), target)
 
+    def of_robots(self) -> SessionOptions:
+        """Return how the simulated world is reached."""
+        return SessionOptions()
+
+    def beside(self, robots: SessionOptions) -> SessionOptions:
+        """Return how somebody else reaches the robots, whose own sessions beside the world are like this."""
+        return robots
+
+    def of_relay(self) -> SessionOptions:
+        """Return how SOTER reaches the relay."""
+        return SessionOptions()
+
+    def to_relay(self, relay: Relay) -> SessionOptions:
+        """Return SOTER's own session."""
+        return SessionOptions(connect=tuple(endpoints(relay.session)))
+
+    def prefix(self) -> str:
+        """Return what stands before the keys of robots on SOTER's side of the relay."""
+        return ""
+
     def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(_ROOM, _specs(robots))
+        self.simulator = simulator = Simulator(_ROOM, _specs(robots), self.of_robots())
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
+
+
+class RoutedHarness(ZenohHarness):
+    """The same with a router between all of them: every one is its client, and it is a process of its own."""
+
+    name = "zenoh, routed"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._router: subprocess.Popen[bytes] | None = None
+        self._clients = SessionOptions()
+
+    def close(self) -> None:
+        super().close()
+        if self._router is not None:
+            program.end([self._router])
+            self._router = None
+
+    def of_robots(self) -> SessionOptions:
+        self._router = subprocess.Popen(
+            [sys.executable, "-m", "soter.cli", "zenoh-router", "--listen", "tcp/127.0.0.1:0",
+             "--parent", str(os.getpid())],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )  # fmt: skip
+        said = program.first_line(self._router, b"", START_TIMEOUT_S).decode()
+        self._clients = SessionOptions(mode="client", connect=(said.split(" at ")[1].split()[0].rstrip(".,"),))
+        return self._clients
+
+    def of_relay(self) -> SessionOptions:
+        return self._clients
+
+    def to_relay(self, relay: Relay) -> SessionOptions:
+        return self._clients
+
+    def prefix(self) -> str:
+        return "far/"
 
 
 def open_given(argument: str) -> Fleet:
@@ -61,10 +124,6 @@ def _specs(robots: int) -> list[RobotSpec]:
     return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in _ROOM.robots[:robots]]
 
 
-def _config(session: SessionOptions, truth: str, namespaces: dict[int, str]) -> ZenohConfig:
+def _config(session: SessionOptions, truth: str, namespaces: Mapping[int, str]) -> ZenohConfig:
     robots = {robot_id: RobotOptions(namespace=name) for robot_id, name in namespaces.items()}
     return ZenohConfig(workspace=_ROOM, robots=robots, session=session, truth=truth)
-
-
-def _fleet(session: SessionOptions, truth: str, namespaces: dict[int, str]) -> Fleet:
-    return ZenohFleet(_config(session, truth, namespaces), _specs(len(namespaces)), None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 import zenoh
@@ -24,12 +24,15 @@ class Relay(ImpairedRelay):
         there: how the robots are reached.
         here: how SOTER reaches the relay.
         namespaces: by robot, what its keys begin with.
+        prefix: what stands before them on SOTER's side; needed where both sides are one network.
 
     Attributes:
         session: the one on SOTER's side.
     """
 
-    def __init__(self, there: SessionOptions, here: SessionOptions, namespaces: Mapping[int, str]) -> None:
+    def __init__(
+        self, there: SessionOptions, here: SessionOptions, namespaces: Mapping[int, str], prefix: str = ""
+    ) -> None:
         super().__init__()
         self._sessions: Final[list[zenoh.Session]] = []
         try:
@@ -37,9 +40,11 @@ class Relay(ImpairedRelay):
                 self._sessions.append(open_session(options))
             robots, self.session = self._sessions
             for robot_id, namespace in namespaces.items():
-                keys = Keys().of(namespace)
-                self._connect(robot_id, self.session, robots, [getattr(keys, name) for name in _TO_ROBOT])
-                self._connect(robot_id, robots, self.session, [getattr(keys, name) for name in _TO_SOTER])
+                near, far = Keys().of(namespace), Keys().of(prefix + namespace)
+                for name in _TO_ROBOT:
+                    self._connect(robot_id, self.session, getattr(far, name), robots, getattr(near, name))
+                for name in _TO_SOTER:
+                    self._connect(robot_id, robots, getattr(near, name), self.session, getattr(far, name))
         except BaseException:
             self.close()
             raise
@@ -49,12 +54,7 @@ class Relay(ImpairedRelay):
         for session in self._sessions:
             close_session(session)
 
-    def _connect(self, robot_id: int, source: zenoh.Session, sink: zenoh.Session, keys: Iterable[str]) -> None:
-        for key in keys:
-            line = Line(robot_id, Voice(sink, key).say_bytes)
-            messages: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_AT_ONCE)
-            Listener(source.declare_subscriber(key, messages), _passing(self, line))
-
-
-def _passing(relay: Relay, line: Line) -> Callable[[zenoh.Sample], None]:
-    return lambda sample: relay.pass_on(line, sample.payload.to_bytes())
+    def _connect(self, robot_id: int, source: zenoh.Session, heard: str, sink: zenoh.Session, said: str) -> None:
+        line = Line(robot_id, Voice(sink, said).say_bytes)
+        messages: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_AT_ONCE)
+        Listener(source.declare_subscriber(heard, messages), lambda each: self.pass_on(line, each.payload.to_bytes()))
