@@ -29,6 +29,11 @@ test-ros2: ## The tests of ROS 2, over real DDS on this host, in an environment 
 		.venv-ros2/bin/python -m pytest -n $(WORKERS) -m rclpy tests/adapters/ros2 tests/sim/ros2 tests/benchmarks; \
 	fi
 
+.PHONY: test-distributed
+test-distributed: ## Cut a robot of a mission in three processes off for 30 s, in network namespaces if permitted
+	@tools/env.sh test
+	$(VENV)/python tools/distribution.py $(DISTRIBUTION_ARGS)
+
 .PHONY: check
 check: lint types wheel-check test ## Everything a change must pass: lint, types, wheel, tests (docs and imports too)
 
@@ -46,7 +51,7 @@ accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped a
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
 	@tools/env.sh test
-	@for name in stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput; do \
+	@for name in stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput zenoh_latency; do \
 		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
 	done
 

@@ -8,11 +8,13 @@ and the mission has to go on afterwards.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -110,6 +112,13 @@ class TruthLog(threading.Thread):
                 speeds = {int(key): abs(speed) for key, (speed, _) in self.latest["speeds"].items()}
                 self.speeds.append((time.time(), speeds))
 
+    def close(self) -> None:
+        """End it; what was heard stays."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self.join()
+        self._socket.close()
+
     def moved(self, robot_id: int, since_s: float, until_s: float) -> list[float]:
         """Return the times at which a robot was seen to move."""
         return [t for t, speeds in [*self.speeds] if since_s < t <= until_s and speeds[robot_id] > RESTS_M_S]
@@ -149,6 +158,7 @@ class Stage:
             self._mission.write_text(_mission(hosts, table, bus, duration_s, targets, seed))
             self.truth: Final = TruthLog(hosts, truth[1])
             self.truth.start()
+            self._stack.callback(self.truth.close)
         except BaseException:
             self._stack.close()
             raise
@@ -168,10 +178,10 @@ class Stage:
         ]  # fmt: skip
         self.processes[name] = self._popen(name, name, *arguments)
 
-    def wait(self) -> None:
+    def wait(self, limit_s: float) -> None:
         """Wait until the mission's processes have ended."""
         for name, process in self.processes.items():
-            process.wait(END_LIMIT_S)
+            process.wait(limit_s)
             if process.returncode > 1:
                 raise RuntimeError(f"'{name}' ended with code {process.returncode}:\n{self.printed(name)}")
 
@@ -252,7 +262,7 @@ def play(hosts: Hosts, folder: Path, given: argparse.Namespace) -> Found:
         time.sleep(given.cut_s)
         hosts.heal(CUT)
         healed_s = time.time()
-        stage.wait()
+        stage.wait(given.after_s + END_LIMIT_S)
         results = {name: json.loads((folder / f"{name}.json").read_text()) for name in stage.processes}
         truth = stage.truth
         moments = {name: _recorded(folder / f"{name}.mcap") for name in ROBOTS}

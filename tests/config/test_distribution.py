@@ -60,7 +60,7 @@ def test_a_mission_without_a_task_planner_is_refused() -> None:
 
 
 def test_a_robot_of_no_process_is_named() -> None:
-    with pytest.raises(ConfigError, match=r"processes: no process has the robots 1; allowed: every robot in exactly one"):
+    with pytest.raises(ConfigError, match=r"no process has the robots 1; allowed: every robot in exactly one"):
         load({name: GOOD[name] for name in ("beta", "ground")})
 
 

@@ -1,0 +1,127 @@
+"""Which part of a mission a process has, and what is refused before anything moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+from pydantic import BaseModel
+
+from soter.config import Mission, load_mission
+from soter.errors import ConfigError
+from soter.link.buses import bus_class, open_bus
+from soter.runner import run_mission
+from soter.runner.part import Part
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "distributed" / "mission.toml"
+
+
+def mission(**overrides: Any) -> Mission:
+    return load_mission(EXAMPLE, {key.replace("__", "."): value for key, value in overrides.items()})
+
+
+def part(process: str, **overrides: Any) -> Part:
+    given = mission(**overrides)
+    return Part.of(given, given.read_workspace(), process)
+
+
+def test_every_process_knows_what_is_its_own_and_who_has_the_rest() -> None:
+    alpha, ground = part("alpha"), part("ground")
+    assert (alpha.robots, alpha.planner, alpha.planner_home) == ((1,), False, "ground")
+    assert (ground.robots, ground.planner, ground.others) == ((), True, ("alpha", "beta"))
+    assert alpha.homes == ground.homes == {1: "alpha", 2: "beta"}
+    assert set(alpha.promised) == {1, 2}
+
+
+def test_processes_of_one_mission_agree_and_others_do_not() -> None:
+    digest = part("alpha").digest
+    assert digest == part("beta").digest == part("ground").digest
+    same: list[dict[str, Any]] = [
+        {"duration_s": 5.0}, {"seed": 7}, {"planner": "ompl-bitstar"}, {"distribution__wait_s": 5.0},
+        {"distribution__bus__connect": ["tcp/127.0.0.1:7999"]}, {"backends__zenoh__discovery_s": 20.0},
+    ]  # fmt: skip
+    for overrides in same:
+        assert part("alpha", **overrides).digest == digest, overrides
+    another: list[dict[str, Any]] = [
+        {"rta__collision__delta_s": 0.05}, {"base_tick_s": 0.025}, {"rta__modules": ["collision"]},
+        {"distribution__processes__alpha__robots": [2], "distribution__processes__beta__robots": [1]},
+        {"fault": [{"kind": "delay", "commands_s": 0.01, "declared": True}]}, {"battery__drive_s": 900.0},
+    ]  # fmt: skip
+    digests = {part("alpha", **overrides).digest for overrides in another}
+    assert len(digests | {digest}) == len(another) + 1
+
+
+def test_faults_that_are_declared_widen_what_others_expect_of_a_robot() -> None:
+    plain, slow = (
+        part("beta"),
+        part("beta", fault=[{"kind": "delay", "robot": 1, "commands_s": 0.01, "declared": True}]),
+    )
+    assert slow.promised[1].latency_s == pytest.approx(plain.promised[1].latency_s + 0.01)
+    assert slow.promised[2] == plain.promised[2]
+
+
+@pytest.mark.parametrize(
+    ("process", "overrides", "words"),
+    [
+        ("alpah", {}, r"there is no 'alpah', did you mean 'alpha'\?; known are alpha, beta, ground"),
+        ("alpha", {"distribution__processes": {}}, r"it names no processes, so that there is no 'alpha'"),
+        ("alpha", {"backend": "kinematic"}, r"'kinematic', .* virtual time in one process; allowed with processes"),
+        ("alpha", {"ac": "adversary:chase"}, r"ac: it is 'adversary:chase', allowed with processes: 'mission'"),
+        ("ground", {"distribution__via": "zeno"}, r"via: unknown bus 'zeno', did you mean 'zenoh'\?"),
+        ("ground", {"distribution__via": "no.such:Bus"}, r"via: bus 'no.such:Bus': cannot import 'no.such'"),
+        (
+            "ground",
+            {"distribution__via": "pathlib:Path"},
+            r"'Path' in 'pathlib' is no bus; it needs options_model",
+        ),
+        ("ground", {"distribution__bus__mode": "star"}, r"distribution.bus.mode: it is 'star', allowed: 'peer'"),
+        ("ground", {"distribution__processes__ground__bus": {"mod": 1}}, r"ground.bus.mod: unknown key, did you mean"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(process: str, overrides: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        run_mission(mission(**overrides), process=process)
+
+
+def test_a_distributed_mission_is_not_run_as_a_whole_by_mistake() -> None:
+    with pytest.raises(ConfigError, match=r"say which process this is: --process alpha or --process beta"):
+        run_mission(mission())
+
+
+def test_in_virtual_time_a_distributed_mission_runs_in_one_process() -> None:
+    result = run_mission(mission(backend="kinematic", duration_s=5.0)).result
+    assert result.status == "completed"
+    assert (result.robots, result.process, result.peer_age_ms) == (2, "", None)
+
+
+class Tin(BaseModel):
+    """Options of a bus of one's own."""
+
+    length_m: float = 1.0
+
+
+class TinBus:
+    """A bus of one's own."""
+
+    options_model: ClassVar[type[BaseModel]] = Tin
+    opened: ClassVar[list[Tin]] = []
+
+    @classmethod
+    def open(cls, options: Tin) -> TinBus:
+        cls.opened.append(options)
+        return cls()
+
+    def publish(self, key: str, payload: bytes) -> None: ...
+
+    def subscribe(self, key: str, hear: object) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def test_a_bus_may_be_ones_own_and_a_process_may_have_options_of_its_own() -> None:
+    name = "tests.runner.test_part:TinBus"
+    found = bus_class(name)
+    open_bus(name, {"length_m": 2.0}, {}, "alpha", None)
+    open_bus(name, {"length_m": 2.0}, {"length_m": 3.0}, "alpha", None)
+    assert [options.length_m for options in found.opened] == [2.0, 3.0]  # type: ignore[attr-defined]
