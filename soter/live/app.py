@@ -5,6 +5,7 @@ The only module that knows foxglove-sdk. The SDK has a queue for each client, of
 
 from __future__ import annotations
 
+import time
 from typing import BinaryIO, Final, NoReturn
 
 import foxglove
@@ -15,6 +16,9 @@ from soter.live.process import serve
 from soter.live.view import HOST
 from soter.record.follow import GrowingRecording
 from soter.record.foxglove import Log, schema_name
+
+FLUSH_S: Final = 0.5
+"""Host time that clients have at the end for what waits for them."""
 
 _STAYS: Final = "foxglove."
 _PASSES: Final = schema_name(Log)
@@ -66,6 +70,8 @@ class AppScreen(ServerListener):
 
     def close(self) -> None:
         self._server.publish_status("The run has ended.", StatusLevel.Info)
+        # The SDK sends by threads of its own, and does not say when they are done.
+        time.sleep(FLUSH_S)
         self._server.stop()
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:

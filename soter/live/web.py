@@ -71,14 +71,12 @@ class PageScreen:
         return int(self._server.server_address[1])
 
     def show(self, recording: GrowingRecording) -> None:
-        page = GrowingPage(recording)
+        self._page = GrowingPage(recording)
         for tick in recording.ticks():
             self._ticks.append(tick)
-            if self._page is None:
-                self._page = page
             if time.monotonic() - self._published_s >= PUBLISH_S:
                 self._publish()
-        self._page, self._goes_on = page, False
+        self._goes_on = False
         self._publish()
 
     def pause(self) -> None:
@@ -92,11 +90,11 @@ class PageScreen:
             time.sleep(0.01)
 
     def whole(self) -> bytes | None:
-        """Return the page of the run up to now; None if it has not begun. Any thread may ask."""
+        """Return the page of the run up to now; None before its first tick. Any thread may ask."""
         with self._lock:
-            if self._page is None:
-                return None
             number = self.reel.count
+            if self._page is None or not number:
+                return None
             if self._whole[0] != number:
                 stream = f"stream?run={self.token}&after={number}"
                 self._whole = number, self._page.whole(stream, goes_on=self._goes_on).encode()

@@ -41,7 +41,7 @@
       this.heardAt = performance.now();
       this.lost = false;
       if (!this.run.goesOn) this.source.close();
-      soter.grown(this.run);
+      soter.page.grown();
       this.say();
     }
 
@@ -55,7 +55,6 @@
     // What the button says; it is pressed while the page goes along with the run.
     say() {
       const { player } = soter;
-      if (!player) return;
       const { run } = this;
       const quietS = (performance.now() - this.heardAt) / 1000;
       const doubtful = run.goesOn && (this.lost || quietS > QUIET_S);

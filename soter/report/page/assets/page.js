@@ -435,17 +435,10 @@
     soter.openedMs = performance.now();
   }
 
-  // There is more of the run than there was. Before its first tick there is nothing to show of it.
-  soter.grown = (run) => {
-    if (soter.page) soter.page.grown();
-    else if (run.summary.ticks || !run.goesOn) begin(run);
-    else byId("loading").textContent = "Waiting for the first tick of the run …";
-  };
-
   async function open() {
     try {
       soter.run = await soter.unpack(byId("recording").textContent);
-      soter.grown(soter.run);
+      begin(soter.run);
       if (soter.Live) soter.live = new soter.Live(soter.run);
     } catch (failure) {
       byId("loading").textContent = `This page cannot be shown: ${failure.message}`;
