@@ -11,7 +11,7 @@ import pytest
 from benchmarks.common import ROOT, in_turns
 from tests.report.chromium import NEEDED
 
-HELPERS = {"common", "replay", "wall_clock"}
+HELPERS = {"common", "replay", "switching", "wall_clock"}
 OWN_ENVIRONMENT = {"peers"}
 """What it compares with is not installed here."""
 
