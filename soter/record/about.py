@@ -13,7 +13,7 @@ from typing import Final
 
 from soter.config import Mission
 from soter.problems import MAX_FILE_BYTES
-from soter.record.messages import MISSION_TOML, VERSION, WORKSPACE_XML, About, ModuleAbout, RobotAbout
+from soter.record.messages import MISSION_TOML, VERSION, WORKSPACE_XML, About, ModuleAbout, PeerAbout, RobotAbout
 from soter.record.samples import state_of
 from soter.rta import RobotSupervisor, RTAModule, Timing
 from soter.sdk import Capabilities, RobotState
@@ -27,6 +27,7 @@ def describe(
     timings: Mapping[int, Timing],
     supervisors: Sequence[RobotSupervisor],
     modules: Mapping[int, Sequence[RTAModule]],
+    peers: Mapping[int, Capabilities],
 ) -> About:
     """Return what is known about a run before its first tick.
 
@@ -36,6 +37,7 @@ def describe(
         timings: what that adds to every horizon, by id.
         supervisors: of the robots, before the first tick.
         modules: their modules as declared.
+        peers: what robots of other processes promise, by id.
     """
     names = tuple(module.name for module in next(iter(modules.values()), ()))
     return About(
@@ -53,6 +55,7 @@ def describe(
             for each in supervisors
         ),
         versions(),
+        tuple(PeerAbout(robot_id, _promises(each)) for robot_id, each in peers.items()),
     )
 
 
@@ -81,7 +84,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def capabilities_of(robot: RobotAbout) -> Capabilities:
+def capabilities_of(robot: RobotAbout | PeerAbout) -> Capabilities:
     """Return what a recorded robot promised.
 
     Raises:
@@ -100,10 +103,16 @@ def _robot(
     sample = supervisor.situation.own
     if not isinstance(sample, RobotState):
         raise TypeError(f"robot {supervisor.robot_id}: a sample is a RobotState, not a {type(sample).__name__}")
-    promises = {name: _plain(value) for name, value in dataclasses.asdict(capabilities).items() if value is not None}
     return RobotAbout(
-        supervisor.robot_id, promises, state_of(sample), tuple(_module(module, timing) for module in modules)
+        supervisor.robot_id,
+        _promises(capabilities),
+        state_of(sample),
+        tuple(_module(module, timing) for module in modules),
     )
+
+
+def _promises(capabilities: Capabilities) -> dict[str, float | bool | str]:
+    return {name: _plain(value) for name, value in dataclasses.asdict(capabilities).items() if value is not None}
 
 
 def _module(module: RTAModule, timing: Timing) -> ModuleAbout:

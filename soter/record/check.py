@@ -1,4 +1,4 @@
-"""Check digits of a tick's record: they tell that a value was changed, which one, and what it was.
+"""Check digits of records that decisions rest on: they tell that a value was changed, which one, and what it was.
 
 Chunks of a recording have checksums of their own, against damage. These digits stand inside of the records, so that
 a value that was changed by whatever wrote, converted or edited the file is found as well.
@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 from msgspec import UNSET, UnsetType
 
-from soter.record.messages import AC, RobotTick
+from soter.record.messages import AC, Peer, RobotTick, State
 
 _ABSENT: Final = math.nan
 _CRC_DIGITS: Final = 8
@@ -27,7 +27,10 @@ _STATE: Final = (
     "stamp_s", "x_m", "y_m", "z_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "link", "vehicle_stamp_s",
     "battery", "controller", "goal_id", "vz_m_s",
 )  # fmt: skip
-_TEXTS: Final = frozenset({"mode", "driver", "no_state", "refused", "ac_failure", "link", "controller", "name"})
+_TEXTS: Final = frozenset({
+    "mode", "driver", "no_state", "refused", "ac_failure", "link", "controller", "name", "assumption", "cause",
+})  # fmt: skip
+_PEER: Final = ("time_s", "robot_id", "needs_charge", "assumption", "cause")
 
 
 class Flaw(NamedTuple):
@@ -48,13 +51,13 @@ class Flaw(NamedTuple):
     was: str = ""
 
 
-def seal(record: RobotTick) -> str:
+def seal(record: RobotTick | Peer) -> str:
     """Return the check digits of a record: a CRC-32 of all values, and the exclusive or of them."""
     packed = _packed(_values(record))
     return f"{zlib.crc32(packed):0{_CRC_DIGITS}x}{_parity(packed):016x}"
 
 
-def flaw(record: RobotTick) -> Flaw | None:
+def flaw(record: RobotTick | Peer) -> Flaw | None:
     """Return what is wrong with a record, or None. A record without check digits is wrong too."""
     digits = seal(record)
     if digits == record.check:
@@ -84,23 +87,40 @@ def _shown(name: str, value: float) -> str:
     return "absent" if name.startswith("state.") and math.isnan(value) else repr(value)
 
 
-def _values(record: RobotTick) -> list[float]:
-    state = record.state
+def _values(record: RobotTick | Peer) -> list[float]:
+    if isinstance(record, Peer):
+        head = [
+            record.time_s, float(record.robot_id), float(record.needs_charge), _text(record.assumption),
+            _text(record.cause),
+        ]  # fmt: skip
+        heard = [value for each in record.heard for value in (float(each.robot_id), each.stamp_s)]
+        return head + ([] if record.state is UNSET else _state(record.state)) + heard
     values = [
         float(record.tick), record.time_s, float(record.robot_id), _text(record.mode), _text(record.driver),
         float(record.unread), _text(record.no_state),
         _text("".join(f"{each.call}:{each.failure};" for each in record.refused)),
-        float(record.ac_drove), _text(record.ac_failure),
-        state.stamp_s, state.x_m, state.y_m, state.z_m, state.heading_rad, state.vx_m_s, state.vy_m_s,
-        state.yaw_rate_rad_s, _text(state.link), _number(state.vehicle_stamp_s), _number(state.battery),
-        _text(state.controller), _number(state.goal_id), _number(state.vz_m_s),
+        float(record.ac_drove), _text(record.ac_failure), *_state(record.state),
     ]  # fmt: skip
     for module in record.modules:
         values += (_text(module.name), _text(module.mode), module.margin_value, module.reach_value)
     return values
 
 
-def _names(record: RobotTick) -> Iterator[str]:
+def _state(state: State) -> list[float]:
+    return [
+        state.stamp_s, state.x_m, state.y_m, state.z_m, state.heading_rad, state.vx_m_s, state.vy_m_s,
+        state.yaw_rate_rad_s, _text(state.link), _number(state.vehicle_stamp_s), _number(state.battery),
+        _text(state.controller), _number(state.goal_id), _number(state.vz_m_s),
+    ]  # fmt: skip
+
+
+def _names(record: RobotTick | Peer) -> Iterator[str]:
+    if isinstance(record, Peer):
+        yield from _PEER
+        if record.state is not UNSET:
+            yield from (f"state.{name}" for name in _STATE)
+        yield from (f"heard.{name}" for _ in record.heard for name in ("robot_id", "stamp_s"))
+        return
     yield from _HEAD
     yield from (f"state.{name}" for name in _STATE)
     for module in record.modules:

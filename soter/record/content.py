@@ -16,6 +16,7 @@ from soter.record.messages import (
     Event,
     Fault,
     Goal,
+    Peer,
     RobotTick,
     Switch,
     Target,
@@ -158,6 +159,9 @@ class Content:
         return sum(drop.ticks for drop in self.drops)
 
     def _sort_in(self, event: Event) -> None:
+        if isinstance(event, Peer):
+            # For replays: there is one at every tick.
+            return
         if isinstance(event, Violation):
             # There may have been a word on it before; this one is newer.
             key = (event.rule, event.robots, event.start_s)

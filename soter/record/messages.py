@@ -105,6 +105,29 @@ class RobotTick(Message):
     check: Annotated[str, Meta(description="Check digits of this record, see soter.record.check.")] = ""
 
 
+class Heard(Message):
+    """What another process is known to have heard of one of this process's robots."""
+
+    robot_id: RobotId
+    stamp_s: Annotated[float, Meta(description="Fleet time of the latest sample of it that was heard.")]
+
+
+class Peer(Message):
+    """A robot that another process supervises, as it was known at a tick. There is one a tick for each of them."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    state: Annotated[
+        State | UnsetType, Meta(description="Its latest sample; its stamp is the earliest that it can be of. Absent "
+                                            "before the first.")
+    ] = UNSET  # fmt: skip
+    heard: Annotated[tuple[Heard, ...], Meta(description="What its process is known to have heard.")] = ()
+    needs_charge: Annotated[bool, Meta(description="Whether it is on its way to charge, and low.")] = False
+    assumption: Annotated[str, Meta(description="Number of the assumption that it was seen to break.")] = ""
+    cause: Annotated[str, Meta(description="How, in words.")] = ""
+    check: Annotated[str, Meta(description="Check digits of this record, see soter.record.check.")] = ""
+
+
 class Goal(Message):
     """A goal was sent to a robot, or ended. That one was superseded is not recorded: the next goal says it."""
 
@@ -189,9 +212,9 @@ class Drop(Message):
     ticks: Annotated[int, Meta(description="How many are missing.")]
 
 
-Event = Goal | Switch | Target | Transition | Fault | Violation | Drop
+Event = Goal | Switch | Target | Transition | Fault | Violation | Drop | Peer
 
-EVENTS: Final[tuple[type[Event], ...]] = (Goal, Switch, Target, Transition, Fault, Violation, Drop)
+EVENTS: Final[tuple[type[Event], ...]] = (Goal, Switch, Target, Transition, Fault, Violation, Drop, Peer)
 """Everything but ticks; what crosses to the writer is numbered by it."""
 
 TOPICS: Final[dict[type[Message], str]] = {
@@ -203,6 +226,7 @@ TOPICS: Final[dict[type[Message], str]] = {
     Fault: "/faults",
     Violation: "/violations",
     Drop: "/drops",
+    Peer: "/peers",
 }
 """Where each of them is recorded."""
 
@@ -210,6 +234,18 @@ TOPICS: Final[dict[type[Message], str]] = {
 def schema_name(message: type[Struct]) -> str:
     """Return the name of a message's schema."""
     return f"soter.{message.__name__}"
+
+
+class PeerAbout(Message):
+    """One robot that another process supervises.
+
+    Attributes:
+        robot_id: its number.
+        capabilities: what it promises, by name; what it leaves open is left out.
+    """
+
+    robot_id: int
+    capabilities: dict[str, float | bool | str]
 
 
 class RobotAbout(Message):
@@ -263,6 +299,7 @@ class About(Message):
         modules: names of the modules, in their order.
         robots: all of them, in the order of the supervisor.
         versions: of SOTER, Python, the platform and the libraries, by name.
+        peers: robots of other processes.
     """
 
     version: int
@@ -276,6 +313,7 @@ class About(Message):
     modules: tuple[str, ...]
     robots: tuple[RobotAbout, ...]
     versions: dict[str, str]
+    peers: tuple[PeerAbout, ...] = ()
 
 
 ABOUT_JSON: Final = "about.json"

@@ -135,7 +135,7 @@ class Recording:
         return None if data is None else self._decoded(data, dict[str, Any], RESULT_JSON)
 
     def workspace(self) -> Workspace:
-        """Return the workspace of the run, with the robots that took part.
+        """Return the workspace of the run, with the robots that took part, those of other processes too.
 
         Raises:
             BadRecording: it is not in the recording.
@@ -146,7 +146,7 @@ class Recording:
             raise BadRecording(f"{self.path}: it lacks the workspace file")
         # What was allowed then is not judged again: the mission may have had other distances.
         workspace = parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
-        return workspace.with_robots(len(self.about.robots))
+        return workspace.with_robots(len(self.about.robots) + len(self.about.peers))
 
     @property
     def mission_file(self) -> bytes | None:

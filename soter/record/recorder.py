@@ -19,10 +19,11 @@ from soter.config import Mission
 from soter.record.about import describe, files
 from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target, Transition, Violation
 from soter.record.outcome import Outcome
+from soter.record.peer_tap import PeerTap
 from soter.record.pipe import WriterPipe
 from soter.record.tap import GoalActuator, Tap
 from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Way, packed, tamed
-from soter.rta import Mode, RobotSupervisor, RTAModule, SwitchRecord, Timing
+from soter.rta import Mode, RemotePeer, RobotSupervisor, RTAModule, SwitchRecord, Timing
 from soter.sdk import Capabilities, RobotState, Truth
 from soter.workspace import Workspace
 
@@ -89,6 +90,7 @@ class Recorder:
         self._waits: Final = waits
         self._pipe: WriterPipe | None = None
         self._taps: Final[dict[int, Tap]] = {}
+        self._peers: Final[list[PeerTap]] = []
         self._robots: Sequence[tuple[RobotSupervisor, Tap]] = ()
         self._events: list[PendingEvent] = []
         self._now_s = 0.0
@@ -115,6 +117,12 @@ class Recorder:
         tap = self._taps[robot_id] = Tap(robot_id, actuator, self._note)
         return tap
 
+    def tap_peer(self, peer: RemotePeer, robot_ids: Sequence[int]) -> PeerTap:
+        """Return what a supervisor of these robots is to use in place of a robot of another process."""
+        tap = PeerTap(peer, robot_ids)
+        self._peers.append(tap)
+        return tap
+
     def beside(self, log: TargetLog) -> TargetLog:
         """Return a log that passes everything on to `log` and into the recording."""
         return _Beside(self, log)
@@ -129,6 +137,7 @@ class Recorder:
         timings: Mapping[int, Timing],
         truth: Truth | None,
         faults: Callable[[], Sequence[FaultStatus]] = tuple,
+        peers: Mapping[int, Capabilities] | None = None,
     ) -> None:
         """Start the writer and say what is to be run; call it once, before the first tick.
 
@@ -141,13 +150,14 @@ class Recorder:
             timings: what that adds to every horizon, by id.
             truth: of a simulated world.
             faults: returns what the injected faults did up to now, always in the same order.
+            peers: what robots of other processes promise, by id.
 
         Raises:
             OSError: the file cannot be written.
         """
         self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
         self._truth, self._faults = truth, faults
-        about = describe(mission, capabilities, timings, robots, modules)
+        about = describe(mission, capabilities, timings, robots, modules, peers or {})
         frame = Begin(
             msgspec.json.encode(tamed(about)),
             files(mission),
@@ -192,6 +202,8 @@ class Recorder:
         if now_s - self._looked_s >= TRUTH_S:
             self._looked_s = now_s
             self._look(now_s)
+        for peer in self._peers:
+            self._note(peer.message(now_s))
         rows = [_row(robot, tap) for robot, tap in self._robots]
         first, lost = self._lost
         if lost:

@@ -141,6 +141,8 @@ class Scribe:
             self._file.write(topic, message, foxglove.nanoseconds(way.time_s), self._host_ns)
             return
         event = self._decoders[index].decode(raw)
+        if isinstance(event, messages.Peer):
+            event = msgspec.structs.replace(event, check=seal(event))
         topic = messages.TOPICS[type(event)]
         if isinstance(event, Goal):
             topic = topic.format(robot_id=event.robot_id)

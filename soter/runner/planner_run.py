@@ -178,6 +178,7 @@ class _PlannerLoop:
             mission=mission.source or "",
             process=self.part.name,
             peer_age_ms=self.together.ages_ms(),
+            peer_tick_us=self.together.took_us(),
             backend=mission.backend,
             engine=None,
             planner=mission.planner,

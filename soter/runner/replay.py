@@ -12,19 +12,20 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final, NamedTuple, NoReturn
+from typing import Final, NamedTuple
 
-from soter.clock import Clock, VirtualClock
+from soter.clock import VirtualClock
 from soter.config import make_mission
 from soter.errors import ConfigError, IllFormedModule
 from soter.record.about import capabilities_of
 from soter.record.check import Flaw, flaw
 from soter.record.content import Tick
-from soter.record.messages import AC, RobotAbout, RobotTick, Switch
+from soter.record.messages import AC, Peer, RobotTick, Switch
 from soter.record.reader import BadRecording, Recording
 from soter.record.samples import sample_of
-from soter.rta import Mode, RobotSupervisor, Sample, SwitchRecord
-from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState, Waypoint
+from soter.rta import RobotSupervisor, SwitchRecord
+from soter.runner.recorded import RecordedActuator, RecordedPeer, RecordedRobot
+from soter.sdk import Waypoint
 from soter.stack.actuator import RobotActuator
 from soter.stack.assembly import SafetySide, assemble
 
@@ -113,13 +114,6 @@ class Replay:
         return not self.differing and not self.flaws
 
 
-class RecordedFailure(Exception):
-    """A failure that a recording tells of; it looks like the one that it was."""
-
-    def __repr__(self) -> str:
-        return str(self)
-
-
 def replay(recording: Recording, settings: Mapping[str, object] | None = None) -> Replay:
     """Replay a recording.
 
@@ -168,18 +162,12 @@ class _Cast:
         self._switches: list[SwitchRecord] = []
         self._actuators: dict[int, RecordedActuator] = {}
         self._spells: dict[int, Spell] = {}
+        self._peers: Final = {each.robot_id: RecordedPeer(each.robot_id) for each in about.peers}
         clock = VirtualClock()
-        elsewhere = {each for table in mission.distribution.processes.values() for each in table.robots}
-        elsewhere -= {each.robot_id for each in about.robots}
-        if elsewhere:
-            named = ", ".join(map(str, sorted(elsewhere)))
-            raise BadRecording(
-                f"{recording.path}: this was one process of a distributed mission; what it heard of the robots of "
-                f"others ({named}), which its decisions rest on, is not recorded"
-            )
         try:
             robots = [RecordedRobot(each, clock) for each in about.robots]
             starts = {each.robot_id: sample_of(each.initial, each.robot_id) for each in about.robots}
+            elsewhere = [capabilities_of(each) for each in about.peers]
         except ValueError as failure:
             raise BadRecording(f"{recording.path}: {failure}") from failure
 
@@ -193,7 +181,7 @@ class _Cast:
 
         self._safety: Final[SafetySide] = assemble(
             mission, recording.workspace(), robots, lambda _: None, [self], tap=tap,
-            on_ill_formed=refused if settings else None,
+            on_ill_formed=refused if settings else None, remote=tuple(self._peers.values()), remote_promises=elsewhere,
         )  # fmt: skip
         if settings:
             for supervisor in self._safety.supervisor.robots.values():
@@ -206,10 +194,12 @@ class _Cast:
     def play(self, tick: Tick) -> None:
         """Do one tick again and compare."""
         supervisor, ports = self._safety.supervisor, self._safety.ports
+        for event in tick.events:
+            if isinstance(event, Peer):
+                self._judge(event)
+                self._peers[event.robot_id].load(event)
         for robot_id, record in tick.robots.items():
-            wrong = flaw(record)
-            if wrong is not None:
-                self._found.flaws.append(wrong)
+            self._judge(record)
             self._actuators[robot_id].load(record)
             if record.ac_drove:
                 ports[robot_id].goto(_ANYWHERE)
@@ -229,6 +219,11 @@ class _Cast:
         for spell in self._spells.values():
             self._found.spells.append(spell._replace(end_s=time_s))
         self._found.spells.sort(key=lambda each: (each.start_s, each.robot_id))
+
+    def _judge(self, record: RobotTick | Peer) -> None:
+        wrong = flaw(record)
+        if wrong is not None:
+            self._found.flaws.append(wrong)
 
     def _compare(self, record: RobotTick, robot: RobotSupervisor) -> None:
         differ = self._differ
@@ -282,105 +277,6 @@ class _Cast:
         found.differing += 1
         if len(found.differences) < KEPT:
             found.differences.append(Difference(record.tick, record.time_s, record.robot_id, name, recorded, replayed))
-
-
-class RecordedActuator:
-    """An `Actuator` that says what the recorded one said, and passes nothing on.
-
-    Args:
-        inner: the actuator of the recorded robot, for what follows from a sample alone.
-        start: the sample before the first tick.
-        obeys: whether it is asked for what it did then; if not, who it says is in charge means nothing.
-    """
-
-    def __init__(self, inner: RobotActuator, start: RobotState, *, obeys: bool) -> None:
-        self._inner: Final = inner
-        self._obeys: Final = obeys
-        self._sample = start
-        self._failure: str | None = None
-        self._refused: list[tuple[str, str]] = []
-
-    def load(self, record: RobotTick) -> None:
-        """Take what was recorded of the tick that comes."""
-        self._failure = record.no_state if record.unread else None
-        self._refused = [(each.call, each.failure) for each in record.refused]
-        sample = sample_of(record.state, record.robot_id)
-        # A sample that is the same as before is the one before, as it was then.
-        if sample != self._sample:
-            self._sample = sample
-
-    def read(self) -> Sample:
-        if self._failure is not None:
-            raise RecordedFailure(self._failure)
-        return self._sample
-
-    def drive(self, command: Any, mode: Mode) -> None:
-        self._fail("drive")
-
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
-        self._fail("hand_over")
-
-    def renew(self) -> None:
-        self._fail("renew")
-
-    def reported(self, sample: Sample) -> Mode | None:
-        return self._inner.reported(sample) if self._obeys else None
-
-    def insist(self) -> None:
-        self._fail("insist")
-
-    def _fail(self, call: str) -> None:
-        for each in self._refused:
-            if each[0] == call:
-                self._refused.remove(each)
-                raise RecordedFailure(each[1])
-
-
-class RecordedRobot(Robot):
-    """The promises of a recorded robot; it takes no orders.
-
-    Args:
-        about: what the recording says of it.
-        clock: any.
-
-    Raises:
-        ValueError: its promises are not those of this version.
-    """
-
-    declared: ClassVar[Capabilities]
-
-    def __init__(self, about: RobotAbout, clock: Clock) -> None:
-        state = about.initial
-        super().__init__(RobotSpec(about.robot_id, state.x_m, state.y_m, state.heading_rad), clock)
-        self._promises: Final = capabilities_of(about)
-
-    @property
-    def capabilities(self) -> Capabilities:
-        return self._promises
-
-    def _connect(self, timeout_s: float) -> NoReturn:
-        raise self._refusal()
-
-    def _send_goto(self, goal: Goal) -> None:
-        raise self._refusal()
-
-    def _sample(self) -> NoReturn:
-        raise self._refusal()
-
-    def _hand_over(self, to: Controller) -> None:
-        raise self._refusal()
-
-    def _renew_lease(self) -> None:
-        raise self._refusal()
-
-    def _halt(self) -> None:
-        raise self._refusal()
-
-    def _disconnect(self, timeout_s: float) -> None:
-        raise self._refusal()
-
-    def _refusal(self) -> RuntimeError:
-        return RuntimeError(f"robot {self.id} is recorded and takes no orders")
 
 
 def _same(one: float, other: float) -> bool:

@@ -128,6 +128,7 @@ class RunResult(BaseModel):
         tick_late_ms: how late ticks came on a wall clock, in milliseconds; None in virtual time.
         peer_age_ms: how old samples of other processes' robots were at the ticks, at most, in milliseconds; None where
             there are none.
+        peer_tick_us: host time that hearing and telling other processes took at a tick, in microseconds, likewise.
         real_time: whether ticks were scheduled in real time, before everything else that the host had to do.
         missed_ticks: ticks that came later than the robots' declared jitter.
         deterministic: the same seed gives the same run; False where host time had a say.
@@ -183,6 +184,7 @@ class RunResult(BaseModel):
     ac: str = "mission"
     process: str = ""
     peer_age_ms: TickTimes | None = None
+    peer_tick_us: TickTimes | None = None
 
     @property
     def violated(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
-from soter.rta import Watch
+from soter.rta import RemotePeer, Watch
 from soter.runner.ac_side import AcSide, Scene, TargetLog
 from soter.runner.aside import Aside
 from soter.runner.done import Run
@@ -181,8 +181,8 @@ class _Loop:
         self.safety: Final[SafetySide] = assemble(
             mission, workspace, fleet.robots, side.hear, watches, tap=None if recorder is None else recorder.tap,
             on_ill_formed=study.on_ill_formed, deltas=study.deltas, safer_alone=study.safer_alone,
-            remote=() if together is None else together.peers,
-            remote_promises=() if together is None else together.promises,
+            remote=self._remote(recorder, robot_ids),
+            remote_promises=() if together is None else tuple(together.promises.values()),
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
@@ -197,6 +197,10 @@ class _Loop:
         ).judge
         truth = fleet.truth
         self.user_rules: Final = None if truth is None else UserRules(truth, self.safety.own)
+
+    def _remote(self, recorder: Recorder | None, robot_ids: Sequence[int]) -> Sequence[RemotePeer]:
+        peers = () if self.together is None else self.together.peers
+        return peers if recorder is None else [recorder.tap_peer(peer, robot_ids) for peer in peers]
 
     def begin(self, workspace: Workspace) -> None:
         """Begin the recording and the ACs' side; the first tick is near."""
@@ -217,8 +221,9 @@ class _Loop:
         faults = self.fleet.report if isinstance(self.fleet, FaultyFleet) else tuple
         try:
             recorder.begin(
-                self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults
-            )
+                self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults,
+                {} if self.together is None else self.together.promises,
+            )  # fmt: skip
         except OSError as failure:
             why = failure.strerror or failure
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
@@ -341,6 +346,7 @@ class _Loop:
             mission=mission.source or "",
             process="" if self.together is None else self.together.process,
             peer_age_ms=None if self.together is None else self.together.ages_ms(),
+            peer_tick_us=None if self.together is None else self.together.took_us(),
             backend=mission.backend,
             engine=engine,
             planner=mission.planner,

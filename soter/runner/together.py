@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Self
@@ -44,19 +45,22 @@ class Together:
     Attributes:
         process: this one's name.
         peers: the robots of other processes.
-        promises: what each of those promises.
+        promises: what each of those promises, by id.
         ports: what planners here are shown of them, by robot.
     """
 
     def __init__(self, part: Part, clock: Clock) -> None:
         self.process: Final = part.name
         self._ages_s: Final[array[float]] = array("d")
+        self._took_s: Final[array[float]] = array("d")
         self._clock: Final = clock
         self._part: Final = part
         self._company: Final[Company] = part.company(part.open_bus(), clock)
         company = self._company
         self.peers: Final[Sequence[RemotePeer]] = company.peers
-        self.promises: Final[Sequence[Capabilities]] = [part.promised[peer.robot_id] for peer in company.peers]
+        self.promises: Final[Mapping[int, Capabilities]] = {
+            peer.robot_id: part.promised[peer.robot_id] for peer in company.peers
+        }
         self.ports: Final[Mapping[int, RobotPort]] = {peer.robot_id: peer.port for peer in company.peers}
 
     def __enter__(self) -> Self:
@@ -67,13 +71,17 @@ class Together:
 
     def look(self) -> None:
         """Take what has been heard. To be called before every tick."""
+        begun_s = time.perf_counter()
         self._company.look()
+        self._took_s.append(time.perf_counter() - begun_s)
         now_s = self._clock.now()
         self._ages_s.extend(now_s - sample.stamp_s for peer in self.peers if (sample := peer.sample()) is not None)
 
     def tell(self, robots: Sequence[RobotSupervisor]) -> None:
         """Tell the others how the robots are. To be called after every tick."""
+        begun_s = time.perf_counter()
         self._company.tell([_status(robot) for robot in robots])
+        self._took_s[-1] += time.perf_counter() - begun_s
 
     def wait(self, robots: Sequence[Robot], clock: Clock, say: Said, stop: Callable[[], bool]) -> bool:
         """Wait until all other processes are there; the robots stand meanwhile, and the others are told where.
@@ -121,6 +129,10 @@ class Together:
                 say(f"waiting for {words}")
             clock.sleep_until(clock.now() + _LOOK_S)
         return False
+
+    def took_us(self) -> TickTimes:
+        """Return how long hearing and telling took at a tick, of host time in microseconds."""
+        return percentiles(np.frombuffer(self._took_s) * 1e6)
 
     def ages_ms(self) -> TickTimes | None:
         """Return how old the others' samples were at the ticks, at most; None where they have no robots."""

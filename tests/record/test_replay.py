@@ -14,12 +14,14 @@ import pytest
 
 from soter.config import load_mission
 from soter.errors import ConfigError
+from soter.record.messages import Peer, State
 from soter.record.reader import BadRecording, Recording
 from soter.runner import run_mission
 from soter.runner.replay import replay
 from tests.project.source import ROOT
 from tests.record.conftest import Recorded
 from tests.record.helpers import SURVEILLANCE, recorded, rewrite
+from tests.runner.lockstep import Site
 
 
 def test_a_replay_decides_the_same(kinematic: Recorded) -> None:
@@ -239,3 +241,49 @@ def test_settings_that_mean_nothing_are_refused(kinematic: Recorded, settings: d
     with pytest.raises(ConfigError) as refused:
         replay(kinematic.recording, settings)
     assert words in str(refused.value)
+
+
+@pytest.fixture(scope="module")
+def apart(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with recordings of two processes, a robot each, that were cut off from each other for a while."""
+    folder = tmp_path_factory.mktemp("apart")
+    processes = {"alpha": ((1,), False), "beta": ((2,), True)}
+    site = Site(processes, record=folder, targets="hostile", duration_s=40.0)
+    try:
+        site.start("alpha")
+        site.start("beta", 0.313)
+        site.at(15.0, lambda: site.network.isolate("alpha", ["beta"]))
+        site.at(25.0, lambda: site.network.cut.clear())
+        site.run(45.0)
+    finally:
+        site.close()
+    return folder
+
+
+@pytest.mark.parametrize("process", ["alpha", "beta"])
+def test_a_process_of_a_distributed_mission_is_replayed_with_what_it_heard(apart: Path, process: str) -> None:
+    recording = Recording(apart / f"{process}.mcap")
+    found = replay(recording)
+    assert found.same, found.differences[:3]
+    assert found.ticks == 800
+    heard = [event for tick in recording.ticks() for event in tick.events if isinstance(event, Peer)]
+    assert len(heard) == 800
+    silent = [each for each in heard if not isinstance(each.state, State) or each.time_s - each.state.stamp_s > 0.5]
+    assert len(silent) > 150, "they were cut off for ten seconds"
+
+
+def test_a_flipped_bit_of_what_was_heard_of_a_peer_is_named(apart: Path, tmp_path: Path) -> None:
+    seen = 0
+
+    def edit(topic: str, data: bytes) -> bytes:
+        nonlocal seen
+        if topic == "/peers" and (seen := seen + 1) == 700:
+            record = json.loads(data)
+            record["state"]["y_m"] = _flipped(record["state"]["y_m"])
+            return json.dumps(record).encode()
+        return data
+
+    rewrite(apart / "alpha.mcap", tmp_path / "run.mcap", edit)
+    (wrong,) = replay(Recording(tmp_path / "run.mcap")).flaws
+    assert (wrong.robot_id, wrong.field) == (2, "state.y_m")
+    assert float(wrong.was) == _flipped(float(wrong.reads))

@@ -17,6 +17,7 @@ from soter.adapters.pybullet.robot import KinematicRobot
 from soter.clock import Clock
 from soter.config import Mission, load_mission
 from soter.link.bus import Bus
+from soter.record.recorder import Recorder
 from soter.runner import RunResult
 from soter.runner.ac_side import AcSide
 from soter.runner.mission_side import MissionSide
@@ -120,6 +121,7 @@ class Site:
         processes: by name, which robots it has, and whether the planner.
         make_side: makes the ACs' side of a process with robots; the mission's own without.
         network: what joins them.
+        record: a folder into which every process with robots records; None for none.
         overrides: of the surveillance mission; double underscores in names stand for dots.
 
     Attributes:
@@ -134,6 +136,7 @@ class Site:
         processes: Mapping[str, tuple[tuple[int, ...], bool]],
         make_side: MakeSide | None = None,
         network: Network | None = None,
+        record: Path | None = None,
         **overrides: Any,
     ) -> None:
         given: dict[str, Any] = {
@@ -152,6 +155,7 @@ class Site:
         self.specs: Final = [replace(spec, battery=1.0) for spec in robot_specs(self.mission, self.workspace)]
         self.world: Final = World(self.workspace, self.specs, "kinematic")
         self.make_side: Final[MakeSide] = make_side or _mission_side
+        self._record: Final = record
         self.said: dict[str, list[str]] = {}
         self.loops: dict[str, _Loop] = {}
         self.planner: _PlannerLoop | None = None
@@ -275,12 +279,13 @@ class Site:
 
     def _robots_loop(self, part: OwnPart, clock: OwnClock, together: Together, say: Callable[[str], None]) -> RunResult:
         side = self.make_side(self, part)
+        recorder = None if self._record is None else Recorder(self._record / f"{part.name}.mcap", waits=True)
         fleet = OwnFleet(self.world, [spec for spec in self.specs if spec.id in part.robots], clock)
         try:
             side.ready()
             for robot in fleet.robots:
                 robot.init(1.0)
-            loop = _Loop(part.mission, self.workspace, fleet, side, Study(), None, together)
+            loop = _Loop(part.mission, self.workspace, fleet, side, Study(), recorder, together)
             self.loops[part.name] = loop
             assert together.wait(fleet.robots, clock, say, lambda: False)
             loop.begin(self.workspace)
@@ -288,6 +293,8 @@ class Site:
             return loop.result(status, failure, None)
         finally:
             side.close()
+            if recorder is not None:
+                recorder.close()
 
     def _advance(self, time_s: float) -> None:
         while self.world.now_s + PERIOD_S <= time_s + 1e-9:

@@ -1,0 +1,152 @@
+"""Robots that say what they said when they were recorded, and take no orders."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Final, NoReturn
+
+from msgspec import UNSET
+
+from soter.clock import Clock
+from soter.record.about import capabilities_of
+from soter.record.messages import Peer, RobotAbout, RobotTick
+from soter.record.samples import sample_of
+from soter.rta import Assumption, Mode, Sample
+from soter.rta.monitors import Finding
+from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
+from soter.stack.actuator import RobotActuator
+
+_ASSUMPTIONS: Final = {each.id: each for each in Assumption}
+
+
+class RecordedFailure(Exception):
+    """A failure that a recording tells of; it looks like the one that it was."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+class RecordedActuator:
+    """An `Actuator` that says what the recorded one said, and passes nothing on.
+
+    Args:
+        inner: the actuator of the recorded robot, for what follows from a sample alone.
+        start: the sample before the first tick.
+        obeys: whether it is asked for what it did then; if not, who it says is in charge means nothing.
+    """
+
+    def __init__(self, inner: RobotActuator, start: RobotState, *, obeys: bool) -> None:
+        self._inner: Final = inner
+        self._obeys: Final = obeys
+        self._sample = start
+        self._failure: str | None = None
+        self._refused: list[tuple[str, str]] = []
+
+    def load(self, record: RobotTick) -> None:
+        """Take what was recorded of the tick that comes."""
+        self._failure = record.no_state if record.unread else None
+        self._refused = [(each.call, each.failure) for each in record.refused]
+        sample = sample_of(record.state, record.robot_id)
+        # A sample that is the same as before is the one before, as it was then.
+        if sample != self._sample:
+            self._sample = sample
+
+    def read(self) -> Sample:
+        if self._failure is not None:
+            raise RecordedFailure(self._failure)
+        return self._sample
+
+    def drive(self, command: Any, mode: Mode) -> None:
+        self._fail("drive")
+
+    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+        self._fail("hand_over")
+
+    def renew(self) -> None:
+        self._fail("renew")
+
+    def reported(self, sample: Sample) -> Mode | None:
+        return self._inner.reported(sample) if self._obeys else None
+
+    def insist(self) -> None:
+        self._fail("insist")
+
+    def _fail(self, call: str) -> None:
+        for each in self._refused:
+            if each[0] == call:
+                self._refused.remove(each)
+                raise RecordedFailure(each[1])
+
+
+class RecordedPeer:
+    """A `RemotePeer` that says what was recorded of it."""
+
+    def __init__(self, robot_id: int) -> None:
+        self.robot_id = robot_id
+        self._said = Peer(0.0, robot_id)
+        self._sample: Sample | None = None
+
+    def load(self, said: Peer) -> None:
+        """Take what was recorded of the tick that comes."""
+        self._said = said
+        self._sample = None if said.state is UNSET else sample_of(said.state, self.robot_id)
+
+    def sample(self) -> Sample | None:
+        return self._sample
+
+    def heard_of(self, robot_id: int) -> float:
+        return next((each.stamp_s for each in self._said.heard if each.robot_id == robot_id), -math.inf)
+
+    def needs_charge(self) -> bool:
+        return self._said.needs_charge
+
+    def found(self) -> Finding | None:
+        said = self._said
+        return Finding(_ASSUMPTIONS[said.assumption], said.cause) if said.assumption in _ASSUMPTIONS else None
+
+
+class RecordedRobot(Robot):
+    """The promises of a recorded robot; it takes no orders.
+
+    Args:
+        about: what the recording says of it.
+        clock: any.
+
+    Raises:
+        ValueError: its promises are not those of this version.
+    """
+
+    declared: ClassVar[Capabilities]
+
+    def __init__(self, about: RobotAbout, clock: Clock) -> None:
+        state = about.initial
+        super().__init__(RobotSpec(about.robot_id, state.x_m, state.y_m, state.heading_rad), clock)
+        self._promises: Final = capabilities_of(about)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return self._promises
+
+    def _connect(self, timeout_s: float) -> NoReturn:
+        raise self._refusal()
+
+    def _send_goto(self, goal: Goal) -> None:
+        raise self._refusal()
+
+    def _sample(self) -> NoReturn:
+        raise self._refusal()
+
+    def _hand_over(self, to: Controller) -> None:
+        raise self._refusal()
+
+    def _renew_lease(self) -> None:
+        raise self._refusal()
+
+    def _halt(self) -> None:
+        raise self._refusal()
+
+    def _disconnect(self, timeout_s: float) -> None:
+        raise self._refusal()
+
+    def _refusal(self) -> RuntimeError:
+        return RuntimeError(f"robot {self.id} is recorded and takes no orders")
