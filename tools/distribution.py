@@ -58,6 +58,7 @@ class Found:
         ended_in_cut: those that ended during it.
         ended_after: those that ended after it.
         peer_age_ms: by process, ages of the peers' samples at the ticks.
+        peer_tick_us: by process, what hearing and telling the others took at a tick.
         tick_late_ms: by process, how late ticks came.
         statuses: by process, how its run ended.
     """
@@ -72,6 +73,7 @@ class Found:
     ended_in_cut: int
     ended_after: int
     peer_age_ms: dict[str, Any]
+    peer_tick_us: dict[str, Any]
     tick_late_ms: dict[str, Any]
     statuses: dict[str, str]
 
@@ -281,6 +283,7 @@ def play(hosts: Hosts, folder: Path, given: argparse.Namespace) -> Found:
         sum(cut_s < time_s <= healed_s for time_s in ends),
         sum(time_s > healed_s for time_s in ends),
         {name: result["peer_age_ms"] for name, result in results.items()},
+        {name: result["peer_tick_us"] for name, result in results.items()},
         {name: result["tick_late_ms"] for name, result in results.items()},
         {name: result["status"] for name, result in results.items()},
     )

@@ -31,7 +31,7 @@ def test_a_robot_that_is_cut_off_and_its_peer_hold_and_go_on(tmp_path: Path) -> 
 
 
 GOOD = Found(
-    "loopback", [], 4.0, {"alpha": 0.6}, {"alpha": 0.5}, {"alpha": 0.5}, 1, 1, 1, {}, {}, {"alpha": "completed"}
+    "loopback", [], 4.0, {"alpha": 0.6}, {"alpha": 0.5}, {"alpha": 0.5}, 1, 1, 1, {}, {}, {}, {"alpha": "completed"}
 )
 
 
