@@ -1,8 +1,16 @@
-"""Looking at processes that nobody may be there to bury."""
+"""Starting SOTER as a user does, and looking at processes."""
 
 from __future__ import annotations
 
+import json
 import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+EXAMPLES: Final = Path(__file__).parents[2] / "examples"
 
 
 def alive(pid: int) -> bool:
@@ -14,3 +22,34 @@ def alive(pid: int) -> bool:
     # Nobody may be there to bury it.
     with open(f"/proc/{pid}/stat") as stat:  # noqa: PTH123 - a pseudo file
         return stat.read().rpartition(")")[2].split()[0] != "Z"
+
+
+def soter(*arguments: str) -> subprocess.Popen[str]:
+    """Start a command."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "soter.cli", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def ctrl_c_ends_a_run(backend: str) -> None:
+    """Ctrl-C ends a run on a wall clock, and every process that it has started."""
+    with soter(
+        "run", str(EXAMPLES / "surveillance.toml"), "--backend", backend, "--planner", "straight-line",
+        "--duration", "600", "--json", "-", "--no-record",
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        while "of 600 s" not in process.stderr.readline():
+            assert process.poll() is None
+        left = children(process.pid)
+        assert left
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert json.loads(out)["status"] == "interrupted"
+    assert [pid for pid in left if Path(f"/proc/{pid}").exists()] == []

@@ -3,29 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 
+from tests.streamed.processes import EXAMPLES, ctrl_c_ends_a_run, soter
+
 pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-def soter(*arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "soter.cli", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
-
-
-def children(pid: int) -> list[int]:
-    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def test_a_mission_runs_with_the_same_file_as_everywhere() -> None:
@@ -42,20 +27,7 @@ def test_a_mission_runs_with_the_same_file_as_everywhere() -> None:
 
 
 def test_ctrl_c_ends_a_run_and_everything_it_started() -> None:
-    with soter(
-        "run", str(EXAMPLES / "surveillance.toml"), "--backend", "ros2", "--planner", "straight-line",
-        "--duration", "600", "--json", "-", "--no-record",
-    ) as process:  # fmt: skip
-        assert process.stderr is not None
-        while "of 600 s" not in process.stderr.readline():
-            assert process.poll() is None
-        left = children(process.pid)
-        assert left
-        process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert json.loads(out)["status"] == "interrupted"
-    assert [pid for pid in left if Path(f"/proc/{pid}").exists()] == []
+    ctrl_c_ends_a_run("ros2")
 
 
 def test_the_simulator_says_how_to_meet_it_and_ends_with_ctrl_c() -> None:
