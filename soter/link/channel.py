@@ -45,12 +45,10 @@ class Channel:
 
     Attributes:
         foreign: the mission of the last frame that was ignored for it; empty while there was none.
-        heard_s: when the other end, as it lives now, was last heard; minus infinity before.
     """
 
     def __init__(self, epoch: int, mission: str, draw: Callable[[], int]) -> None:
         self.foreign = ""
-        self.heard_s = -math.inf
         self._epoch: Final = epoch
         self._mission: Final = mission
         self._draw: Final = draw
@@ -83,7 +81,7 @@ class Channel:
         self._waiting.append(letter)
         self._fresh = True
 
-    def take(self, now_s: float, frame: Frame) -> list[Letter | Came]:
+    def take(self, frame: Frame) -> list[Letter | Came]:
         """Take a frame; return what follows from it, in order."""
         if frame.mission != self._mission:
             self.foreign = frame.mission
@@ -106,7 +104,6 @@ class Channel:
             came.append(Came())
         if not mine:
             return came
-        self.heard_s = now_s
         self._acknowledge(frame.taken)
         for number, letter in enumerate(frame.letters, start=frame.first):
             self._owes_frame = True

@@ -16,6 +16,9 @@ from soter.rta import PEER_SILENT_S, ReachModel
 
 logger = logging.getLogger(__name__)
 
+_TWIN_S: Final = 0.3
+"""What a process of one's own name says for so long is not only what an earlier start of oneself has left behind."""
+
 Promised = Mapping[int, tuple[ReachModel | None, float]]
 """By robot: the reach model and the position noise that are promised for it."""
 
@@ -46,8 +49,10 @@ class Company:
         self._clock: Final = clock
         self._key: Final = f"{prefix}/{me}/status"
         self._serial = 0
-        self._twin_s: float | None = None
+        self._twin: tuple[int, float, float] | None = None  # epoch, its first sending time, when that was received
+        self._has_twin = False
         self._restarts: Final[dict[str, int]] = {}
+        self._foreign: Final[set[str]] = set()
         self.others: Final = {
             name: OtherProcess(name, robots, me, self._epoch, mission) for name, robots in others.items()
         }
@@ -67,11 +72,9 @@ class Company:
             other = self.others.get(status.process)
             if other is not None:
                 other.take(status, received_s)
-                if other.starts > self._restarts.get(other.name, 1):
-                    self._restarts[other.name] = other.starts
-                    logger.warning("process '%s' has been started anew", other.name)
+                self._say_what_changed(other)
             elif status.process == self._me and status.epoch != self._epoch:
-                self._twin_s = received_s
+                self._look_at_twin(status, received_s)
 
     def tell(self, robots: Sequence[RobotStatus]) -> None:
         """Tell the others of a tick. Never waits."""
@@ -96,10 +99,24 @@ class Company:
                 missing[name] = f"it has not been heard for {now_s - other.heard_s:.1f} s"
         return missing
 
-    def has_twin(self, since_s: float) -> bool:
-        """Return whether another process of this name was heard since a time: two of them must not run."""
-        return self._twin_s is not None and self._twin_s >= since_s
+    def has_twin(self) -> bool:
+        """Return whether another process of this name was heard that lives: two of them must not run."""
+        return self._has_twin
 
     def close(self) -> None:
         """Leave the bus. Idempotent."""
         self._bus.close()
+
+    def _say_what_changed(self, other: OtherProcess) -> None:
+        if other.starts > self._restarts.get(other.name, 1):
+            self._restarts[other.name] = other.starts
+            logger.warning("process '%s' has been started anew", other.name)
+        if other.foreign and other.name not in self._foreign:
+            logger.error("process '%s' runs another mission, or another version of its file", other.name)
+        (self._foreign.add if other.foreign else self._foreign.discard)(other.name)
+
+    def _look_at_twin(self, status: Status, received_s: float) -> None:
+        if self._twin is None or self._twin[0] != status.epoch:
+            self._twin = (status.epoch, status.sent_s, received_s)
+        _, sent_s, since_s = self._twin
+        self._has_twin |= status.sent_s - sent_s >= _TWIN_S and received_s - since_s >= _TWIN_S

@@ -54,7 +54,7 @@ class Post:
             channel = self._channels.get(sender)
             if channel is None:
                 continue
-            for each in channel.take(now_s, frame):
+            for each in channel.take(frame):
                 if isinstance(each, Came):
                     logger.info("process '%s' is there", sender)
                 delivered.append((sender, each))

@@ -101,13 +101,12 @@ class Together:
         """
         limit_s = self._part.mission.distribution.wait_s
         begun_s, said, said_s, steady_s = clock.steady_s(), "", -math.inf, clock.steady_s()
-        since_s = clock.now()
         while not stop():
             self._company.look()
             self._company.tell([_standing(robot.read_state()) for robot in robots])
             missing = self._company.missing(clock.now())
             steady_s = clock.steady_s()
-            if self._company.has_twin(since_s):
+            if self._company.has_twin():
                 raise ConfigError(
                     f"another process '{self._part.name}' of this mission is running; end that one, or choose another "
                     f"with --process: {', '.join(self._part.mission.distribution.processes)}",

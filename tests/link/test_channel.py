@@ -46,8 +46,8 @@ class End:
             self.sent.append(number)
         self.channel.send(letter(number))
 
-    def take(self, now_s: float, frame: Frame) -> None:
-        for each in self.channel.take(now_s, frame):
+    def take(self, frame: Frame) -> None:
+        for each in self.channel.take(frame):
             if isinstance(each, Came):
                 self.heard[-1].append([])
                 # Letters to whoever was there before are gone.
@@ -81,7 +81,7 @@ class Air:
         self._under_way = [each for each in self._under_way if each[0] > self.now_s]
         self.draw.shuffle(arrived)
         for _, index, frame in arrived:
-            self.ends[index].take(self.now_s, frame)
+            self.ends[index].take(frame)
 
     def heal(self) -> None:
         """Let everything arrive, long enough for all that is still to be said."""
@@ -170,7 +170,7 @@ def test_late_frames_of_an_ended_start_change_nothing() -> None:
     assert other.heard == [[[], [2]]]
     for _ in range(3):
         for frame in stale:
-            other.take(air.now_s, frame)
+            other.take(frame)
         air.heal()
     one.say()
     air.heal()
@@ -218,7 +218,7 @@ def test_another_mission_is_not_talked_to() -> None:
     mine, theirs = Channel(1, MISSION, lambda: 2), Channel(3, "another", lambda: 4)
     for tick in range(100):
         for frame in theirs.due(tick * TICK_S):
-            assert mine.take(tick * TICK_S, frame) == []
+            assert mine.take(frame) == []
     assert not mine.there
     assert mine.foreign == "another"
 
