@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
@@ -20,8 +20,9 @@ from soter.adapters.zenoh.talk import Voice
 from soter.adapters.zenoh.velocities import stamp_of
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
+from tests.adapters.zenoh.sessions import client, router
 from tests.streamed import behaviour
-from tests.streamed.driving import ROOM, SPECS, tick
+from tests.streamed.driving import ROOM, SPECS, rest_after_s, tick, under_way
 
 Open = Callable[..., ZenohFleet]
 
@@ -205,3 +206,22 @@ def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
         return Simulator(ROOM.with_robots(1), SPECS[:1], SessionOptions(listen=simulator.session.connect))
 
     behaviour.robot_reboots(open_fleet(simulator, truth=None), simulator, start_again, on_s=6.0)
+
+
+def test_when_the_router_dies_robots_stop_and_go_on_with_the_next(open_fleet: Open) -> None:
+    with ExitStack() as simulated:
+        with router() as where:
+            simulator = Simulator(ROOM.with_robots(1), SPECS[:1], client(where))
+            simulated.callback(simulator.close)
+            fleet = open_fleet(simulator)
+            robot = fleet.robots[0]
+            under_way(fleet)
+        assert rest_after_s(fleet, 2.0, drive=True) <= 0.15 + 0.22 + 0.3
+        assert robot.read_state().link is Link.STALE
+        with router(listen=where):
+            assert tick(fleet, lambda: robot.read_state().link is Link.UP, 10.0)
+            state = robot.read_state()
+            goal = robot.goto(Waypoint(state.x_m + 0.1, state.y_m + 0.05), Controller.SC)
+            assert tick(fleet, lambda: not goal.active, 20.0)
+            assert goal.status is GoalStatus.REACHED
+            fleet.close()
