@@ -22,8 +22,8 @@ HOST: Final = "127.0.0.1"
 READY_S: Final = 20.0
 """Host time that the process is given to start: it imports what it shows with."""
 
-CLOSE_S: Final = 5.0
-"""Host time that it is given at the end, to tell those who look how the run ended."""
+CLOSE_S: Final = 30.0
+"""Host time that it is given at the end, to read what it has not read yet and to tell those who look how it ended."""
 
 READY: Final = b"ready "
 FAILED: Final = b"failed "
