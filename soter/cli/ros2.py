@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from soter.cli.exits import StopSignals, guard
+from soter.cli.sim import ChargeSeed, FirstRobots, Stamped, TruthPort, WorkspaceFile, keep, room_and_robots
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet
@@ -102,44 +103,27 @@ def ros2_monitor(
 
 
 def sim_ros2(
-    workspace: Annotated[
-        Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
-    ],
-    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
-    stamped: Annotated[bool, typer.Option("--stamped", help="Velocities are TwistStamped instead of Twist.")] = False,
+    workspace: WorkspaceFile,
+    robots: FirstRobots = None,
+    stamped: Stamped = False,
     domain: Annotated[
         int | None, typer.Option(metavar="N", help="The ROS domain; one that nobody uses here if not given.", min=0)
     ] = None,
-    truth: Annotated[
-        int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
-    ] = 0,
-    seed: Annotated[
-        int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
-    ] = None,
+    truth: TruthPort = 0,
+    seed: ChargeSeed = None,
 ) -> None:
     """Simulate ROS 2 robots, each with its mux, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
         _require_ros()
-        import time
-
         from soter.adapters.ros2.simulator import Simulator
-        from soter.cli.sim import room_and_robots
-        from soter.errors import RunFailed
 
         room, specs = room_and_robots(workspace, robots, seed)
-        simulator = Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth)
-        try:
+        with closing(Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth)) as simulator:
             _say_how_to_connect(simulator, stamped=stamped)
-            while not stop():
-                if simulator.world.poll() is not None:
-                    raise RunFailed(f"the world ended with code {simulator.world.returncode}")
-                time.sleep(_LOOK_S)
-        finally:
-            simulator.close()
+            keep(simulator, stop)
 
 
 _INIT_TIMEOUT_S = 60.0
-_LOOK_S = 0.1
 
 
 def _require_ros() -> None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from soter.cli.exits import StopSignals, guard
+from soter.errors import RunFailed
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from soter.sdk.values import RobotSpec
+    from soter.streamed.simulator import StreamedSimulator
     from soter.workspace import Workspace
     from soter_sim.mavlink.simulation import Settings, Simulation
 
@@ -67,6 +72,33 @@ def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[W
     ]
 
 
+WorkspaceFile = Annotated[
+    Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
+]
+FirstRobots = Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")]
+Stamped = Annotated[bool, typer.Option("--stamped", help="Velocities are TwistStamped instead of Twist.")]
+TruthPort = Annotated[
+    int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
+]
+ChargeSeed = Annotated[
+    int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
+]
+
+_LOOK_S = 0.1
+
+
+def keep(simulator: StreamedSimulator, stop: Callable[[], bool]) -> None:
+    """Keep a simulator until told to stop.
+
+    Raises:
+        RunFailed: its world has ended by itself.
+    """
+    while not stop():
+        if simulator.world.poll() is not None:
+            raise RunFailed(f"the world ended with code {simulator.world.returncode}")
+        time.sleep(_LOOK_S)
+
+
 @sim.callback()
 def _group() -> None:
     """Keep the commands by name, also while there is only one."""
@@ -74,9 +106,7 @@ def _group() -> None:
 
 @sim.command(epilog=MAVLINK_EXAMPLES)
 def mavlink(
-    workspace: Annotated[
-        Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
-    ],
+    workspace: WorkspaceFile,
     port: Annotated[
         int | None,
         typer.Option(
@@ -91,7 +121,7 @@ def mavlink(
     engine: Annotated[
         Literal["kinematic", "pybullet"], typer.Option(help="What moves them; copters have the kinematic one only.")
     ] = "kinematic",
-    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
+    robots: FirstRobots = None,
     rate: Annotated[
         float | None,
         typer.Option(metavar="HZ", help="Control periods in a second, and messages of one kind at most.", min=10.0),
@@ -112,12 +142,8 @@ def mavlink(
             metavar="PASSPHRASE-FILE", help="Sign packets with the passphrase in this file, and drop all others."
         ),
     ] = None,
-    truth: Annotated[
-        int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
-    ] = 0,
-    seed: Annotated[
-        int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
-    ] = None,
+    truth: TruthPort = 0,
+    seed: ChargeSeed = None,
 ) -> None:
     """Simulate vehicles that speak MAVLink, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:

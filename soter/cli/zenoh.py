@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from soter.cli.exits import StopSignals, guard
+from soter.cli.sim import ChargeSeed, FirstRobots, Stamped, TruthPort, WorkspaceFile, keep, room_and_robots
 
 if TYPE_CHECKING:
     from soter.adapters.zenoh.simulator import Simulator
@@ -41,9 +43,7 @@ def zenoh_mux(context: typer.Context) -> None:
 
 
 def sim_zenoh(
-    workspace: Annotated[
-        Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
-    ],
+    workspace: WorkspaceFile,
     listen: Annotated[
         list[str] | None,
         typer.Option(
@@ -60,40 +60,23 @@ def sim_zenoh(
         Path | None,
         typer.Option(metavar="FILE", help="All about the session: the keys of \\[backends.zenoh.session], as TOML."),
     ] = None,
-    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
-    stamped: Annotated[bool, typer.Option("--stamped", help="Velocities are TwistStamped instead of Twist.")] = False,
+    robots: FirstRobots = None,
+    stamped: Stamped = False,
     speedup: Annotated[float, typer.Option(metavar="N", help="Simulated seconds by second.", min=0.1)] = 1.0,
-    truth: Annotated[
-        int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
-    ] = 0,
-    seed: Annotated[
-        int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
-    ] = None,
+    truth: TruthPort = 0,
+    seed: ChargeSeed = None,
 ) -> None:
     """Simulate robots on Zenoh, each with its mux, until Ctrl-C. Only this host reaches them unless told otherwise."""
     with guard(), StopSignals() as stop:
         _require_zenoh()
-        import time
-
         from soter.adapters.zenoh.programs import session_options
         from soter.adapters.zenoh.simulator import Simulator
-        from soter.cli.sim import room_and_robots
-        from soter.errors import RunFailed
 
         options = session_options(session, mode=mode, listen=listen or None, connect=connect or None)
         room, specs = room_and_robots(workspace, robots, seed)
-        simulator = Simulator(room, specs, options, stamped=stamped, speedup=speedup, truth_port=truth)
-        try:
+        with closing(Simulator(room, specs, options, stamped=stamped, speedup=speedup, truth_port=truth)) as simulator:
             _say_how_to_connect(simulator, stamped=stamped, speedup=speedup)
-            while not stop():
-                if simulator.world.poll() is not None:
-                    raise RunFailed(f"the world ended with code {simulator.world.returncode}")
-                time.sleep(_LOOK_S)
-        finally:
-            simulator.close()
-
-
-_LOOK_S = 0.1
+            keep(simulator, stop)
 
 
 def _require_zenoh() -> None:

@@ -9,12 +9,13 @@ from soter.conformance.find import InProcessHarness, find_harness
 from soter.conformance.harness import HOOKS, Harness
 from soter.conformance.kit import judge, select, try_clause
 from soter.conformance.record import KIT_VERSION, Outcome, Overall, Record, Verdict
-from soter.conformance.relayed import RelayedHarness
+from soter.conformance.relayed import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 
 __all__ = [
     "CLAUSES",
     "HOOKS",
     "KIT_VERSION",
+    "WIDE_ROOMS",
     "Clause",
     "Harness",
     "InProcessHarness",
@@ -25,6 +26,7 @@ __all__ = [
     "Tier",
     "Verdict",
     "find_harness",
+    "in_wide_rooms",
     "judge",
     "select",
     "try_clause",

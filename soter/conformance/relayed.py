@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-from typing import Protocol
+from typing import Final, Protocol
 
 from soter.conformance import driver
 from soter.conformance.harness import Harness
-from soter.sdk import Fleet, Waypoint
+from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.workspace import Box, RobotPlace, Workspace
 
 
 class Relay(Protocol):
@@ -46,6 +47,21 @@ class Closes(Protocol):
 
     def close(self) -> None:
         """End it. Idempotent."""
+
+
+WIDE_ROOMS: Final = Workspace(
+    10.0, 8.0, (),
+    (
+        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
+        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
+    ),
+)  # fmt: skip
+"""Two rooms of 2.4 m, for robots that take their time to stop."""
+
+
+def in_wide_rooms(robots: int) -> list[RobotSpec]:
+    """Return the first robots of `WIDE_ROOMS`, with a battery that is not full."""
+    return [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad, 0.8) for each in WIDE_ROOMS.robots[:robots]]
 
 
 class RelayedHarness(Harness):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 
@@ -11,6 +12,24 @@ from soter.errors import RobotUnavailable
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Waypoint
 from soter.streamed.simulator import StreamedSimulator
 from tests.streamed.driving import rest_after_s, tick, under_way
+
+
+def drives(fleet: Fleet) -> None:
+    """Its robots become ready, and go where they are told."""
+    assert fleet.truth is not None
+    for robot in fleet.robots:
+        robot.init(20.0)
+    goals = [robot.goto(Waypoint(robot.spec.x_m, robot.spec.y_m + 0.5), Controller.SC) for robot in fleet.robots]
+    assert tick(fleet, lambda: not any(goal.active for goal in goals), 15.0)
+    for goal, robot in zip(goals, fleet.robots, strict=True):
+        assert goal.status is GoalStatus.REACHED
+        state, pose = robot.read_state(), fleet.truth.pose(robot.id)
+        assert math.dist((state.x_m, state.y_m), pose[:2]) < 0.03
+        assert state.controller is Controller.SC
+        assert state.battery is not None
+        # It stood on its charger for a while.
+        assert 0.75 < state.battery < 0.95
+        assert state.vehicle_stamp_s > 1000.0, "the world's clock, not the host's"
 
 
 def silence(fleet: Fleet) -> None:

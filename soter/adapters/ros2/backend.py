@@ -9,9 +9,9 @@ from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.robot import Ros2Robot
 from soter.adapters.ros2.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.errors import RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
 from soter.sdk.truth import StreamedTruth
+from soter.streamed.options import require_places
 
 
 class Ros2Fleet(Fleet):
@@ -82,12 +82,7 @@ class Ros2Backend(Backend):
             RobotUnavailable: a robot is not given, or the simulated ones do not start.
         """
         if config.robots:
-            missing = [spec.id for spec in robots if spec.id not in config.robots]
-            if missing:
-                raise RobotUnavailable(
-                    f"no namespace is given for the robots {missing}; add them to [backends.ros2.robots], or take all "
-                    "out to have simulated ones"
-                )
+            require_places(config.robots, robots, "backends.ros2.robots")
             return Ros2Fleet(config, robots, None)
         simulator = Simulator(config.workspace, robots, stamped=config.stamped, domain_id=config.domain_id)
         try:

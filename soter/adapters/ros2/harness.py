@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import json
 import subprocess
-from typing import Final
 
 from soter.adapters.ros2.backend import Ros2Fleet
 from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.relay import FAR, Relay
 from soter.adapters.ros2.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.conformance import RelayedHarness
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.sdk import Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
-from soter.workspace import Box, RobotPlace, Workspace
-
-_ROOM: Final = Workspace(
-    10.0, 8.0, (),
-    (
-        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
-        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
-    ),
-)  # fmt: skip
 
 
 class Ros2Harness(RelayedHarness):
@@ -44,7 +34,7 @@ class Ros2Harness(RelayedHarness):
         return self.driven(f"{__name__}:open_given", argument, target)
 
     def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(_ROOM, _specs(robots))
+        self.simulator = simulator = Simulator(WIDE_ROOMS, in_wide_rooms(robots))
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -55,17 +45,13 @@ def open_given(argument: str) -> Fleet:
     return _fleet(domain_id, truth, "", {1: namespace})
 
 
-def _specs(robots: int) -> list[RobotSpec]:
-    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in _ROOM.robots[:robots]]
-
-
 def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str]) -> Fleet:
     config = Ros2Config(
-        workspace=_ROOM,
+        workspace=WIDE_ROOMS,
         robots={robot_id: RobotOptions(namespace=before + name) for robot_id, name in namespaces.items()},
         domain_id=domain_id,
         truth=truth,
         use_sim_time=True,
         loopback=True,
     )
-    return Ros2Fleet(config, _specs(len(namespaces)), None)
+    return Ros2Fleet(config, in_wide_rooms(len(namespaces)), None)

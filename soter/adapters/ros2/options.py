@@ -5,67 +5,33 @@ from __future__ import annotations
 import re
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field
 
-from soter.mux.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import BackendConfig
+from soter.streamed.options import MessageNames, PlaceOptions
 
 _NAME: Final = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+class Topics(MessageNames):
+    """Where the topics of a robot are; a name without a leading slash is relative to the robot's namespace."""
+
+    @classmethod
+    def check(cls, name: str) -> None:
+        _check_name(name)
 
 
-def _checked_name(name: str) -> str:
+class RobotOptions(PlaceOptions):
+    """Where one robot is; its namespace is one of ROS, such as /robot1."""
+
+    @classmethod
+    def check(cls, namespace: str) -> None:
+        _check_name(namespace)
+
+
+def _check_name(name: str) -> None:
     if not _NAME.fullmatch(name):
         raise ValueError("allowed: a ROS name, such as odom or /robot1/odom")
-    return name
-
-
-class Topics(BaseModel):
-    """Where the topics of a robot are; a name without a leading slash is relative to the robot's namespace.
-
-    Attributes:
-        odom: nav_msgs/Odometry.
-        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
-        cmd_vel: what the mux publishes; looked at only, for whoever publishes there past the mux.
-        cmd_vel_ac: what the AC asks for.
-        cmd_vel_sc: what the SC asks for.
-        order: who is in charge, to the mux.
-        gate: what the mux does.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    odom: str = "odom"
-    battery: str = "battery_state"
-    cmd_vel: str = CMD_VEL
-    cmd_vel_ac: str = CMD_VEL_AC
-    cmd_vel_sc: str = CMD_VEL_SC
-    order: str = ORDER
-    gate: str = GATE
-
-    @field_validator("*")
-    @classmethod
-    def _is_a_name(cls, name: str, field: ValidationInfo) -> str:
-        return name if field.field_name == "battery" and not name else _checked_name(name)
-
-
-class RobotOptions(BaseModel):
-    """Where one robot is.
-
-    Attributes:
-        namespace: of its topics, such as /robot1.
-        odom_origin: the pose in the workspace, east and north in metres and radians counter-clockwise from east, at
-            which its odometry reads 0, 0, 0.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    namespace: str
-    odom_origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-
-    @field_validator("namespace")
-    @classmethod
-    def _is_a_name(cls, name: str) -> str:
-        return _checked_name(name)
 
 
 class Ros2Config(BackendConfig):

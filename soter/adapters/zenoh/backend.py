@@ -10,9 +10,9 @@ from soter.adapters.zenoh.robot import ZenohRobot
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.errors import RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
 from soter.sdk.truth import StreamedTruth
+from soter.streamed.options import require_places
 
 
 class ZenohFleet(Fleet):
@@ -76,12 +76,7 @@ class ZenohBackend(Backend):
             RobotUnavailable: a robot is not given, or the simulated ones do not start.
         """
         if config.robots:
-            missing = [spec.id for spec in robots if spec.id not in config.robots]
-            if missing:
-                raise RobotUnavailable(
-                    f"no namespace is given for the robots {missing}; add them to [backends.zenoh.robots], or take all "
-                    "out to have simulated ones"
-                )
+            require_places(config.robots, robots, "backends.zenoh.robots")
             return ZenohFleet(config, robots, None)
         simulator = Simulator(config.workspace, robots, config.session, stamped=config.stamped, speedup=config.speedup)
         try:

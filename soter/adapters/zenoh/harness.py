@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
-from typing import Final
 
 from soter.adapters.zenoh.backend import ZenohFleet
 from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
@@ -15,19 +14,10 @@ from soter.adapters.zenoh.relay import Relay
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.conformance import RelayedHarness
-from soter.sdk import Fleet, RobotSpec, Waypoint, program
+from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.sdk import Fleet, Waypoint, program
 from soter.sdk.truth import StreamedTruth
 from soter.streamed.simulator import START_TIMEOUT_S
-from soter.workspace import Box, RobotPlace, Workspace
-
-_ROOM: Final = Workspace(
-    10.0, 8.0, (),
-    (
-        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
-        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
-    ),
-)  # fmt: skip
 
 
 class ZenohHarness(RelayedHarness):
@@ -42,7 +32,7 @@ class ZenohHarness(RelayedHarness):
         self.relay = relay
         namespaces = {robot_id: self.prefix() + name for robot_id, name in simulator.namespaces.items()}
         self.fleet = ZenohFleet(
-            _config(self.to_relay(relay), simulator.truth, namespaces), _specs(len(namespaces)), None
+            _config(self.to_relay(relay), simulator.truth, namespaces), in_wide_rooms(len(namespaces)), None
         )
         return self.fleet
 
@@ -72,7 +62,7 @@ class ZenohHarness(RelayedHarness):
         return ""
 
     def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(_ROOM, _specs(robots), self.of_robots())
+        self.simulator = simulator = Simulator(WIDE_ROOMS, in_wide_rooms(robots), self.of_robots())
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -116,14 +106,10 @@ class RoutedHarness(ZenohHarness):
 
 def open_given(argument: str) -> Fleet:
     """Return robot 1, where it is as JSON; what the kit's driver process calls."""
-    config = ZenohConfig.model_validate({**json.loads(argument), "workspace": _ROOM})
-    return ZenohFleet(config, _specs(1), None)
-
-
-def _specs(robots: int) -> list[RobotSpec]:
-    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in _ROOM.robots[:robots]]
+    config = ZenohConfig.model_validate({**json.loads(argument), "workspace": WIDE_ROOMS})
+    return ZenohFleet(config, in_wide_rooms(1), None)
 
 
 def _config(session: SessionOptions, truth: str, namespaces: Mapping[int, str]) -> ZenohConfig:
     robots = {robot_id: RobotOptions(namespace=name) for robot_id, name in namespaces.items()}
-    return ZenohConfig(workspace=_ROOM, robots=robots, session=session, truth=truth)
+    return ZenohConfig(workspace=WIDE_ROOMS, robots=robots, session=session, truth=truth)

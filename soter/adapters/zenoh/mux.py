@@ -20,7 +20,7 @@ from typing import Any, Final
 import zenoh
 
 from soter.adapters.zenoh.messages import Clock, String, Twist, TwistStamped
-from soter.adapters.zenoh.options import Keys, checked_key
+from soter.adapters.zenoh.options import Keys, check_key
 from soter.adapters.zenoh.presence import announce
 from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
 from soter.adapters.zenoh.session import close_session, open_session
@@ -138,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options = read_session(given)
         gate = Gate(given.lease, given.command, given.v_max, given.yaw_rate_max)
         try:
-            checked_key(given.robot)
+            check_key(given.robot)
         except ValueError as failure:
             parser.error(f"--robot is '{given.robot}', {failure}")
         keys = _read_keys(given.key).of(given.robot)

@@ -6,13 +6,13 @@ import re
 from dataclasses import replace
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from soter.adapters.zenoh.session import SessionOptions
 from soter.mux.station import PERIOD_S
-from soter.mux.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.problems import not_allowed
 from soter.sdk import BackendConfig, Capabilities
+from soter.streamed.options import MessageNames, PlaceOptions
 from soter.streamed.robot import StreamedRobot
 
 _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
@@ -20,51 +20,18 @@ _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
 CLOCK: Final = "clock"
 """The key of a simulated world's clock, which is /clock in ROS."""
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-def checked_key(key: str) -> str:
-    """Return a key that names one thing.
-
-    Raises:
-        ValueError: it begins or ends with a slash, or is a pattern.
-    """
-    if not _KEY.fullmatch(key):
-        raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
-    return key
-
-
-class Keys(BaseModel):
+class Keys(MessageNames):
     """Where the messages of a robot are: below its namespace, or with a leading slash, which is no part of the key.
 
     These are the names of the ROS topics, as zenoh-bridge-ros2dds has them.
-
-    Attributes:
-        odom: nav_msgs/Odometry.
-        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
-        cmd_vel: what the mux passes on; looked at only, for whoever drives the robot past the mux.
-        cmd_vel_ac: what the AC asks for.
-        cmd_vel_sc: what the SC asks for.
-        order: who is in charge, to the mux.
-        gate: what the mux does.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    odom: str = "odom"
-    battery: str = "battery_state"
-    cmd_vel: str = CMD_VEL
-    cmd_vel_ac: str = CMD_VEL_AC
-    cmd_vel_sc: str = CMD_VEL_SC
-    order: str = ORDER
-    gate: str = GATE
-
-    @field_validator("*")
     @classmethod
-    def _is_a_key(cls, key: str, field: ValidationInfo) -> str:
-        if field.field_name != "battery" or key:
-            checked_key(key.removeprefix("/"))
-        return key
+    def check(cls, name: str) -> None:
+        check_key(name.removeprefix("/"))
 
     def of(self, namespace: str) -> Keys:
         """Return the keys of one robot, in full."""
@@ -73,23 +40,22 @@ class Keys(BaseModel):
         return Keys.model_validate(full)
 
 
-class RobotOptions(BaseModel):
-    """Where one robot is.
+class RobotOptions(PlaceOptions):
+    """Where one robot is; its namespace is what its keys begin with, such as robot1."""
 
-    Attributes:
-        namespace: what its keys begin with, such as robot1.
-        odom_origin: the pose in the workspace, east and north in metres and radians counter-clockwise from east, at
-            which its odometry reads 0, 0, 0.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    namespace: str
-    odom_origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-
-    @field_validator("namespace")
     @classmethod
-    def _is_a_key(cls, namespace: str) -> str:
-        return checked_key(namespace)
+    def check(cls, namespace: str) -> None:
+        check_key(namespace)
+
+
+def check_key(key: str) -> None:
+    """Refuse what is no key of one thing.
+
+    Raises:
+        ValueError: it begins or ends with a slash, or is a pattern.
+    """
+    if not _KEY.fullmatch(key):
+        raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
 
 
 class ZenohConfig(BackendConfig):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -28,20 +27,7 @@ def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
     from soter.adapters.ros2.options import Ros2Config
 
     with Ros2Backend().open(Ros2Config(workspace=ROOM), SPECS) as fleet:
-        assert fleet.truth is not None
-        for robot in fleet.robots:
-            robot.init(20.0)
-        goals = [robot.goto(Waypoint(robot.spec.x_m, robot.spec.y_m + 0.5), Controller.SC) for robot in fleet.robots]
-        assert tick(fleet, lambda: not any(goal.active for goal in goals), 15.0)
-        for goal, robot in zip(goals, fleet.robots, strict=True):
-            assert goal.status is GoalStatus.REACHED
-            state, pose = robot.read_state(), fleet.truth.pose(robot.id)
-            assert math.dist((state.x_m, state.y_m), pose[:2]) < 0.03
-            assert state.controller is Controller.SC
-            assert state.battery is not None
-            # It stood on its charger for a while.
-            assert 0.75 < state.battery < 0.95
-            assert state.vehicle_stamp_s > 1000.0, "the world's clock, not the host's"
+        behaviour.drives(fleet)
         simulator = fleet.simulator
         assert simulator is not None
     assert simulator.world.returncode == 0

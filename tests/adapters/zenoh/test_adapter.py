@@ -29,21 +29,8 @@ Open = Callable[..., ZenohFleet]
 
 def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
     with ZenohBackend().open(ZenohConfig(workspace=ROOM, stamped=True), SPECS) as fleet:
-        assert fleet.truth is not None
-        for robot in fleet.robots:
-            robot.init(20.0)
-        goals = [robot.goto(Waypoint(robot.spec.x_m, robot.spec.y_m + 0.5), Controller.SC) for robot in fleet.robots]
-        assert tick(fleet, lambda: not any(goal.active for goal in goals), 15.0)
-        for goal, robot in zip(goals, fleet.zenoh_robots, strict=True):
-            assert goal.status is GoalStatus.REACHED
-            state, pose = robot.read_state(), fleet.truth.pose(robot.id)
-            assert math.dist((state.x_m, state.y_m), pose[:2]) < 0.03
-            assert state.controller is Controller.SC
-            assert state.battery is not None
-            # It stood on its charger for a while.
-            assert 0.75 < state.battery < 0.95
-            assert state.vehicle_stamp_s > 1000.0, "the world's clock, not the host's"
-            assert robot.wire.presence.there >= {"base", "mux"}
+        behaviour.drives(fleet)
+        assert all(robot.wire.presence.there >= {"base", "mux"} for robot in fleet.zenoh_robots)
         simulator = fleet.simulator
         assert simulator is not None
     assert simulator.world.returncode == 0
