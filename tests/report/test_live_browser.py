@@ -29,7 +29,7 @@ from soter.record.reader import Recording
 from tests.live.growing import Growing
 from tests.project.source import ROOT
 from tests.record.helpers import SURVEILLANCE, recorded, wait_until
-from tests.report.chromium import NEEDED, moment, silent, until
+from tests.report.chromium import NEEDED, WAIT_S, moment, silent, until
 
 pytestmark = NEEDED
 
@@ -191,10 +191,12 @@ def test_a_page_that_has_fallen_behind_begins_anew(
 ) -> None:
     after = Reel.after
     behind: list[int] = []
+    falls = threading.Event()
 
     def first_behind(reel: Reel, number: int, limit_s: float) -> tuple[list[bytes], bool]:
         if not behind:
             behind.append(number)
+            falls.wait(WAIT_S)
             raise FellBehind
         return after(reel, number, limit_s)
 
@@ -217,6 +219,7 @@ def test_a_page_that_has_fallen_behind_begins_anew(
         asked: list[str] = []
         with silent(browser, address, asked) as page:
             asked += [urljoin(address, stream_of(page)), address]
+            falls.set()
             wait_until(lambda: reloaded(page))
             asked.append(urljoin(address, stream_of(page)))
             before_s = known_s(page)
