@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from soter.adapters.zenoh.session import SessionOptions, open_session
+from soter.cli import app
 from soter.errors import RobotUnavailable
 from tests.adapters.zenoh.sessions import Authority, Heard, client, opened
 
@@ -108,8 +110,8 @@ def test_certificates_and_users_are_asked_for(tmp_path: Path, monkeypatch: pytes
     ],
 )
 def test_bad_input_ends_it_before_it_listens(arguments: list[str], said: str) -> None:
-    ended = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=30, check=False)
-    assert ended.returncode == 2
+    ended = CliRunner().invoke(app, ["zenoh-router", *arguments])
+    assert ended.exit_code == 2
     assert said in ended.stderr
     assert ended.stdout == ""
 
@@ -117,7 +119,7 @@ def test_bad_input_ends_it_before_it_listens(arguments: list[str], said: str) ->
 def test_a_port_that_is_taken_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         where = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        ended = subprocess.run(command("--listen", where), capture_output=True, text=True, timeout=30, check=False)
-    assert ended.returncode == 2
+        ended = CliRunner().invoke(app, ["zenoh-router", "--listen", where])
+    assert ended.exit_code == 2
     assert f"that listens at {where}: " in ended.stderr
     assert "Address already in use" in ended.stderr
