@@ -176,7 +176,7 @@ class Stage:
         """Start one process of the mission."""
         arguments = [
             "run", str(self._mission), "--process", name, "--json", str(self.folder / f"{name}.json"),
-            "--record", str(self.folder / f"{name}.mcap"),
+            *(["--record", str(self.folder / f"{name}.mcap")] if name in ROBOTS else []),
         ]  # fmt: skip
         self.processes[name] = self._popen(name, name, *arguments)
 

@@ -39,7 +39,7 @@ def recording_path(record: Path | None, no_record: bool, mission: Mission, proce
             raise ConfigError("it contradicts --no-record; give one of them", source="command line", key="--record")
         Output(record, "--record")
         return record
-    if no_record:
+    if no_record or not _has_robots(mission, process):
         return None
     try:
         RUNS.mkdir(exist_ok=True)
@@ -69,6 +69,12 @@ def show_recording(console: Console, report: RecordingReport) -> None:
     if report.dropped_ticks:
         lacks += f", {report.dropped_ticks} ticks dropped"
     console.print(f"recording: {report.path} ({report.size_bytes / 1e6:.1f} MB{lacks})", soft_wrap=True)
+
+
+def _has_robots(mission: Mission, process: str | None) -> bool:
+    """Whether there is anything to record: not in a process with the task planner only."""
+    table = mission.distribution.processes.get(process) if process is not None else None
+    return table is None or bool(table.robots)
 
 
 def _new_file(mission: Mission, process: str | None) -> Path:

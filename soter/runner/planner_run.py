@@ -6,15 +6,12 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from functools import partial
-from pathlib import Path
 from typing import Final
 
 from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
-from soter.record.recorder import Recorder
 from soter.registry import load_backend
-from soter.runner.ac_side import Scene, TargetLog
+from soter.runner.ac_side import Scene
 from soter.runner.done import Run
 from soter.runner.metrics import Metrics, counts
 from soter.runner.mission_side import MissionSide
@@ -38,8 +35,6 @@ def run_planner(
     on_progress: Callable[[Progress], None] | None,
     progress_every_s: float,
     stop: Callable[[], bool],
-    record: Path | None,
-    on_recording: Callable[[Path], None] | None,
     say: Said,
 ) -> Run:
     """Run a task planner whose robots are all in other processes; see `soter.runner.run.run_mission`.
@@ -52,18 +47,12 @@ def run_planner(
     with ExitStack() as stack:
         together = stack.enter_context(Together(part, clock))
         radius_m = load_backend(part.mission.backend, to_open=False).robot_class.declared.body_radius_m
-        recorder = None if record is None else stack.enter_context(Recorder(record, waits=False))
         side = MissionSide(
             part.mission, workspace, radius_m, virtual_time=False, part=part, bus=part.open_bus()
         )  # fmt: skip
         stack.callback(side.close)
-        loop = _PlannerLoop(part, workspace, radius_m, side, together, clock, recorder)
-        on_begin = partial(on_recording, record) if on_recording is not None and record is not None else None
-        run = loop.run(on_progress, progress_every_s, stop, say, on_begin)
-        if recorder is None:
-            return run
-        recorder.finish(run.result.model_dump_json(indent=2).encode())
-        return Run(run.result, run.tracks, recorder.close())
+        loop = _PlannerLoop(part, workspace, radius_m, side, together, clock)
+        return loop.run(on_progress, progress_every_s, stop, say)
 
 
 class _PlannerLoop:
@@ -77,14 +66,12 @@ class _PlannerLoop:
         side: MissionSide,
         together: Together,
         clock: Clock,
-        recorder: Recorder | None,
     ) -> None:
         self.part: Final = part
         self.mission: Final = part.mission
         self.side: Final = side
         self.together: Final = together
         self.clock: Final[Clock] = clock
-        self.recorder: Final = recorder
         self.workspace: Final = workspace
         self.body_radius_m: Final = body_radius_m
         self.modules: Final = enabled(self.mission)
@@ -98,7 +85,6 @@ class _PlannerLoop:
         progress_every_s: float,
         stop: Callable[[], bool],
         say: Said,
-        on_begin: Callable[[], None] | None,
     ) -> Run:
         """Wait for the others, then tick until the time is up."""
         start_s = time.perf_counter()
@@ -106,8 +92,6 @@ class _PlannerLoop:
         try:
             if self.together.wait((), self.clock, say, stop):
                 self._begin()
-                if on_begin is not None:
-                    on_begin()
                 start_s = time.perf_counter()
                 with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:
                     status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
@@ -121,15 +105,8 @@ class _PlannerLoop:
         return Run(self._result(status, failure), self.metrics.tracks)
 
     def _begin(self) -> None:
-        log: TargetLog = self.metrics
-        recorder = self.recorder
-        if recorder is not None:
-            recorder.begin(self.mission, self.workspace, (), {}, {}, {}, None)
-            log = recorder.beside(log)
-        self.side.start(Scene(
-            self.clock, self.workspace, Terrain(self.workspace, self.body_radius_m), {}, 0.0, log,
-            None if recorder is None else recorder.on_transition,
-        ))  # fmt: skip
+        terrain = Terrain(self.workspace, self.body_radius_m)
+        self.side.start(Scene(self.clock, self.workspace, terrain, {}, 0.0, self.metrics))
 
     def _tick_on(
         self,
@@ -151,8 +128,6 @@ class _PlannerLoop:
             if self.side.failures:
                 raise RunFailed(next(iter(self.side.failures.values())))
             self.metrics.tick(now_s, tick, now_s - (began_s + tick * base_tick_s), (), lambda _: False)
-            if self.recorder is not None:
-                self.recorder.tick(now_s, tick)
             self.ticks = tick + 1
             wall_s = time.perf_counter()
             if on_progress is not None and wall_s - shown_s >= progress_every_s:

@@ -99,10 +99,11 @@ def run_mission(
     workspace = mission.read_workspace()
     part = None if process is None else Part.of(mission, workspace, process)
     if part is not None and not part.robots:
+        if record is not None:
+            raise ConfigError(f"process '{process}' has no robots, and so there is nothing to record", key="--record")
         return run_planner(
-            part, workspace, on_progress=on_progress, progress_every_s=progress_every_s, stop=stop or _never,
-            record=record, on_recording=on_recording, say=say,
-        )  # fmt: skip
+            part, workspace, on_progress=on_progress, progress_every_s=progress_every_s, stop=stop or _never, say=say
+        )
     backend_class = load_backend(mission.backend)
     config = read_options(backend_class, mission, workspace)
     specs = robot_specs(mission, workspace)

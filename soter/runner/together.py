@@ -14,7 +14,7 @@ from soter.clock import Clock
 from soter.errors import ConfigError, RobotUnavailable
 from soter.link.company import Company
 from soter.link.status import RobotStatus
-from soter.rta import Mode, RemotePeer, RobotSupervisor
+from soter.rta import PEER_SILENT_S, Mode, RemotePeer, RobotSupervisor
 from soter.runner.metrics import percentiles
 from soter.runner.part import Part
 from soter.runner.progress import RobotProgress
@@ -139,13 +139,16 @@ class Together:
 
     def progress(self) -> tuple[RobotProgress, ...]:
         """Return how the other processes' robots are doing, as far as they have told."""
-        return tuple(
-            RobotProgress(
-                peer.robot_id, state.x_m, state.y_m, peer.driver or "AC", "", state.battery, {}, 0, 0,
-            )
-            for peer in self._company.peers
-            if (state := peer.sample()) is not None
-        )  # fmt: skip
+        now_s, found = self._clock.now(), []
+        for peer in self._company.peers:
+            state = peer.sample()
+            if state is not None:
+                silent_s = now_s - state.stamp_s
+                driver, cause = peer.driver or "AC", ""
+                if silent_s > PEER_SILENT_S:
+                    driver, cause = "silent", f"not heard of for {silent_s:.1f} s"
+                found.append(RobotProgress(peer.robot_id, state.x_m, state.y_m, driver, cause, state.battery, {}, 0, 0))
+        return tuple(found)
 
     def _in_words(self, process: str, why: str) -> str:
         robots = self._part.robots_of(process)

@@ -271,8 +271,8 @@ class Site:
                     part.mission, self.workspace, 0.105, virtual_time=True, part=part, bus=part.open_bus()
                 )
                 try:
-                    self.planner = _PlannerLoop(part, self.workspace, 0.105, side, together, clock, None)
-                    return self.planner.run(None, 1.0, lambda: False, say, None).result
+                    self.planner = _PlannerLoop(part, self.workspace, 0.105, side, together, clock)
+                    return self.planner.run(None, 1.0, lambda: False, say).result
                 finally:
                     side.close()
             return self._robots_loop(part, clock, together, say)

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import pytest
 from pydantic import BaseModel
 
+from soter.cli.recordings import recording_path
 from soter.config import Mission, load_mission
 from soter.errors import ConfigError
 from soter.link.buses import bus_class, open_bus
@@ -82,6 +83,12 @@ def test_faults_that_are_declared_widen_what_others_expect_of_a_robot() -> None:
 def test_what_cannot_be_is_refused_by_name(process: str, overrides: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         run_mission(mission(**overrides), process=process)
+
+
+def test_a_process_without_robots_records_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"process 'ground' has no robots, and so there is nothing to record"):
+        run_mission(mission(), process="ground", record=tmp_path / "run.mcap")
+    assert recording_path(None, False, mission(), "ground") is None
 
 
 def test_a_distributed_mission_is_not_run_as_a_whole_by_mistake() -> None:
