@@ -108,7 +108,8 @@ class TruthLog(threading.Thread):
         self._socket.settimeout(None)
 
     def run(self) -> None:
-        with self._socket.makefile("rb") as lines:
+        # The world may end in the middle of a line.
+        with self._socket.makefile("rb") as lines, contextlib.suppress(ConnectionResetError):
             for line in lines:
                 self.latest = json.loads(line)
                 speeds = {int(key): abs(speed) for key, (speed, _) in self.latest["speeds"].items()}

@@ -27,9 +27,35 @@ DRIFT: Final = 1e-3
 RECENT_S: Final = 2.0
 """A start of a process that was heard within this time is told so; what is older is of no use to it."""
 
+_ROUNDING_S: Final = 1e-6
 _MOST_STARTS: Final = 4
 _REMEMBERED: Final = 256
 """Statuses of this process whose samples are remembered until they come back: more than ten seconds of ticks."""
+
+
+class _Offset:
+    """By how much this process's clock is ahead of another's: every round trip bounds it from both sides.
+
+    It changes no faster than clocks may drift. Where two bounds contradict each other, one of the clocks did otherwise.
+    """
+
+    __slots__ = ("_known_s", "_least_s", "_most_s")
+
+    def __init__(self) -> None:
+        self._known_s = 0.0
+        self._least_s, self._most_s = -math.inf, math.inf
+
+    def contradiction_s(self, now_s: float, least_s: float, most_s: float) -> float:
+        """Take the bounds of one more round trip; return by how much they contradict those before, 0 if they do not."""
+        slack_s = DRIFT * (now_s - self._known_s)
+        before_s = self._least_s - slack_s, self._most_s + slack_s
+        wrong_s = max(before_s[0] - most_s, least_s - before_s[1])
+        self._known_s = now_s
+        if wrong_s > _ROUNDING_S:
+            self._least_s, self._most_s = least_s, most_s
+            return wrong_s
+        self._least_s, self._most_s = max(before_s[0], least_s), min(before_s[1], most_s)
+        return 0.0
 
 
 @dataclass
@@ -48,6 +74,7 @@ class _Start:
     received_s: float
     sent_s: float = -math.inf
     heard: Mapping[int, float] = field(default_factory=dict)
+    offset: _Offset = field(default_factory=_Offset)
 
 
 @dataclass
@@ -100,6 +127,10 @@ class RemoteRobot:
         found, self._found = self._found, None
         return found
 
+    def distrust(self, cause: str) -> None:
+        """Note that the stamps of its samples cannot be right."""
+        self._found = Finding(Assumption.CLOCK, f"robot {self.robot_id}: {cause}")
+
     def take(self, status: RobotStatus, stamp_s: float, *, anew: bool) -> None:
         """Take what a status says of it.
 
@@ -112,7 +143,7 @@ class RemoteRobot:
         last, self._reported = (None if anew else self._reported), reported
         if last is not None and reported.stamp_s < last.stamp_s:
             back_s = last.stamp_s - reported.stamp_s
-            self._found = Finding(Assumption.CLOCK, f"robot {self.robot_id}: stamps went back by {back_s:.3f} s")
+            self.distrust(f"stamps went back by {back_s:.3f} s")
             self._reported = last
             return
         if self._monitor is not None and (last is None or reported.stamp_s > last.stamp_s):
@@ -223,6 +254,9 @@ class OtherProcess:
         status = start.status
         sent_s = min(echo.sent_s + echo.held_s * (1.0 - DRIFT), start.received_s)
         start.sent_s = max(start.sent_s, sent_s)
+        wrong_s = start.offset.contradiction_s(
+            start.received_s, start.sent_s - status.sent_s, start.received_s - status.sent_s
+        )
         for told_s, stamps in reversed(self._sent):
             if told_s == echo.sent_s:
                 start.heard = stamps
@@ -238,6 +272,10 @@ class OtherProcess:
         for robot in status.robots:
             age_s = max(0.0, status.sent_s - robot.state.stamp_s) * (1.0 + DRIFT)
             self.robots[robot.state.robot_id].take(robot, start.sent_s - age_s, anew=anew)
+            if wrong_s:
+                self.robots[robot.state.robot_id].distrust(
+                    f"its clock, that of process '{self.name}', went apart by {wrong_s:.4f} s more than clocks do"
+                )
 
     def _forget(self, now_s: float) -> None:
         if len(self._starts) <= _MOST_STARTS:

@@ -39,6 +39,10 @@ class SkewedClock(Clock):
         """What it shows at a time of the network."""
         return self._offset_s + self._rate * true_s
 
+    def skip(self, by_s: float) -> None:
+        """Let it jump."""
+        self._offset_s += by_s
+
     def sleep_until(self, time_s: float) -> None:
         raise AssertionError("nobody sleeps here")
 
@@ -130,6 +134,8 @@ def test_no_sample_is_ever_taken_for_younger_than_it_is(
     def look() -> None:
         for me, other in ((world.a, world.b), (world.b, world.a)):
             sound(me, other)
+            found = me.peer.found()
+            assert found is None, found
             sample = me.peer.sample()
             if sample is not None:
                 assert sample.stamp_s >= stamps.get(me.name, -math.inf)
@@ -252,6 +258,28 @@ def test_a_peer_that_moves_too_fast_is_found_out_by_its_own_stamps() -> None:
     assert found is not None
     assert found.assumption is Assumption.PEERS
     assert world.a.peer.found() is None
+
+
+@pytest.mark.parametrize("rates", [(1.0, 1.02), (1.0, 0.98), (1.005, 0.995)])
+def test_clocks_that_go_apart_faster_than_is_allowed_for_are_found_out(rates: tuple[float, float]) -> None:
+    world = World(delay_s=(0.002, 0.002), rates=rates)
+    world.run(10.0)
+    for process in (world.a, world.b):
+        found = process.peer.found()
+        assert found is not None
+        assert found.assumption is Assumption.CLOCK
+        assert "went apart by" in found.cause
+
+
+def test_a_host_that_sleeps_is_found_out_by_its_peer_and_by_itself() -> None:
+    world = World(delay_s=(0.002, 0.002))
+    world.run(1.0)
+    world.b.clock.skip(-0.3)
+    world.run(0.3)
+    for process in (world.a, world.b):
+        found = process.peer.found()
+        assert found is not None
+        assert found.assumption is Assumption.CLOCK
 
 
 def test_a_peer_whose_stamps_go_back_is_found_out_and_not_believed() -> None:
