@@ -250,10 +250,15 @@ class StreamedRobot(Robot):
                 return True
         return False
 
+    def _follows_another(self) -> bool:
+        """Whether the mux says that another program's lease lives."""
+        gate = self._gate
+        return gate is not None and gate.session not in {"", self._order.session} and gate.alive
+
     def _refusal(self) -> str | None:
         """Return why the robot did not settle, as its mux reports it; None where its mux takes no order of ours."""
         gate = self._gate
-        if gate is not None and gate.session not in {"", self._order.session} and gate.alive:
+        if self._follows_another():
             return "its mux follows somebody else, whose lease lives; end the other program that commands it"
         if gate is not None and gate.session == self._order.session:
             return "it does not come to rest although nothing is asked of it; who else moves it?"

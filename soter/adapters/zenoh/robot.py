@@ -14,6 +14,7 @@ from soter.streamed.robot import SETTLED, StreamedRobot, wait_for
 if TYPE_CHECKING:
     import zenoh
 
+_ASK_S: Final = 0.25
 _LISTEN_S: Final = 0.5
 """How long to listen for others who drive a robot, before it is taken."""
 
@@ -53,10 +54,10 @@ class ZenohRobot(StreamedRobot):
     def _connect(self, timeout_s: float) -> Capabilities:
         clock, wire = self.clock, self.wire
         until_s = clock.steady_s() + timeout_s
-        if not wait_for(self._all_heard, min(timeout_s, self._config.discovery_s)):
+        if not self._discover(min(timeout_s, self._config.discovery_s)):
             raise self._unavailable(self._missing())
         # A lease that has just died is reported a little later.
-        if not wait_for(lambda: self._refusal() is None, _LISTEN_S):
+        if not wait_for(lambda: not self._follows_another(), _LISTEN_S):
             raise self._unavailable(self._refusal() or "its mux follows one program after another")
         others = wire.others(_LISTEN_S)
         if others:
@@ -67,6 +68,16 @@ class ZenohRobot(StreamedRobot):
                 or f"its mux takes no order; does it hear {wire.keys.order}, and does it know the robot's clock?"
             )
         return replace(self.declared, reports_battery=bool(wire.keys.battery))
+
+    def _discover(self, timeout_s: float) -> bool:
+        """Wait until all that the robot says has been heard; return whether that is so in time."""
+        until_s = self.clock.steady_s() + timeout_s
+        while self.clock.steady_s() < until_s:
+            # Without a lease, so nothing moves. A mux of ROS behind a bridge only says something when it is told to.
+            self._say()
+            if wait_for(self._all_heard, min(_ASK_S, until_s - self.clock.steady_s())):
+                return True
+        return False
 
     def _all_heard(self) -> bool:
         battery = self._charge is not None or not self.wire.keys.battery

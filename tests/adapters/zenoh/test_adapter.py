@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -12,15 +13,16 @@ import pytest
 import zenoh
 
 from soter.adapters.zenoh.backend import ZenohBackend, ZenohFleet
-from soter.adapters.zenoh.messages import Header, Odometry, String, Twist, Vector3
+from soter.adapters.zenoh.messages import BatteryState, Header, Odometry, String, Twist, Vector3
 from soter.adapters.zenoh.options import ZenohConfig
-from soter.adapters.zenoh.session import SessionOptions
+from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import Simulator
-from soter.adapters.zenoh.talk import Voice
+from soter.adapters.zenoh.talk import Ear, Voice
 from soter.adapters.zenoh.velocities import stamp_of
 from soter.errors import RobotUnavailable
+from soter.mux.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
-from tests.adapters.zenoh.sessions import client, router
+from tests.adapters.zenoh.sessions import client, opened, router
 from tests.streamed import behaviour
 from tests.streamed.driving import ROOM, SPECS, rest_after_s, tick, under_way
 
@@ -123,6 +125,61 @@ def test_whoever_can_go_round_the_mux_is_noticed(
 
 def test_a_robot_that_follows_another_program_is_refused(shared: Simulator, open_fleet: Open) -> None:
     behaviour.follows_another_program(open_fleet(shared), open_fleet(shared, ready=False))
+
+
+class Bridged:
+    """A robot as zenoh-bridge-ros2dds shows it, with a mux of ROS, which says something only when it is told to."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.asked: list[Twist] = []
+        self._gate = Voice(session, "hall/tb1/soter/gate")
+        self._odometry, self._battery = Voice(session, "odometry/tb1"), Voice(session, "hall/tb1/battery_state")
+        Ear(session, "hall/tb1/soter/order", String, self._obey)
+        Ear(session, "hall/tb1/cmd_vel_sc", Twist, self.asked.append)
+
+    def tell(self) -> None:
+        """Say where it is, in the frame of its own odometry."""
+        header = Header(stamp_of(time.time()))
+        self._odometry.say(Odometry(header))
+        self._battery.say(BatteryState(header, percentage=0.7))
+
+    def _obey(self, message: String) -> None:
+        order = Order.decode(message.data)
+        self._gate.say(
+            String(GateReport(order.session, order.seq, order.controller, order.renewed_s is not None).encode())
+        )
+
+
+def test_a_robot_of_ros_behind_a_bridge_is_found_placed_and_asked_for_velocities() -> None:
+    with opened(SessionOptions()) as (session,):
+        robot, done = Bridged(session), threading.Event()
+
+        def live() -> None:
+            while not done.wait(1.0 / 30.0):
+                robot.tell()
+
+        living = threading.Thread(target=live)
+        living.start()
+        try:
+            config = ZenohConfig.model_validate({
+                "workspace": ROOM.with_robots(1),
+                "session": SessionOptions(connect=tuple(endpoints(session))),
+                "keys": {"odom": "/odometry/tb1"},
+                "robots": {"1": {"namespace": "hall/tb1", "odom_origin": (2.0, 2.5, 0.4)}},
+            })  # fmt: skip
+            with ZenohBackend().open(config, SPECS[:1]) as fleet:
+                fleet.robots[0].init(10.0)
+                state = fleet.robots[0].read_state()
+                assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx((2.0, 2.5, 0.4))
+                assert state.battery == pytest.approx(0.7, abs=0.01)
+                assert state.controller is Controller.SC
+                assert fleet.truth is None
+                ahead = Waypoint(2.0 + math.cos(0.4), 2.5 + math.sin(0.4))
+                fleet.robots[0].goto(ahead, Controller.SC)
+                assert tick(fleet, lambda: any(each.linear.x > 0.1 for each in robot.asked), 5.0)
+        finally:
+            done.set()
+            living.join()
 
 
 # --- what others send ------------------------------------------------------------------------------------------------
