@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from soter.link import Ask, Begin, Busy, TargetGiven, Tick, Turn
+from soter.link import Ask, Begin, Busy, PeerSeen, TargetGiven, Tick, Turn
 from soter.link.messages import MAX_ANNOUNCED, MAX_TURN_BYTES, GoalEnd, Handover, decode_up, encode
 from soter.rta import ControlReport, GoalReport
 from soter.sdk import RobotState, Waypoint
@@ -138,3 +138,15 @@ def test_saying_what_hangs_never_waits(pair: Pair) -> None:
     for _ in range(10_000):
         pair.end.busy("Planner: Planner.Waiting")
     assert decode_up(pair.supervisor.recv(MAX_TURN_BYTES)) == Busy("Planner: Planner.Waiting")
+
+
+def test_robots_of_other_processes_are_shown_and_take_nothing(pair: Pair) -> None:
+    pair.supervisor.send(encode(Begin(5.0, 1.0, (1, 2), 0.1, 0.5, peer_ids=(7,))))
+    pair.end.wait()
+    peers = (PeerSeen(state(7, 4.0), True),)
+    pair.supervisor.send(encode(Tick(1, 5.0, 5.0, 1.0, (state(1), state(2)), (), peers)))
+    pair.end.wait()
+    assert set(pair.end.ports) == {1, 2}
+    assert (pair.end.peers[7].state, pair.end.peers[7].engaged) == (state(7, 4.0), True)
+    pair.end.peers[7].goto(Waypoint(1.0, 1.0))
+    assert answer(pair).asks == ()
