@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
@@ -33,10 +33,22 @@ class Listener(Machine):
         self.heard = heard
 
     @Waiting.on(OtherSideCame)
+    def _came(self, e: OtherSideCame) -> Next:
+        return self._keep(e)
+
     @Waiting.on(VisitAway)
+    def _visit(self, e: VisitAway) -> Next:
+        return self._keep(e)
+
     @Waiting.on(JoinedAway)
+    def _joined(self, e: JoinedAway) -> Next:
+        return self._keep(e)
+
     @Waiting.on(TargetEnded)
-    def _hear(self, e: Any) -> Next:
+    def _ended(self, e: TargetEnded) -> Next:
+        return self._keep(e)
+
+    def _keep(self, e: Event) -> Next:
         self.heard.append(e)
         return Stay()
 
