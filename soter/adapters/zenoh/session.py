@@ -6,6 +6,7 @@ unless told otherwise, finds others by their endpoints and by what those know of
 
 from __future__ import annotations
 
+import atexit
 import json
 import logging
 import threading
@@ -31,11 +32,21 @@ _FOREVER: Final = -1
 
 _log = logging.getLogger(__name__)
 
+_open: Final[dict[str, zenoh.Session]] = {}
+
+
+@atexit.register
+def _close_all() -> None:
+    """Close what is still open: threads of Zenoh that live on while the interpreter goes may take the process down."""
+    for session in [*_open.values()]:
+        _close(session)
+
 
 def open_session(options: SessionOptions) -> zenoh.Session:
     """Open a session. A client waits for a router; others are there at once, and connect as soon as they can.
 
-    Links that break are made anew without end, and what was declared holds on for them.
+    Links that break are made anew without end, and what was declared holds on for them. It is open until
+    `close_session`, or the program ends.
 
     Raises:
         BackendUnavailable: Zenoh is not installed.
@@ -55,6 +66,7 @@ def open_session(options: SessionOptions) -> zenoh.Session:
         session = zenoh.open(config)
     except zenoh.ZError as failure:
         raise RobotUnavailable(_why_not_opened(options, failure)) from failure
+    _open[str(session.zid())] = session
     if options.mode == "peer" and session.info.routers_zid():
         _log.warning(
             "this session is a peer and has connected to a router, which passes nothing on between peers; to reach "
@@ -69,18 +81,19 @@ def close_session(session: zenoh.Session) -> None:
     Zenoh waits ten seconds for somebody who does not read any more, and then fails. What is left after two goes on by
     itself, in a thread of its own; nothing is heard or published any more.
     """
-
-    def close() -> None:
-        import zenoh
-
-        try:
-            session.close()  # type: ignore[no-untyped-call]
-        except zenoh.ZError as failure:
-            _log.info("a Zenoh session was closed without a goodbye: %s", failure)
-
-    closing = threading.Thread(target=close, name="zenoh-close", daemon=True)
+    closing = threading.Thread(target=_close, args=(session,), name="zenoh-close", daemon=True)
     closing.start()
     closing.join(_CLOSE_S)
+
+
+def _close(session: zenoh.Session) -> None:
+    import zenoh
+
+    _open.pop(str(session.zid()), None)
+    try:
+        session.close()  # type: ignore[no-untyped-call]
+    except zenoh.ZError as failure:
+        _log.info("a Zenoh session was closed without a goodbye: %s", failure)
 
 
 def endpoints(session: zenoh.Session) -> list[str]:
