@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from soter.link.messages import MAX_TEXT, Garbage, Id, Text
+from soter.link.messages import Id, Text, decoded
 from soter.sdk.values import MAX_COORDINATE_M
 
 MAX_FRAME_BYTES: Final = 1 << 14
@@ -89,9 +89,4 @@ def decode_frame(data: bytes) -> Frame:
     Raises:
         Garbage: it is none.
     """
-    if len(data) > MAX_FRAME_BYTES:
-        raise Garbage(f"a frame of more than {MAX_FRAME_BYTES} bytes")
-    try:
-        return _frame.decode(data)
-    except Exception as failure:  # noqa: BLE001 - not all that msgspec raises is its own: texts that are no UTF-8
-        raise Garbage(" ".join(str(failure).split())[:MAX_TEXT]) from None
+    return decoded(_frame, data, MAX_FRAME_BYTES, "frame")

@@ -6,7 +6,7 @@ texts and lists have a longest length. Positions in metres, workspace frame; tim
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, TypeVar
 
 import msgspec
 
@@ -29,8 +29,11 @@ Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 LongText = Annotated[str, msgspec.Meta(max_length=MAX_LONG_TEXT)]
 
 
+M = TypeVar("M")
+
+
 class Garbage(ValueError):
-    """What came from the mission's process is not what was agreed."""
+    """What came from another process is not what was agreed."""
 
 
 class _Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
@@ -227,13 +230,28 @@ def decode_up(data: bytes) -> Up:
     Raises:
         Garbage: it is none.
     """
-    if len(data) > MAX_TURN_BYTES:
-        raise Garbage(f"a message of more than {MAX_TURN_BYTES} bytes")
+    message: Up = decoded(_up, data, MAX_TURN_BYTES, "message")
+    return message
+
+
+def decoded(decoder: msgspec.msgpack.Decoder[M], data: bytes, most_bytes: int, what: str) -> M:
+    """Decode what nobody vouches for.
+
+    Args:
+        decoder: of what was agreed.
+        data: what came.
+        most_bytes: what is longer is not looked at.
+        what: what it should be, in a word.
+
+    Raises:
+        Garbage: it is not what was agreed.
+    """
+    if len(data) > most_bytes:
+        raise Garbage(f"a {what} of more than {most_bytes} bytes")
     try:
-        message: Up = _up.decode(data)
+        return decoder.decode(data)
     except Exception as failure:  # noqa: BLE001 - not all that msgspec raises is its own: texts that are no UTF-8
         raise Garbage(" ".join(str(failure).split())[:MAX_TEXT]) from None
-    return message
 
 
 def decode_down(data: bytes) -> Down:

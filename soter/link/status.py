@@ -10,7 +10,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from soter.link.messages import MAX_TEXT, Garbage, Id, Text
+from soter.link.messages import Garbage, Id, Text, decoded
 from soter.sdk import RobotState
 from soter.sdk.values import MAX_COORDINATE_M
 
@@ -93,12 +93,7 @@ def decode_status(data: bytes) -> Status:
     Raises:
         Garbage: it is none, or one of its numbers is not finite or absurd.
     """
-    if len(data) > MAX_STATUS_BYTES:
-        raise Garbage(f"a status of more than {MAX_STATUS_BYTES} bytes")
-    try:
-        status = _status.decode(data)
-    except Exception as failure:  # noqa: BLE001 - not all that msgspec raises is its own: texts that are no UTF-8
-        raise Garbage(" ".join(str(failure).split())[:MAX_TEXT]) from None
+    status = decoded(_status, data, MAX_STATUS_BYTES, "status")
     if not math.isfinite(status.sent_s) or not all(math.isfinite(echo.sent_s) for echo in status.echoes):
         raise Garbage("a time that is not finite")
     for robot in status.robots:
