@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -18,14 +19,17 @@ from soter.workspace import Workspace
 START_TIMEOUT_S: Final = 30.0
 
 
-class StreamedSimulator:
-    """A world in real time and its robots' muxes, which end with this process, however it ends. On this host only.
+class StreamedSimulator(ABC):
+    """A world in real time and its robots' muxes, which end with this process, however it ends.
+
+    It starts the world's process, which then waits for the world: `_hand_over`. Muxes may be started before or after.
 
     Args:
         module: the world's program, see `soter_sim.streamed_program`.
         prefix: what stands before the name of each robot's namespace.
         robots: its robots.
         environment: of the processes, besides that of Python.
+        options: more arguments of the world's program.
 
     Attributes:
         namespaces: by robot, where its messages are.
@@ -35,27 +39,25 @@ class StreamedSimulator:
     """
 
     truth: str
-    world: subprocess.Popen[bytes]
 
-    def __init__(self, module: str, prefix: str, robots: Sequence[RobotSpec], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, module: str, prefix: str, robots: Sequence[RobotSpec], environment: Mapping[str, str], *options: str
+    ) -> None:
         self.namespaces: Final = {spec.id: f"{prefix}{spec.name or f'robot{spec.id}'}" for spec in robots}
         self.muxes: Final[dict[int, subprocess.Popen[bytes]]] = {}
         self._module: Final = module
         self._robots: Final = tuple(robots)
         self._environment: Final = environment
+        named = ",".join(f"{robot_id}={name}" for robot_id, name in self.namespaces.items())
+        self.world: Final = self._start(module, "--namespaces", named, *options, pipes=True)
 
+    @abstractmethod
     def start_mux(self, robot_id: int) -> None:
         """Start the mux of a robot, in place of the one that it had."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """End the processes and wait until they are gone. Idempotent."""
-        program.end([*([self.world] if hasattr(self, "world") else []), *self.muxes.values()])
-
-    def _start_world(self, *options: str) -> None:
-        """Start the world's process; it waits for the world."""
-        named = ",".join(f"{robot_id}={name}" for robot_id, name in self.namespaces.items())
-        self.world = self._start(self._module, "--namespaces", named, *options, pipes=True)
+        program.end([self.world, *self.muxes.values()])
 
     def _hand_over(self, workspace: Workspace) -> dict[str, Any]:
         """Hand the world to its process and return what that says of it.
@@ -76,7 +78,7 @@ class StreamedSimulator:
         return told
 
     def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
-        """Start a module that takes `--parent PID`; what follows `--` is behind that."""
+        """Start a module that takes `--parent PID`."""
         kind = subprocess.PIPE if pipes else subprocess.DEVNULL
         paths = os.pathsep.join(filter(None, sys.path))
         # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.

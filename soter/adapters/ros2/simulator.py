@@ -102,9 +102,11 @@ class Simulator(StreamedSimulator):
             self._domain = Domain()
             domain_id = self._domain.id
         self.domain_id: Final = domain_id
-        super().__init__("soter_sim.ros2", "/", robots, {**environment(), "ROS_DOMAIN_ID": str(domain_id)})
         self._stamped: Final = stamped
-        self._start_world("--truth-port", str(truth_port), *(["--stamped"] if stamped else []))
+        super().__init__(
+            "soter_sim.ros2", "/", robots, {**environment(), "ROS_DOMAIN_ID": str(domain_id)},
+            "--truth-port", str(truth_port), *(["--stamped"] if stamped else []),
+        )  # fmt: skip
         # Meanwhile: they take their time to start.
         for robot_id in self.namespaces:
             self.start_mux(robot_id)

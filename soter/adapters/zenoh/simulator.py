@@ -43,14 +43,14 @@ class Simulator(StreamedSimulator):
         speedup: float = 1.0,
         truth_port: int = 0,
     ) -> None:
-        super().__init__("soter_sim.zenoh", "", robots, os.environ)
         self._folder: Final = tempfile.TemporaryDirectory(prefix="soter-zenoh-")
         self._flags: Final = ["--speedup", repr(speedup), *(["--stamped"] if stamped else [])]
-        self._start_world("--truth-port", str(truth_port), "--session", self._written("world", session), *self._flags)
+        super().__init__(
+            "soter_sim.zenoh", "", robots, os.environ,
+            "--truth-port", str(truth_port), "--session", self._written("world", session), *self._flags,
+        )  # fmt: skip
         told = self._hand_over(workspace)
-        # Whoever is a peer of the world finds its other peers there; clients of a router stay clients of it.
-        beside = {"listen": (), "connect": tuple(told["endpoints"])} if session.mode != "client" else {}
-        self.session: Final = session.model_copy(update={"mode": "peer", **beside} if beside else {})
+        self.session: Final = _beside(session, told["endpoints"])
         self._session_file: Final = self._written("beside", self.session)
         for robot_id in self.namespaces:
             self.start_mux(robot_id)
@@ -69,3 +69,12 @@ class Simulator(StreamedSimulator):
         path = Path(self._folder.name) / f"{name}.json"
         path.write_text(session.model_dump_json(), encoding="utf-8")
         return str(path)
+
+
+def _beside(world: SessionOptions, endpoints: Sequence[str]) -> SessionOptions:
+    """Return how to get in touch with a world, which listens there, and with its muxes."""
+    if world.mode == "client":
+        return world
+    # A peer finds the other peers of a peer by itself; between clients a router has to pass on.
+    mode = "client" if world.mode == "router" else "peer"
+    return world.model_copy(update={"mode": mode, "listen": (), "connect": tuple(endpoints)})
