@@ -31,7 +31,7 @@ from soter.workspace import Workspace
 from soter_sim import World
 from tests.link.air import MemoryBus, Network
 
-SURVEILLANCE = Path(__file__).parents[2] / "examples" / "surveillance.toml"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 PERIOD_S = 0.05
 
 MakeSide = Callable[["Site", Part], AcSide]
@@ -122,7 +122,8 @@ class Site:
         make_side: makes the ACs' side of a process with robots; the mission's own without.
         network: what joins them.
         record: a folder into which every process with robots records; None for none.
-        overrides: of the surveillance mission; double underscores in names stand for dots.
+        mission: name of the example that is run.
+        overrides: of that mission; double underscores in names stand for dots.
 
     Attributes:
         said: what processes have said while they waited.
@@ -137,6 +138,7 @@ class Site:
         make_side: MakeSide | None = None,
         network: Network | None = None,
         record: Path | None = None,
+        mission: str = "surveillance",
         **overrides: Any,
     ) -> None:
         given: dict[str, Any] = {
@@ -149,7 +151,7 @@ class Site:
             name: {"robots": list(ids), "planner": plans} for name, (ids, plans) in processes.items()
         }
         given |= {key.replace("__", "."): value for key, value in overrides.items()}
-        self.mission: Final[Mission] = load_mission(SURVEILLANCE, given)
+        self.mission: Final[Mission] = load_mission(EXAMPLES / f"{mission}.toml", given)
         self.workspace: Final[Workspace] = self.mission.read_workspace()
         self.network: Final = network or Network(delay_s=(0.001, 0.004))
         self.specs: Final = [replace(spec, battery=1.0) for spec in robot_specs(self.mission, self.workspace)]

@@ -209,6 +209,20 @@ def test_robots_that_ram_each_other_are_safe_whatever_the_network_does(seed: int
     assert site.results[ALPHA].disengagements_total > 5
 
 
+def test_processes_may_have_several_robots_and_all_robots_hold_with_one(sites: Sites) -> None:
+    processes = {ALPHA: ((1, 3), False), BETA: ((2, 4), False), "gamma": ((5,), False), GROUND: ((), True)}
+    site = begun(sites, Site(processes, rams, mission="warehouse", robots=5, duration_s=END_S), [*processes])
+    site.at(CUT_S, lambda: site.network.isolate(BETA, [*processes]))
+    site.at(HEALED_S, site.network.cut.clear)
+    truth = site.run(END_S + 5.0)
+    assert not truth.violations
+    assert truth.min_margin["collision"] < 0.25, "they came near each other"
+    assert {result.status for result in site.results.values()} == {"completed"}
+    for robot_id in range(1, 6):
+        assert not moved(site, robot_id, CUT_S + HOLDS_WITHIN_S, HEALED_S)
+        assert moved(site, robot_id, HEALED_S, END_S)
+
+
 def test_who_does_not_come_is_named_with_what_it_has(sites: Sites) -> None:
     site = begun(sites, Site(THREE, duration_s=60.0, distribution__wait_s=7.0), (ALPHA, GROUND))
     with pytest.raises(RobotUnavailable, match=r"after 7 s .* 'beta' with robot 2 \(it has not been heard yet\)"):
