@@ -88,6 +88,8 @@ class ZenohBackend(Backend):
 
 def promising(promised: Capabilities) -> type[ZenohRobot]:
     """Return a class of robots that declare this much."""
+    if promised == ZenohRobot.declared:
+        return ZenohRobot
 
     class Promising(ZenohRobot):
         """A robot with the promises of the configuration."""
