@@ -5,6 +5,7 @@
   const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
   const LONGEST_FRAME_S = 0.25; // of host time; a page that slept does not leap
   const LONGEST_STEP_S = 1; // of host time; it is not expected that a run takes longer to grow
+  const UNHURRIED = 1.25; // who takes longer than a run takes to grow seldom has to stand still
   const byId = (id) => document.getElementById(id);
 
   // --- colours ---------------------------------------------------------------------------------------------
@@ -133,7 +134,7 @@
       this.periodS = this.periodS === undefined ? passedS : 0.7 * this.periodS + 0.3 * passedS;
       this.grewAt = now;
       if (!this.following) return;
-      this.rate = (this.run.lastS - this.timeS) / Math.max(this.periodS, 0.02);
+      this.rate = (this.run.lastS - this.timeS) / Math.max(UNHURRIED * this.periodS, 0.02);
       if (!this.chasing) requestAnimationFrame((next) => this.chase(next, now));
       this.chasing = true;
     }
