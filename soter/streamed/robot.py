@@ -7,6 +7,7 @@ import secrets
 import threading
 import time
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Callable
 from math import isfinite
 from typing import Any, ClassVar, Final, NamedTuple
@@ -75,6 +76,9 @@ class StreamedRobot(Robot):
         origin: the pose in the workspace at which its odometry reads 0, 0, 0.
         rate: seconds of the robot's clock by second of the host; above 1 only in a simulated world that runs faster.
         external_ac: its AC is somebody else's program, which talks to the mux itself: this robot never speaks for it.
+
+    Attributes:
+        dropped: how many messages were dropped, by what was wrong with them.
     """
 
     declared: ClassVar[Capabilities] = Capabilities(
@@ -121,6 +125,7 @@ class StreamedRobot(Robot):
         self._gate: GateReport | None = None
         self._charge: Charge | None = None
         self._heard = 0
+        self.dropped: Final[Counter[str]] = Counter()
 
     # --- what an adapter hears -----------------------------------------------------------------------------
 
@@ -129,7 +134,7 @@ class StreamedRobot(Robot):
         received_s = self.clock.steady_s()
         motion = read_odometry(message, self._origin)
         if not all(map(isfinite, motion)):
-            logger.warning("robot %d: dropped odometry that is not finite", self.id)
+            self._drop("odometry that is not finite", motion)
             return
         latest = self._latest
         rebooted = self._vehicle_clock.observe(self.id, motion.stamp_s, received_s)
@@ -165,7 +170,7 @@ class StreamedRobot(Robot):
         """Take a sensor_msgs/BatteryState."""
         charge = read_battery(message)
         if charge is None:
-            logger.warning("robot %d: dropped a charge of %s", self.id, message.percentage)
+            self._drop("a charge that is none", message.percentage)
         else:
             self._charge = charge
 
@@ -174,7 +179,13 @@ class StreamedRobot(Robot):
         try:
             self._gate = GateReport.decode(text)
         except ValueError as failure:
-            logger.warning("robot %d: dropped a report of its mux that makes no sense: %s", self.id, failure)
+            self._drop("a report of its mux that makes no sense", failure)
+
+    def _drop(self, what: str, why: object) -> None:
+        """Count a message that is dropped, and log the first of its kind: there may be many."""
+        self.dropped[what] += 1
+        if self.dropped[what] == 1:
+            logger.warning("robot %d: dropped %s: %s", self.id, what, why)
 
     # --- what an adapter says ------------------------------------------------------------------------------
 

@@ -50,6 +50,9 @@ class ZenohStation(Station):
         clock: the key of the robot's clock; None for that of this host.
         stamped: whether velocities are TwistStamped.
         rate: seconds of the robot's clock by second of the host.
+
+    Attributes:
+        senseless: how many orders were dropped because they make no sense.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class ZenohStation(Station):
         self._turn: Final = threading.RLock()
         self._stamped: Final = stamped
         self._over = False
+        self.senseless = 0
         self._clock: Callable[[], float | None] = time.time if clock is None else lambda: self._shown_s
         self._shown_s: float | None = None
         self._velocities: Final = Voice(session, keys.cmd_vel)
@@ -82,7 +86,12 @@ class ZenohStation(Station):
 
     def hear_order(self, text: str) -> None:
         with self._turn:
-            super().hear_order(text)
+            try:
+                super().hear_order(text)
+            except ValueError as failure:
+                self.senseless += 1
+                if self.senseless == 1:
+                    logger.warning("dropped an order that makes no sense: %s", failure)
 
     def hear(self, by: str, velocity: Velocity) -> None:
         with self._turn:

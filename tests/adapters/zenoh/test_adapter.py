@@ -221,6 +221,8 @@ def test_numbers_that_cannot_be_meant_are_dropped(
     assert math.isfinite(state.x_m)
     assert state.link is Link.UP
     assert robot.discarded == 0
+    assert robot.dropped["odometry that is not finite"] > 0
+    assert caplog.text.count("dropped odometry that is not finite") == 1
 
 
 # --- what stops what ---------------------------------------------------------------------------------------
