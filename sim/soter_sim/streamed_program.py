@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from pydantic import TypeAdapter
 
-from soter.mux.program import Ending
+from soter.mux.program import Ending, favour
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
 from soter_sim.streamed import StreamedFace
@@ -51,6 +51,8 @@ def serve(face: StreamedFace, ended: Ending, **told: object) -> None:
     try:
         sys.stdout.write(json.dumps({"truth": face.truth.address, **told}) + "\n")
         sys.stdout.flush()
+        # What is simulated has a computer of its own; here it must not wait for what the host has to do besides.
+        favour()
         face.run(ended)
     finally:
         face.close()
