@@ -107,15 +107,16 @@ class ZenohStation(Station):
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Look and report, until it is to end; then say rest, and nothing any more."""
-        told_s = -_REPORT_S
+        due_s = report_s = time.monotonic()
         try:
             while not ended():
-                now_s = time.monotonic()
-                if now_s - told_s >= _REPORT_S:
-                    told_s = now_s
+                if due_s >= report_s:
+                    report_s = due_s + _REPORT_S
                     self.report()
                 self.look()
-                time.sleep(PERIOD_S)
+                now_s = time.monotonic()
+                due_s = max(due_s + PERIOD_S, now_s)
+                time.sleep(due_s - now_s)
         finally:
             with self._turn:
                 self._over = True
