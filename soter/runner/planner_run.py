@@ -90,7 +90,7 @@ class _PlannerLoop:
         start_s = time.perf_counter()
         status, failure = "interrupted", ""
         try:
-            if self.together.wait((), self.clock, say, stop):
+            if self.together.wait((), say, stop):
                 self._begin()
                 start_s = time.perf_counter()
                 with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:

@@ -140,7 +140,7 @@ def run_mission(
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
-        if together is None or together.wait(fleet.robots, fleet.clock, say, stop or _never):
+        if together is None or together.wait(fleet.robots, say, stop or _never):
             loop.begin(workspace)
             if record is not None and on_recording is not None:
                 on_recording(record)

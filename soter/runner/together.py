@@ -83,12 +83,11 @@ class Together:
         self._company.tell([_status(robot) for robot in robots])
         self._took_s[-1] += time.perf_counter() - begun_s
 
-    def wait(self, robots: Sequence[Robot], clock: Clock, say: Said, stop: Callable[[], bool]) -> bool:
+    def wait(self, robots: Sequence[Robot], say: Said, stop: Callable[[], bool]) -> bool:
         """Wait until all other processes are there; the robots stand meanwhile, and the others are told where.
 
         Args:
             robots: of this process, ready.
-            clock: fleet time.
             say: told, in words, who is waited for, whenever that changes and every few seconds.
             stop: asked again and again whether to give up.
 
@@ -99,20 +98,14 @@ class Together:
             RobotUnavailable: they have not come in time; says who is missing and why.
             ConfigError: another process of this name is there.
         """
-        limit_s = self._part.mission.distribution.wait_s
-        begun_s, said, said_s, steady_s = clock.steady_s(), "", -math.inf, clock.steady_s()
+        clock, limit_s = self._clock, self._part.mission.distribution.wait_s
+        begun_s, said, said_s = clock.steady_s(), "", -math.inf
         while not stop():
             self._company.look()
             self._company.tell([_standing(robot.read_state()) for robot in robots])
+            self._refuse_twin()
+            waited_s = clock.steady_s() - begun_s
             missing = self._company.missing(clock.now())
-            steady_s = clock.steady_s()
-            if self._company.has_twin():
-                raise ConfigError(
-                    f"another process '{self._part.name}' of this mission is running; end that one, or choose another "
-                    f"with --process: {', '.join(self._part.mission.distribution.processes)}",
-                    source="command line", key="--process",
-                )  # fmt: skip
-            waited_s = steady_s - begun_s
             if not missing and waited_s >= _TWIN_S:
                 if said:
                     say("all processes are there")
@@ -123,11 +116,19 @@ class Together:
                     f"after {limit_s:g} s not all processes are there: {words}; start each with --process, and check "
                     "that all reach the same bus"
                 )
-            if words and (words != said or steady_s - said_s >= SAY_EVERY_S):
-                said, said_s = words, steady_s
+            if words and (words != said or waited_s - said_s >= SAY_EVERY_S):
+                said, said_s = words, waited_s
                 say(f"waiting for {words}")
             clock.sleep_until(clock.now() + _LOOK_S)
         return False
+
+    def _refuse_twin(self) -> None:
+        if self._company.has_twin():
+            raise ConfigError(
+                f"another process '{self.process}' of this mission is running; end that one, or choose another with "
+                f"--process: {', '.join(self._part.mission.distribution.processes)}",
+                source="command line", key="--process",
+            )  # fmt: skip
 
     def took_us(self) -> TickTimes:
         """Return how long hearing and telling took at a tick, of host time in microseconds."""

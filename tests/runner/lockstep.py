@@ -289,7 +289,7 @@ class Site:
                 robot.init(1.0)
             loop = _Loop(part.mission, self.workspace, fleet, side, Study(), recorder, together)
             self.loops[part.name] = loop
-            assert together.wait(fleet.robots, clock, say, lambda: False)
+            assert together.wait(fleet.robots, say, lambda: False)
             loop.begin(self.workspace)
             status, failure = loop.run(None, 1.0, None)
             return loop.result(status, failure, None)

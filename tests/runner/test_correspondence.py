@@ -146,7 +146,7 @@ def test_who_is_told_to_stop_waits_no_longer() -> None:
     asked = iter([False, False, True])
     said: list[str] = []
     with Together(own, VirtualClock()) as together:
-        assert not together.wait((), VirtualClock(), said.append, lambda: next(asked))
+        assert not together.wait((), said.append, lambda: next(asked))
     assert len(said) == 1
     assert not network.buses, "it has left the bus"
 
