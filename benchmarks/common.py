@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import argparse
 import gc
-from collections.abc import Callable, Mapping, Sequence
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,6 +65,18 @@ def in_turns(sides: Mapping[str, Callable[[], float]], rounds: int) -> dict[str,
             gc.collect()
             times[name].append(sides[name]())
     return times
+
+
+@contextmanager
+def load(processes: int) -> Iterator[None]:
+    """Keep so many cores busy."""
+    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for process in spinning:
+            process.kill()
+            process.wait()
 
 
 def show(title: str, rows: Sequence[Row], remark: str = "") -> None:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.common import SURVEILLANCE, Row, arguments, show
+from benchmarks.common import SURVEILLANCE, Row, arguments, load, show
 from benchmarks.wall_clock import JITTER_S
 from soter.config import load_mission
 from soter.runner import run_mission
@@ -28,7 +28,6 @@ from soter.runner import run_mission
 TICK_S = 0.05
 GOAL = 2.0
 HOSTILE = ("Spins", "EatsMemory", "Chatters", "FloodsWithTurns", "FloodsWithGarbage", "Crashes")
-SPIN = "while True: pass"
 LOOP = f"""
 import json, select, sys, time
 start_s, late_ms = time.perf_counter(), []
@@ -98,18 +97,6 @@ def mission(ac: str, duration_s: float, real_time: str = "auto") -> Pair:
     assert late is not None
     ticks = Lateness(late.p50, late.p99, late.max, result.missed_ticks)
     return Pair(ticks, lateness(loop_ms), result.real_time)
-
-
-@contextmanager
-def load(processes: int) -> Iterator[None]:
-    """Keep so many cores busy."""
-    spinning = [subprocess.Popen([sys.executable, "-c", SPIN]) for _ in range(processes)]
-    try:
-        yield
-    finally:
-        for process in spinning:
-            process.kill()
-            process.wait()
 
 
 def row(name: str, found: Pair) -> Row:

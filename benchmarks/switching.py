@@ -11,15 +11,13 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
-from benchmarks.common import Row
+from benchmarks.common import Row, load
 from soter.runner.real_time import real_time
 from soter.sdk import Controller, Robot, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
@@ -33,18 +31,6 @@ SPECS: Final = [RobotSpec(1, 10.0, 10.0, 0.0)]
 BASE: Final = "base"
 BARE: Final = "bare"
 """What listeners call what they hear: `[name, time in s, forward, turn]` each, all of it printed as JSON in the end."""
-
-
-@contextmanager
-def load(processes: int) -> Iterator[None]:
-    """Keep cores busy."""
-    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
-    try:
-        yield
-    finally:
-        for process in spinning:
-            process.kill()
-            process.wait()
 
 
 def measure(
