@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Final
 
 from soter.mux.gate import REST, Gate, Velocity
@@ -26,10 +27,12 @@ class Station(ABC):
     Args:
         gate: of the robot.
         rate: seconds of the robot's clock by second of the host, above 1 in a simulated world that runs faster.
+        steady: the host's monotonic time in seconds.
     """
 
-    def __init__(self, gate: Gate, rate: float = 1.0) -> None:
+    def __init__(self, gate: Gate, rate: float = 1.0, steady: Callable[[], float] = time.monotonic) -> None:
         self._gate: Final = gate
+        self._steady: Final = steady
         self._rate: Final = rate
         self._passed = False
 
@@ -65,7 +68,7 @@ class Station(ABC):
 
     def _now_s(self) -> float:
         # Not the robot's clock: where that is set or stands still, the robot must stop all the same.
-        return time.monotonic() * self._rate
+        return self._steady() * self._rate
 
     @abstractmethod
     def _clock_s(self) -> float | None:
