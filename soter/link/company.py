@@ -92,7 +92,7 @@ class Company:
         missing = {}
         for name, other in self.others.items():
             if other.foreign:
-                missing[name] = "it runs another mission, or another version of its file"
+                missing[name] = "it runs another mission, or another version of its file or of SOTER"
             elif not other.has_heard_us:
                 missing[name] = "it has not been heard yet" if not other.heard_at_all else "it does not hear this one"
             elif now_s - other.heard_s > PEER_SILENT_S:
@@ -112,7 +112,7 @@ class Company:
             self._restarts[other.name] = other.starts
             logger.warning("process '%s' has been started anew", other.name)
         if other.foreign and other.name not in self._foreign:
-            logger.error("process '%s' runs another mission, or another version of its file", other.name)
+            logger.error("process '%s' runs another mission, or another version of its file or of SOTER", other.name)
         (self._foreign.add if other.foreign else self._foreign.discard)(other.name)
 
     def _look_at_twin(self, status: Status, received_s: float) -> None:

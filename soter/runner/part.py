@@ -17,6 +17,7 @@ from soter.link.bus import Bus
 from soter.link.buses import open_bus
 from soter.link.company import Company
 from soter.link.post import Post
+from soter.link.status import VERSION
 from soter.registry import load_backend
 from soter.rta import SpeedBound
 from soter.runner.specs import promises, read_options
@@ -157,5 +158,5 @@ def _digest(
 ) -> str:
     room = TypeAdapter(tuple[Workspace, dict[int, Capabilities]]).dump_python((workspace, dict(promised)), mode="json")
     settings = mission.model_dump(mode="json", include=_AGREED)
-    agreed = json.dumps([settings, room, sorted(homes.items())], sort_keys=True)
+    agreed = json.dumps([VERSION, settings, room, sorted(homes.items())], sort_keys=True)
     return hashlib.sha256(agreed.encode()).hexdigest()[:_DIGEST_CHARACTERS]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import pytest
 from pydantic import BaseModel
 
+from soter.adapters.zenoh.bus import ZenohBus
 from soter.cli.recordings import recording_path
 from soter.config import Mission, load_mission
 from soter.errors import ConfigError
+from soter.link.bus import Bus
 from soter.link.buses import bus_class, open_bus
 from soter.runner import run_mission
 from soter.runner.part import Part
+from tests.link.air import MemoryBus
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "distributed" / "mission.toml"
 
@@ -51,6 +54,12 @@ def test_processes_of_one_mission_agree_and_others_do_not() -> None:
     ]  # fmt: skip
     digests = {part("alpha", **overrides).digest for overrides in another}
     assert len(digests | {digest}) == len(another) + 1
+
+
+def test_processes_that_would_not_understand_each_other_do_not_talk(monkeypatch: pytest.MonkeyPatch) -> None:
+    digest = part("alpha").digest
+    monkeypatch.setattr("soter.runner.part.VERSION", 2)
+    assert part("alpha").digest != digest
 
 
 def test_faults_that_are_declared_widen_what_others_expect_of_a_robot() -> None:
@@ -115,7 +124,7 @@ class TinBus:
     opened: ClassVar[list[Tin]] = []
 
     @classmethod
-    def open(cls, options: Tin) -> TinBus:
+    def open(cls, options: Any) -> Self:
         cls.opened.append(options)
         return cls()
 
@@ -124,6 +133,12 @@ class TinBus:
     def subscribe(self, key: str, hear: object) -> None: ...
 
     def close(self) -> None: ...
+
+
+def test_what_calls_itself_a_bus_is_one() -> None:
+    # What they have to be is checked by types; what they do, by tests of their own.
+    buses: list[type[Bus]] = [TinBus, MemoryBus, ZenohBus]
+    assert bus_class("zenoh") is buses[-1]
 
 
 def test_a_bus_may_be_ones_own_and_a_process_may_have_options_of_its_own() -> None:
