@@ -19,6 +19,8 @@ logger = logging.getLogger(__name__)
 _TWIN_S: Final = 0.3
 """What a process of one's own name says for so long is not only what an earlier start of oneself has left behind."""
 
+_FOREIGN: Final = "runs another mission, or another version of its file or of SOTER"
+
 Promised = Mapping[int, tuple[ReachModel | None, float]]
 """By robot: the reach model and the position noise that are promised for it."""
 
@@ -92,7 +94,7 @@ class Company:
         missing = {}
         for name, other in self.others.items():
             if other.foreign:
-                missing[name] = "it runs another mission, or another version of its file or of SOTER"
+                missing[name] = f"it {_FOREIGN}"
             elif not other.has_heard_us:
                 missing[name] = "it has not been heard yet" if not other.heard_at_all else "it does not hear this one"
             elif now_s - other.heard_s > PEER_SILENT_S:
@@ -112,7 +114,7 @@ class Company:
             self._restarts[other.name] = other.starts
             logger.warning("process '%s' has been started anew", other.name)
         if other.foreign and other.name not in self._foreign:
-            logger.error("process '%s' runs another mission, or another version of its file or of SOTER", other.name)
+            logger.error("process '%s' %s", other.name, _FOREIGN)
         (self._foreign.add if other.foreign else self._foreign.discard)(other.name)
 
     def _look_at_twin(self, status: Status, received_s: float) -> None:
