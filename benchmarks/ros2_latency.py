@@ -55,7 +55,7 @@ def measure(rounds: int) -> tuple[list[float], list[float]]:
         )  # fmt: skip
         config = simulated(Ros2Config(workspace=switching.ROOM), simulator)
         fleet = stack.enter_context(Ros2Fleet(config, switching.SPECS, None))
-        (robot,) = fleet.ros2_robots
+        (robot,) = fleet.streamed
         robot.init(30.0)
         bare = robot.node.create_publisher(Twist, "/bare", 1)
         return switching.measure(robot, lambda number: bare.publish(Twist(linear=Vector3(x=number))), listener, rounds)

@@ -135,7 +135,7 @@ def hand_over(rounds: int) -> tuple[list[float], list[float]]:
         listener = stack.enter_context(started(LISTENER, simulator.session.connect))
         config = simulated(ZenohConfig(workspace=switching.ROOM), simulator)
         fleet = stack.enter_context(ZenohFleet(config, switching.SPECS, None))
-        (robot,) = fleet.zenoh_robots
+        (robot,) = fleet.streamed
         robot.init(30.0)
         session = open_session(simulator.session)
         stack.callback(close_session, session)

@@ -91,8 +91,8 @@ def ros2_monitor(
         with _open(loaded) as fleet:
             for robot in fleet.robots:
                 robot.init(_INIT_TIMEOUT_S)
-            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.ros2_robots, enabled(loaded)))
-            typer.echo(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.ros2_robots)}")
+            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.streamed, enabled(loaded)))
+            typer.echo(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.streamed)}")
             wanted = loaded.isolation.real_time
             with real_time(required=wanted == "always") if wanted != "never" else nullcontext():
                 watcher.run(stop, duration)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, Final
+from contextlib import ExitStack
+from typing import ClassVar
 
 from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.robot import Ros2Robot
 from soter.adapters.ros2.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, Robot, RobotSpec
-from soter.sdk.truth import StreamedTruth
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Robot, RobotSpec
+from soter.streamed.fleet import StreamedFleet
 from soter.streamed.options import require_places
 
 
-class Ros2Fleet(Fleet):
+class Ros2Fleet(StreamedFleet[Ros2Robot, Simulator]):
     """Robots, one thread that hears them, and the simulator if it was started for them.
 
     Args:
@@ -22,10 +23,6 @@ class Ros2Fleet(Fleet):
         specs: the robots.
         simulator: a simulator to end with the fleet, or None.
         external_ac: the robots' ACs are somebody else's nodes.
-
-    Attributes:
-        simulator: the same.
-        ros2_robots: the robots, as what they are.
     """
 
     def __init__(
@@ -38,33 +35,14 @@ class Ros2Fleet(Fleet):
     ) -> None:
         from soter.adapters.ros2.graph import Graph
 
-        self.simulator: Final = simulator
         clock = VehicleClock()
-        self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)
-        try:
-            self._graph: Final = Graph(config.domain_id, use_sim_time=config.use_sim_time, on_loopback=config.loopback)
-        except BaseException:
-            if self._truth is not None:
-                self._truth.close()
-            raise
-        try:
-            self.ros2_robots: Final = tuple(
-                Ros2Robot(spec, clock, self._graph, config, external_ac=external_ac) for spec in specs
-            )
-            super().__init__(clock, self.ros2_robots, self._truth)
-        except BaseException:
-            self._close_shared()
-            raise
 
-    def _close(self) -> None:
-        self._close_shared()
-        if self.simulator is not None:
-            self.simulator.close()
+        def make(stack: ExitStack) -> Sequence[Ros2Robot]:
+            graph = Graph(config.domain_id, use_sim_time=config.use_sim_time, on_loopback=config.loopback)
+            stack.callback(graph.close)
+            return [Ros2Robot(spec, clock, graph, config, external_ac=external_ac) for spec in specs]
 
-    def _close_shared(self) -> None:
-        self._graph.close()
-        if self._truth is not None:
-            self._truth.close()
+        super().__init__(clock, config.truth, simulator, make)
 
 
 class Ros2Backend(Backend):

@@ -3,58 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, Final
+from contextlib import ExitStack
+from typing import ClassVar
 
 from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
 from soter.adapters.zenoh.robot import ZenohRobot
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
-from soter.sdk.truth import StreamedTruth
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
+from soter.streamed.fleet import StreamedFleet
 from soter.streamed.options import require_places
 
 
-class ZenohFleet(Fleet):
+class ZenohFleet(StreamedFleet[ZenohRobot, Simulator]):
     """Robots, the session that they are heard over, and the simulator if it was started for them.
 
     Args:
         config: where the robots are.
         specs: the robots.
         simulator: a simulator to end with the fleet, or None.
-
-    Attributes:
-        simulator: the same.
-        zenoh_robots: the robots, as what they are.
     """
 
     def __init__(self, config: ZenohConfig, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
-        self.simulator: Final = simulator
         clock = VehicleClock(rate=config.speedup)
         robot_class = promising(config.promised())
-        self._truth: Final = None if config.truth is None else StreamedTruth(config.truth, clock)
-        try:
-            self._session: Final = open_session(config.session)
-        except BaseException:
-            if self._truth is not None:
-                self._truth.close()
-            raise
-        try:
-            self.zenoh_robots: Final = tuple(robot_class(spec, clock, self._session, config) for spec in specs)
-            super().__init__(clock, self.zenoh_robots, self._truth)
-        except BaseException:
-            self._close_shared()
-            raise
 
-    def _close(self) -> None:
-        self._close_shared()
-        if self.simulator is not None:
-            self.simulator.close()
+        def make(stack: ExitStack) -> Sequence[ZenohRobot]:
+            session = open_session(config.session)
+            stack.callback(close_session, session)
+            return [robot_class(spec, clock, session, config) for spec in specs]
 
-    def _close_shared(self) -> None:
-        close_session(self._session)
-        if self._truth is not None:
-            self._truth.close()
+        super().__init__(clock, config.truth, simulator, make)
 
 
 class ZenohBackend(Backend):

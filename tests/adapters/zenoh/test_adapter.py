@@ -32,7 +32,7 @@ Open = Callable[..., ZenohFleet]
 def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
     with ZenohBackend().open(ZenohConfig(workspace=ROOM, stamped=True), SPECS) as fleet:
         behaviour.drives(fleet)
-        assert all(robot.wire.presence.there >= {"base", "mux"} for robot in fleet.zenoh_robots)
+        assert all(robot.wire.presence.there >= {"base", "mux"} for robot in fleet.streamed)
         simulator = fleet.simulator
         assert simulator is not None
     assert simulator.world.returncode == 0
@@ -189,7 +189,7 @@ def test_garbage_is_counted_and_changes_nothing(
     shared: Simulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     fleet = open_fleet(shared)
-    robot = fleet.zenoh_robots[0]
+    robot = fleet.streamed[0]
     ears = robot.wire.ears
     with saying(somebody, "robot1/odom", b"\x00\x01\x00\x00garbage"), saying(somebody, "robot1/soter/gate", b""):
         assert tick(fleet, lambda: ears["odom"].foreign > 5 and ears["gate"].foreign > 5, 10.0)
@@ -208,7 +208,7 @@ def test_numbers_that_cannot_be_meant_are_dropped(
     shared: Simulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     fleet = open_fleet(shared)
-    robot = fleet.zenoh_robots[0]
+    robot = fleet.streamed[0]
     nowhere = Odometry(Header(stamp_of(2000.0)))
     nowhere.pose.pose.position.__dict__["x"] = math.nan
     with (
