@@ -29,6 +29,7 @@ _ADMIN_S: Final = 5.0
 _CLOSE_S: Final = 2.0
 _SCOUT_MS: Final = 500
 _FOREVER: Final = -1
+_MOST_HEARD_BYTES: Final = 1_000_000
 
 _log = logging.getLogger(__name__)
 
@@ -142,6 +143,9 @@ def _settings(options: SessionOptions) -> dict[str, Any]:
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 0,
     }
+    if options.mode != "router":
+        # By default a gigabyte. What a router passes on is others' business.
+        settings["transport/link/rx/max_message_size"] = _MOST_HEARD_BYTES
     if options.username is not None:
         settings["transport/auth/usrpwd/user"] = options.username
         settings["transport/auth/usrpwd/password"] = options.read_password()

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 from pydantic import ValidationError
 
 from soter.adapters.zenoh.session import SessionOptions, endpoints, open_session
@@ -174,6 +175,17 @@ def test_a_peer_need_not_wait_for_others_and_finds_them_later() -> None:
         heard = Heard(alpha, "a")
         with opened(SessionOptions(listen=(where,))) as (beta,):
             assert heard.hears(beta, "a")
+
+
+def test_what_is_far_too_long_is_dropped_and_nothing_else() -> None:
+    with router() as where, opened(client(where), client(where)) as (alpha, beta):
+        heard = Heard(alpha, "a")
+        assert heard.hears(beta, "a")
+        heard.clear()
+        for length in (500_000, 2_000_000):
+            beta.put("a", bytes(length), congestion_control=zenoh.CongestionControl.BLOCK)
+        assert heard.hears(beta, "a")
+        assert max(map(len, heard)) == 500_000
 
 
 def test_clients_find_a_router_again_that_was_away() -> None:
