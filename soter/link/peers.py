@@ -22,7 +22,7 @@ from soter.sdk import RobotState
 
 DRIFT: Final = 1e-3
 """By which part two processes' clocks may go at different rates. Clocks of fleets follow crystals, and may be off by
-2e-4 each; the rest is slack. It is applied over round trips only, which makes it half a millisecond at most."""
+2e-4 each; the rest is slack. What is held is told for two seconds at most, which makes it two milliseconds at most."""
 
 RECENT_S: Final = 2.0
 """A start of a process that was heard within this time is told so; what is older is of no use to it."""
@@ -68,6 +68,7 @@ class _Start:
         sent_s: when it was sent at the earliest, on this process's clock; minus infinity before it has heard of this
             process.
         heard: the stamps of this process's samples that it has heard last, by robot.
+        offset: what is known of its clock.
     """
 
     status: Status
@@ -169,6 +170,7 @@ class OtherProcess:
             are promised for each; None as the model tests nothing.
         me: this process's name.
         epoch: of this start.
+        mission: what this process runs.
 
     Attributes:
         robots: by id.
