@@ -263,7 +263,7 @@ def test_only_users_with_their_password_get_in(
         )
         with opened(*known) as (alpha, beta):
             assert Heard(alpha, "a").hears(beta, "a")
-            heard = Heard(alpha, "**")
+            heard = Heard(alpha, "robot1/**")
             for stranger in (
                 client(where, open_timeout_s=0.3),
                 client(where, username="alpha", **by("BETA"), open_timeout_s=0.3),
@@ -274,7 +274,7 @@ def test_only_users_with_their_password_get_in(
                 assert "secret" not in str(found.value)
             with opened(SessionOptions(connect=tuple(where))) as (peer,):
                 for _ in range(20):
-                    peer.put("a", b"let me in")
+                    peer.put("robot1/cmd_vel", b"let me in")
                     time.sleep(0.01)
                 time.sleep(SILENCE_S)
             assert heard == []
