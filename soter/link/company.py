@@ -21,7 +21,7 @@ _TWIN_S: Final = 0.3
 
 _FOREIGN: Final = "runs another mission, or another version of its file or of SOTER"
 
-Promised = Mapping[int, tuple[ReachModel | None, float]]
+Promised = Mapping[int, tuple[ReachModel, float]]
 """By robot: the reach model and the position noise that are promised for it."""
 
 

@@ -97,7 +97,7 @@ class RemoteRobot:
         port: what planners are shown of it.
     """
 
-    def __init__(self, robot_id: int, process: OtherProcess, monitor: PeerMonitor | None) -> None:
+    def __init__(self, robot_id: int, process: OtherProcess, monitor: PeerMonitor) -> None:
         self.robot_id = robot_id
         self.port: Final = WatchedPort(robot_id)
         self._process: Final = process
@@ -147,7 +147,7 @@ class RemoteRobot:
             self.distrust(f"stamps went back by {back_s:.3f} s")
             self._reported = last
             return
-        if self._monitor is not None and (last is None or reported.stamp_s > last.stamp_s):
+        if last is None or reported.stamp_s > last.stamp_s:
             # With the stamps that it was given where it was taken: those on this clock are bounds, which say nothing
             # about the time between two samples.
             found = self._monitor.look(reported.stamp_s, [reported])
@@ -167,7 +167,7 @@ class OtherProcess:
     Args:
         name: which process.
         robots: the robots that it supervises, by the mission file, with the reach model and the position noise that
-            are promised for each; None as the model tests nothing.
+            are promised for each.
         me: this process's name.
         epoch: of this start.
         mission: what this process runs.
@@ -180,15 +180,13 @@ class OtherProcess:
     """
 
     def __init__(
-        self, name: str, robots: Mapping[int, tuple[ReachModel | None, float]], me: str, epoch: int, mission: str
+        self, name: str, robots: Mapping[int, tuple[ReachModel, float]], me: str, epoch: int, mission: str
     ) -> None:
         self.name: Final = name
         self.robots: Final = {
-            robot_id: RemoteRobot(
-                robot_id, self, None if model is None else PeerMonitor(model, noise_m, math.inf)
-            )
+            robot_id: RemoteRobot(robot_id, self, PeerMonitor(model, noise_m, math.inf))
             for robot_id, (model, noise_m) in robots.items()
-        }  # fmt: skip
+        }
         self.starts = 0
         self.foreign = ""
         self.strangers = 0
