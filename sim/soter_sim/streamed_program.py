@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
 
 from pydantic import TypeAdapter
 
-from soter.mux.program import Ending, favour
+from soter.mux.program import Ending
 from soter.sdk.values import RobotSpec
 from soter.workspace import Workspace
 from soter_sim.streamed import StreamedFace
+
+_NICE: Final = -10
 
 
 def make_parser(module: str, what: str, example: str) -> argparse.ArgumentParser:
@@ -51,8 +57,17 @@ def serve(face: StreamedFace, ended: Ending, **told: object) -> None:
     try:
         sys.stdout.write(json.dumps({"truth": face.truth.address, **told}) + "\n")
         sys.stdout.flush()
-        # What is simulated has a computer of its own; here it must not wait for what the host has to do besides.
-        favour()
+        _favour()
         face.run(ended)
     finally:
         face.close()
+
+
+def _favour() -> None:
+    """Let all threads wait less for what the host does besides, where the kernel allows it.
+
+    Robots have computers of their own. What commands them may be scheduled in real time, and comes first all the same.
+    """
+    with suppress(OSError):
+        for task in Path("/proc/self/task").iterdir():
+            os.setpriority(os.PRIO_PROCESS, int(task.name), _NICE)
