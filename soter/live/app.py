@@ -5,27 +5,37 @@ The only module that knows foxglove-sdk. The SDK has a queue for each client, of
 
 from __future__ import annotations
 
+import socket
 import time
+from collections import deque
 from typing import BinaryIO, Final, NoReturn
 
 import foxglove
 from foxglove import Channel, Context, Schema
-from foxglove.websocket import Capability, ChannelView, Client, ServerListener, StatusLevel
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener, StatusLevel, WebSocketServer
 
 from soter.live.process import serve
 from soter.live.view import HOST
+from soter.record.file import channels, definition, schema_name
 from soter.record.follow import GrowingRecording
-from soter.record.foxglove import Log, schema_name
+from soter.record.foxglove import Log
+from soter.record.foxglove import schema_name as foxglove_name
 
 FLUSH_S: Final = 0.5
 """Host time that clients have at the end for what waits for them."""
 
+SETTLED_S: Final = 0.2
+"""Host time after which a subscription surely counts: the SDK tells of it a moment before that."""
+
 _STAYS: Final = "foxglove."
-_PASSES: Final = schema_name(Log)
+_PASSES: Final = foxglove_name(Log)
 
 
 class AppScreen(ServerListener):
     """Passes a run on to the Foxglove app.
+
+    The port is held from the beginning on, but served only once it is known which channels there are: a client is then
+    told of all of them when it connects.
 
     Args:
         port: of 127.0.0.1; 0 for one that is free.
@@ -38,47 +48,62 @@ class AppScreen(ServerListener):
         self._context: Final = Context()
         self._channels: Final[dict[str, Channel]] = {}
         self._last: Final[dict[str, bytes]] = {}
+        self._asked: Final[deque[tuple[float, str]]] = deque()
         self._time_ns = 0
+        self._server: WebSocketServer | None = None
+        self._held: Final = socket.socket()
+        self._held.bind((HOST, port))
+        self._port: Final = int(self._held.getsockname()[1])
+
+    @property
+    def port(self) -> int:
+        return self._port
+
+    def show(self, recording: GrowingRecording) -> None:
+        for topic, kind in channels(robot.robot_id for robot in recording.about.robots).items():
+            schema = Schema(name=schema_name(kind), encoding="jsonschema", data=definition(kind))
+            self._channels[topic] = Channel(topic, schema=schema, message_encoding="json", context=self._context)
+        server = self._server = self._serve()
+        for topic, schema_of, _, data, time_ns in recording.raw():
+            if schema_of.startswith(_STAYS) and schema_of != _PASSES:
+                self._last[topic] = data
+            if time_ns > self._time_ns:
+                self._time_ns = time_ns
+                server.broadcast_time(time_ns)
+            self._channels[topic].log(data, log_time=time_ns)
+            self._repeat()
+
+    def pause(self) -> None:
+        self._repeat()
+
+    def close(self) -> None:
+        self._held.close()
+        if self._server is not None:
+            self._server.publish_status("The run has ended.", StatusLevel.Info)
+            # The SDK sends by threads of its own, and does not say when they are done.
+            time.sleep(FLUSH_S)
+            self._server.stop()
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        """Note that somebody has come who may have missed what was said once. Called by a thread of the SDK."""
+        self._asked.append((time.monotonic(), channel.topic))
+
+    def _serve(self) -> WebSocketServer:
+        self._held.close()
         try:
-            self._server: Final = foxglove.start_server(
-                name="SOTER", host=HOST, port=port, capabilities=[Capability.Time], server_listener=self,
+            return foxglove.start_server(
+                name="SOTER", host=HOST, port=self._port, capabilities=[Capability.Time], server_listener=self,
                 context=self._context,
             )  # fmt: skip
         except RuntimeError as failure:
             raise OSError(str(failure)) from failure
 
-    @property
-    def port(self) -> int:
-        return self._server.port
-
-    def show(self, recording: GrowingRecording) -> None:
-        for topic, schema, definition, data, time_ns in recording.raw():
-            channel = self._channels.get(topic)
-            if channel is None:
-                described = Schema(name=schema, encoding="jsonschema", data=definition)
-                channel = Channel(topic, schema=described, message_encoding="json", context=self._context)
-                self._channels[topic] = channel
-            if schema.startswith(_STAYS) and schema != _PASSES:
-                self._last[topic] = data
-            if time_ns > self._time_ns:
-                self._time_ns = time_ns
-                self._server.broadcast_time(time_ns)
-            channel.log(data, log_time=time_ns)
-
-    def pause(self) -> None:
-        """Do nothing: everything was passed on as it came."""
-
-    def close(self) -> None:
-        self._server.publish_status("The run has ended.", StatusLevel.Info)
-        # The SDK sends by threads of its own, and does not say when they are done.
-        time.sleep(FLUSH_S)
-        self._server.stop()
-
-    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Say again what was said once and still holds, such as where the boxes are: this client came later."""
-        last = self._last.get(channel.topic)
-        if last is not None:
-            self._channels[channel.topic].log(last, log_time=self._time_ns)
+    def _repeat(self) -> None:
+        """Say again what was said once and still holds, such as where the boxes are, for who has come since."""
+        while self._asked and time.monotonic() - self._asked[0][0] > SETTLED_S:
+            _, topic = self._asked.popleft()
+            if topic in self._last:
+                self._channels[topic].log(self._last[topic], log_time=self._time_ns)
 
 
 def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:

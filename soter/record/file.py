@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import IO, Any, Final
 
 import msgspec
@@ -30,6 +30,21 @@ def schema_name(message: type[Struct]) -> str:
     """Return the name of a message's schema."""
     own = issubclass(message, messages.Message)
     return messages.schema_name(message) if own else foxglove.schema_name(message)
+
+
+def channels(robot_ids: Iterable[int]) -> dict[str, type[Struct]]:
+    """Return every topic that a recording of some robots may have, with its message."""
+    given: list[tuple[str, type[Struct]]] = [(topic, kind) for kind, topic in messages.TOPICS.items()]
+    given += [(topic, kind) for kind, topics in foxglove.TOPICS.items() for topic in topics]
+    ids = list(robot_ids)
+    return {
+        topic.format(robot_id=robot_id): kind for topic, kind in given for robot_id in (ids if "{" in topic else [0])
+    }
+
+
+def definition(message: type[Struct]) -> bytes:
+    """Return the JSON schema of a message as it stands in a recording."""
+    return _encode(json_schema(message))
 
 
 class RecordingFile:
@@ -83,8 +98,8 @@ class RecordingFile:
     def _channel(self, topic: str, message: type[Struct]) -> int:
         schema = self._schemas.get(message)
         if schema is None:
-            data = _encode(json_schema(message))
-            schema = self._writer.register_schema(schema_name(message), SchemaEncoding.JSONSchema, data)
+            name, data = schema_name(message), definition(message)
+            schema = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
             self._schemas[message] = schema
         channel = self._writer.register_channel(topic, MessageEncoding.JSON, schema)
         self._channels[topic], self._sequences[channel] = channel, 0
