@@ -16,7 +16,7 @@ from tools.distribution_hosts import Proxy, make_hosts
 
 def test_a_robot_that_is_cut_off_and_its_peer_hold_and_go_on(tmp_path: Path) -> None:
     given = distribution.parse(
-        ["--before-s", "2", "--cut-s", "4", "--after-s", "5", "--targets", "uniform", "--seed", "3"]
+        ["--before-s", "2", "--cut-s", "4", "--after-s", "6", "--targets", "uniform", "--seed", "3"]
     )
     hosts = make_hosts("loopback", [*distribution.ROBOTS], [distribution.PLANNER])
     try:
@@ -24,7 +24,7 @@ def test_a_robot_that_is_cut_off_and_its_peer_hold_and_go_on(tmp_path: Path) -> 
     finally:
         hosts.close()
     assert not found.violations
-    assert set(found.statuses.values()) == {"completed"}
+    assert set(found.statuses.values()) == {"completed"}, found
     assert all(after_s < HOLDS_WITHIN_S for after_s in found.rest_after_s.values()), found
     assert all(after_s is not None for after_s in found.moves_after_s.values()), found
     assert all(age["p50"] < 150.0 for age in found.peer_age_ms.values()), found
