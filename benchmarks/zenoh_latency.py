@@ -2,7 +2,8 @@
 
 A velocity goes to another process and back, 50 times a second: said and heard as the adapter does, as CDR that is
 checked; and in turns with that as the same bytes, which nobody looks at. How the hand-over is measured is said in
-`switching.py`. All are peers on this host.
+`switching.py`. The listener is scheduled as the mux is, where the kernel allows it: what is measured with load is the
+way to it, and not how long it waits for a core. All are peers on this host.
 """
 
 from __future__ import annotations
@@ -45,10 +46,13 @@ voice, publisher = Voice(session, "soter/back"), session.declare_publisher("bare
 keep = Ear(session, "soter/to", Twist, voice.say), bare_ear(session, "bare/to", publisher.put)
 {CLOSE}"""
 LISTENER = f"""{OPEN}
+from soter.mux.program import favour
+
 heard = []
 def note(name):
     return lambda each: heard.append((name, time.monotonic(), each.linear.x, each.angular.z))
 keep = Ear(session, "robot1/cmd_vel", Twist, note("base")), Ear(session, "bare", Twist, note("bare"))
+favour()
 while not heard:
     time.sleep(0.01)
 {CLOSE}print(json.dumps(heard), flush=True)
