@@ -56,7 +56,7 @@ class Assumption(Enum):
     )
     PEERS = (
         "A7",
-        "Every other robot runs SOTER or respects the declared bound, and is heard of in time.",
+        "Every other robot runs SOTER or respects the declared bound, and is heard of in time or comes to rest.",
         (
             "Every peer's samples are tested against the bound that is declared for peers, and against the time "
             "for which a peer may be silent. Whether it runs SOTER is not seen."

@@ -142,7 +142,7 @@ class RobotSupervisor:
         self._handed_over_s = -math.inf if modules else math.inf
         self._disowned = False
         self._heard_within_s: Final = heard_within_s
-        self._held = self._was_held = False
+        self._held = self._was_held = self._peer_unsure = False
 
     def fail_ac(self, cause: str) -> None:
         """Never give this robot to its AC again: that has failed for good, and the cause says how.
@@ -162,7 +162,7 @@ class RobotSupervisor:
         situation = self.situation
         before = situation.own
         self._alarm = ""
-        self._held = False
+        self._held = self._peer_unsure = False
         if now_s < situation.now_s:
             self._clock_went_back(situation.now_s - now_s)
         situation.now_s = now_s
@@ -210,12 +210,13 @@ class RobotSupervisor:
 
     def distrust(self, finding: Finding) -> None:
         """Take control from the AC for a while, because of what was found out about a peer."""
+        self._peer_unsure = True
         self._raise_alarm(*finding)
 
     def hold(self, finding: Finding) -> None:
         """Have the robot stand at this tick, whoever would drive it, because nobody knows where a peer is, or it."""
         self._held = True
-        self._raise_alarm(*finding)
+        self.distrust(finding)
 
     def _raise_alarm(self, assumption: Assumption, cause: str) -> None:
         """Note that an assumption has failed: the AC loses control for a while, whatever the margins are."""
@@ -278,6 +279,9 @@ class RobotSupervisor:
         module.monitor.found = None
         if found.assumption is Assumption.WORKSPACE and self.situation.now_s < self._alarmed_until_s:
             # A sample that was wrong itself says nothing about the world.
+            return
+        if found.assumption is Assumption.RECOVERY and self._peer_unsure:
+            # The margin is one to where a silent peer may be, which falls without anybody moving.
             return
         cause = f"'{module.name}': {found.cause}"
         if module.mode is Mode.AC:

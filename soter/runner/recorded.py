@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Final, NoReturn
 
-from msgspec import UNSET
-
 from soter.clock import Clock
 from soter.record.about import capabilities_of
-from soter.record.messages import Peer, RobotAbout, RobotTick
+from soter.record.messages import Peer, RobotAbout, RobotTick, State
 from soter.record.samples import sample_of
 from soter.rta import Assumption, Mode, Sample
 from soter.rta.monitors import Finding
@@ -89,7 +87,7 @@ class RecordedPeer:
     def load(self, said: Peer) -> None:
         """Take what was recorded of the tick that comes."""
         self._said = said
-        self._sample = None if said.state is UNSET else sample_of(said.state, self.robot_id)
+        self._sample = sample_of(said.state, self.robot_id) if isinstance(said.state, State) else None
 
     def sample(self) -> Sample | None:
         return self._sample

@@ -177,6 +177,16 @@ def test_a_robot_that_stands_does_so_whoever_would_drive(meeting: Meeting) -> No
     assert ("renew",) not in meeting.rig.actuator.calls, "a robot that cannot be told to stop is not driven on"
 
 
+def test_a_margin_that_falls_for_silence_alone_is_no_failure_of_the_safe_controllers(meeting: Meeting) -> None:
+    meeting.tick(20, hears=False)
+    assert not meeting.engaged
+    meeting.rig.rules["a"].value = -0.1
+    meeting.tick(5, hears=False)
+    assert Assumption.RECOVERY not in meeting.rig.robot.log.breaches
+    meeting.tick()
+    assert Assumption.RECOVERY in meeting.rig.robot.log.breaches, "now the peer is heard of, and it is too near"
+
+
 def test_a_remote_peer_that_breaks_its_bound_costs_control(meeting: Meeting) -> None:
     meeting.far.wrong = Finding(Assumption.PEERS, "robot 1: sample outside the reach set")
     meeting.tick()
