@@ -251,7 +251,7 @@ def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
     def start_again() -> Simulator:
         return Simulator(ROOM.with_robots(1), SPECS[:1], SessionOptions(listen=simulator.session.connect))
 
-    behaviour.robot_reboots(open_fleet(simulator, truth=None), simulator, start_again, on_s=6.0)
+    behaviour.robot_reboots(open_fleet(simulator, truth=None), simulator, start_again, on_s=5.0)
 
 
 def test_when_the_router_dies_robots_stop_and_go_on_with_the_next(open_fleet: Open) -> None:

@@ -6,7 +6,7 @@ import json
 import signal
 import tomllib
 
-from tests.streamed.processes import EXAMPLES, ctrl_c_ends_a_run, soter
+from tests.streamed.processes import EXAMPLES, soter
 
 
 def test_a_mission_runs_against_robots_that_were_started_by_hand() -> None:
@@ -36,10 +36,6 @@ def test_a_mission_runs_against_robots_that_were_started_by_hand() -> None:
         simulator.send_signal(signal.SIGINT)
         _, err = simulator.communicate(timeout=30)
     assert simulator.returncode == 0, err
-
-
-def test_ctrl_c_ends_a_run_and_everything_it_started() -> None:
-    ctrl_c_ends_a_run("zenoh")
 
 
 def test_the_mux_says_itself_what_it_takes() -> None:
