@@ -53,8 +53,8 @@ def sides(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[RemoteSide]]:
     made: list[RemoteSide] = []
 
     class Noted(RemoteSide):
-        def __init__(self, *arguments: Any) -> None:
-            super().__init__(*arguments)
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
             made.append(self)
 
     monkeypatch.setattr("soter.runner.run.RemoteSide", Noted)

@@ -13,7 +13,17 @@ import pytest
 import zenoh
 
 from soter.adapters.zenoh.backend import ZenohBackend, ZenohFleet
-from soter.adapters.zenoh.messages import BatteryState, Header, Odometry, String, Twist, Vector3
+from soter.adapters.zenoh.messages import (
+    BatteryState,
+    Header,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    String,
+    Twist,
+    Vector3,
+)
 from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import Simulator
@@ -209,8 +219,7 @@ def test_numbers_that_cannot_be_meant_are_dropped(
 ) -> None:
     fleet = open_fleet(shared)
     robot = fleet.streamed[0]
-    nowhere = Odometry(Header(stamp_of(2000.0)))
-    nowhere.pose.pose.position.__dict__["x"] = math.nan
+    nowhere = Odometry(Header(stamp_of(2000.0)), pose=PoseWithCovariance(Pose(Point(math.nan))))
     with (
         saying(somebody, "robot1/odom", nowhere),
         saying(somebody, "robot1/soter/gate", String('{"seq": 1, "controller": "both"}')),
