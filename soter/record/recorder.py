@@ -22,7 +22,7 @@ from soter.record.outcome import Outcome
 from soter.record.peer_tap import PeerTap
 from soter.record.pipe import WriterPipe
 from soter.record.tap import GoalActuator, Tap
-from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Way, packed, tamed
+from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Ticks, Way, packed, tamed
 from soter.rta import Mode, RemotePeer, RobotSupervisor, RTAModule, SwitchRecord, Timing
 from soter.sdk import Capabilities, RobotState, Truth
 from soter.workspace import Workspace
@@ -31,6 +31,13 @@ logger = logging.getLogger(__name__)
 
 TRUTH_S: Final = 1.0
 """Fleet time between two looks at ground truth and faults."""
+
+TOGETHER: Final = 8
+"""Ticks that cross to the writer at once in virtual time, where they follow each other so fast that one call of the
+system for each would cost more than all the rest. On a wall clock every tick crosses at once."""
+
+TOGETHER_NS: Final = 20_000_000
+"""Host time between the first and the last of them at most."""
 
 _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
 
@@ -93,6 +100,7 @@ class Recorder:
         self._peers: Final[list[PeerTap]] = []
         self._robots: Sequence[tuple[RobotSupervisor, Tap]] = ()
         self._events: list[PendingEvent] = []
+        self._ticks: Final[list[Tick]] = []
         self._now_s = 0.0
         self._truth: Truth | None = None
         self._faults: Callable[[], Sequence[FaultStatus]] = tuple
@@ -197,7 +205,7 @@ class Recorder:
         self._now_s = now_s
         pipe = self._pipe
         if pipe is None or pipe.failure:
-            self._events.clear()
+            self._events = []
             return
         if now_s - self._looked_s >= TRUTH_S:
             self._looked_s = now_s
@@ -208,9 +216,13 @@ class Recorder:
         first, lost = self._lost
         if lost:
             self._note(Drop(now_s, first, lost))
-        frame = packed(Tick(tick, now_s, time.time_ns(), rows, self._events))  # type: ignore[arg-type]
-        self._events.clear()
-        if self._send(pipe, frame):
+        host_ns, ticks = time.time_ns(), self._ticks
+        ticks.append(Tick(tick, now_s, host_ns, rows, self._events))  # type: ignore[arg-type]
+        self._events = []
+        if self._waits and len(ticks) < TOGETHER and host_ns - ticks[0].host_ns < TOGETHER_NS:
+            return
+        sent = self._send(pipe, self._packed_ticks())
+        if sent:
             self._lost = (0, 0)
         elif not pipe.failure:
             self._lost = (first if lost else tick, lost + 1)
@@ -220,14 +232,14 @@ class Recorder:
         """Add the result of a run that has come to an end, by itself or not."""
         self._look(self._now_s)
         self._last = packed(Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
-        self._events.clear()
+        self._events = []
 
     # --- the end ---------------------------------------------------------------------------------------------
 
     def close(self) -> RecordingReport:
         """Close the file; return how it went. Idempotent. On a wall clock, stop the robots first: it takes its time."""
         if self._report is None:
-            outcome = Outcome() if self._pipe is None else self._pipe.close(self._last)
+            outcome = Outcome() if self._pipe is None else self._pipe.close(self._packed_ticks() + self._last)
             self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes)
             self._say(outcome.failure, "")
         return self._report
@@ -242,6 +254,14 @@ class Recorder:
 
     def _note(self, event: Event | Way) -> None:
         self._events.append((WAY if isinstance(event, Way) else _INDEX[type(event)], event))
+
+    def _packed_ticks(self) -> bytes:
+        """Return the ticks that have not crossed yet, as a frame; nothing if there are none."""
+        if not self._ticks:
+            return b""
+        frame = packed(Ticks(self._ticks))
+        self._ticks.clear()
+        return frame
 
     def _send(self, pipe: WriterPipe, frame: bytes) -> bool:
         if pipe.send(frame):

@@ -1,6 +1,6 @@
 """What crosses from a run to the process that writes its recording: frames of MessagePack, each after its length.
 
-Arrays without names: a frame is made at every tick of a run, whose time it costs.
+Arrays without names: every tick of a run crosses, and costs its time.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Begin(Struct, array_like=True, tag=0):
     modules: dict[int, list[str]]
 
 
-class Tick(Struct, array_like=True, tag=1, gc=False):
+class Tick(Struct, array_like=True, gc=False):
     """One tick.
 
     Attributes:
@@ -84,7 +84,7 @@ class Tick(Struct, array_like=True, tag=1, gc=False):
         time_s: fleet time.
         host_ns: the host's time of day.
         rows: the robots, in their order.
-        events: what happened since the frame before: index into `messages.EVENTS`, or `WAY`, and the message.
+        events: what happened since the tick before: index into `messages.EVENTS`, or `WAY`, and the message.
     """
 
     tick: int
@@ -94,13 +94,19 @@ class Tick(Struct, array_like=True, tag=1, gc=False):
     events: list[tuple[int, Raw]]
 
 
+class Ticks(Struct, array_like=True, tag=1, gc=False):
+    """Some ticks, one after the other."""
+
+    ticks: list[Tick]
+
+
 class Finish(Struct, array_like=True, tag=2):
     """The last frame, of a run that came to an end.
 
     Attributes:
         time_s: fleet time.
         result: the result as JSON.
-        events: as in `Tick`.
+        events: what happened since the last tick, as there.
     """
 
     time_s: float
@@ -108,7 +114,7 @@ class Finish(Struct, array_like=True, tag=2):
     events: list[tuple[int, Raw]]
 
 
-Frame = Begin | Tick | Finish
+Frame = Begin | Ticks | Finish
 
 WAY: Final = -1
 """Index of a `Way` among the events."""

@@ -36,7 +36,7 @@ from soter.record.messages import (
 )
 from soter.record.outcome import Outcome
 from soter.record.samples import state_of
-from soter.record.wire import WAY, Begin, Finish, Frame, Intake, Row, Tick, Way
+from soter.record.wire import WAY, Begin, Frame, Intake, Row, Tick, Ticks, Way
 
 CHUNK_S: Final = 0.5
 """Host time after which a chunk is closed at the latest; what is in it is lost when this process is killed."""
@@ -79,14 +79,13 @@ class Scribe:
         """Write what a frame says."""
         if isinstance(frame, Begin):
             self._start(frame)
-            return
-        if isinstance(frame, Tick):
-            self._host_ns = frame.host_ns
-        for index, raw in frame.events:
-            self._event(index, raw)
-        if isinstance(frame, Tick):
-            self._tick(frame)
-        elif isinstance(frame, Finish):
+        elif isinstance(frame, Ticks):
+            for tick in frame.ticks:
+                self._host_ns = tick.host_ns
+                self._note(tick.events)
+                self._tick(tick)
+        else:
+            self._note(frame.events)
             self._file.attach(RESULT_JSON, frame.result, _MEDIA_TYPES[".json"])
 
     def _start(self, begin: Begin) -> None:
@@ -104,34 +103,38 @@ class Scribe:
 
     # --- ticks ---------------------------------------------------------------------------------------------
 
-    def _tick(self, frame: Tick) -> None:
+    def _tick(self, tick: Tick) -> None:
         begin = self._begin
         if begin is None:
             return
-        time_ns = foxglove.nanoseconds(frame.time_s)
+        time_ns = foxglove.nanoseconds(tick.time_s)
         topic = messages.TOPICS[RobotTick]
-        for robot_id, row in zip(begin.robots, frame.rows, strict=True):
-            record = _record(frame, robot_id, row, begin.modules[robot_id])
-            sealed = msgspec.structs.replace(record, check=seal(record))
-            self._file.write(topic.format(robot_id=robot_id), sealed, time_ns, frame.host_ns)
-        if frame.time_s >= self._picture_s:
-            self._picture_s = frame.time_s + PICTURE_S - 1e-9
-            self._picture(begin, frame, time_ns)
+        for robot_id, row in zip(begin.robots, tick.rows, strict=True):
+            record = _record(tick, robot_id, row, begin.modules[robot_id])
+            record.check = seal(record)
+            self._file.write(topic.format(robot_id=robot_id), record, time_ns, tick.host_ns)
+        if tick.time_s >= self._picture_s:
+            self._picture_s = tick.time_s + PICTURE_S - 1e-9
+            self._picture(begin, tick, time_ns)
 
-    def _picture(self, begin: Begin, frame: Tick, time_ns: int) -> None:
-        now = foxglove.Time.of(frame.time_s)
+    def _picture(self, begin: Begin, tick: Tick, time_ns: int) -> None:
+        now = foxglove.Time.of(tick.time_s)
         transforms = [
             foxglove.transform(now, robot_id, row.state.x_m, row.state.y_m, row.state.z_m, row.state.heading_rad)
-            for robot_id, row in zip(begin.robots, frame.rows, strict=True)
+            for robot_id, row in zip(begin.robots, tick.rows, strict=True)
         ]
-        self._file.write(foxglove.TRANSFORMS_TOPIC, foxglove.FrameTransforms(transforms), time_ns, frame.host_ns)
-        for robot_id, row in zip(begin.robots, frame.rows, strict=True):
+        self._file.write(foxglove.TRANSFORMS_TOPIC, foxglove.FrameTransforms(transforms), time_ns, tick.host_ns)
+        for robot_id, row in zip(begin.robots, tick.rows, strict=True):
             if self._by_ac.get(robot_id) is row.in_sc or robot_id not in self._by_ac:
                 self._by_ac[robot_id] = not row.in_sc
                 scene = foxglove.robot_scene(now, robot_id, begin.radii_m[robot_id], not row.in_sc)
-                self._file.write(foxglove.ROBOT_TOPIC.format(robot_id=robot_id), scene, time_ns, frame.host_ns)
+                self._file.write(foxglove.ROBOT_TOPIC.format(robot_id=robot_id), scene, time_ns, tick.host_ns)
 
     # --- events --------------------------------------------------------------------------------------------
+
+    def _note(self, events: Sequence[tuple[int, Raw]]) -> None:
+        for index, raw in events:
+            self._event(index, raw)
 
     def _event(self, index: int, raw: Raw) -> None:
         if index == WAY:
@@ -142,7 +145,7 @@ class Scribe:
             return
         event = self._decoders[index].decode(raw)
         if isinstance(event, messages.Peer):
-            event = msgspec.structs.replace(event, check=seal(event))
+            event.check = seal(event)
         topic = messages.TOPICS[type(event)]
         if isinstance(event, Goal):
             topic = topic.format(robot_id=event.robot_id)
@@ -155,14 +158,14 @@ class Scribe:
             self._file.write(foxglove.LOG_TOPIC, log, time_ns, self._host_ns)
 
 
-def _record(frame: Tick, robot_id: int, row: Row, names: Sequence[str]) -> RobotTick:
+def _record(tick: Tick, robot_id: int, row: Row, names: Sequence[str]) -> RobotTick:
     numbers, in_sc = row.numbers, row.modules_in_sc
     modules = tuple(
         ModuleTick.of(name, SC if in_sc >> index & 1 else AC, numbers[2 * index], numbers[2 * index + 1])
         for index, name in enumerate(names)
     )
     return RobotTick(
-        frame.tick, frame.time_s, robot_id, SC if row.in_sc else AC, AC if row.driver < 0 else names[row.driver],
+        tick.tick, tick.time_s, robot_id, SC if row.in_sc else AC, AC if row.driver < 0 else names[row.driver],
         state_of(row.state), modules, row.unread, row.no_state, tuple(Refusal(*each) for each in row.refused),
         row.ac_drove, row.ac_failure,
     )  # fmt: skip

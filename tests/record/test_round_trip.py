@@ -24,7 +24,7 @@ from soter.record.messages import AC, EVENTS, ModuleTick, RobotTick
 from soter.record.reader import Recording
 from soter.record.samples import sample_of, state_of
 from soter.record.summary import summarise
-from soter.record.wire import Finish, Intake, Row, Tick, packed, tamed
+from soter.record.wire import Finish, Intake, Row, Tick, Ticks, packed, tamed
 from soter.runner.trace import Trace
 from soter.sdk import Controller, Link, RobotState
 from tests.record.conftest import Recorded
@@ -184,9 +184,10 @@ def test_whatever_stands_in_a_frame_it_can_be_sent() -> None:
     odd = RobotState._make((1, *foreign, None, None, 2**80, Link.UP, None))
     row = Row(odd, -1, True, 0, [math.inf, np.float64(-0.0)], unread=True, no_state="\udc80 lost", ac_failure="\ud800")
     event = messages.Switch(0.0, 1, "AC", "geofence", "geofence", "cause \udcff")
-    frame = Tick(0, 0.0, 1, [row], [(EVENTS.index(messages.Switch), event)])  # type: ignore[list-item]
-    (back,) = Intake().take(packed(frame))
-    assert isinstance(back, Tick)
+    tick = Tick(0, 0.0, 1, [row], [(EVENTS.index(messages.Switch), event)])  # type: ignore[list-item]
+    (sent,) = Intake().take(packed(Ticks([tick])))
+    assert isinstance(sent, Ticks)
+    (back,) = sent.ticks
     state = back.rows[0].state
     assert (state.stamp_s, state.x_m, state.y_m) == (0.1, 0.5, 2.0)
     assert back.rows[0].numbers == [math.inf, 0.0]
