@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-from soter.conformance.driver import TICK_S
+from soter.conformance.driver import ROUNDING, TICK_S, drive_until
 from soter.conformance.harness import Harness
-from soter.sdk import Capabilities, Controller, Fleet, Goal, GoalStatus, Robot, RobotState, Waypoint
+from soter.conformance.track import Sample, fastest, rates, turn
+from soter.sdk import Capabilities, Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
-MOVING_M_S: Final = 0.02
-TURNING_RAD_S: Final = 0.1
 STILL_M: Final = 0.005
 STILL_RAD: Final = 0.03
-ROUNDING: Final = 1e-6
 
 SETTLE_S: Final = 2.0
 """After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
@@ -50,65 +48,6 @@ class Figure:
     resolution: float = 0.0
 
 
-class Sample(NamedTuple):
-    """Where a robot was at one moment, as its own state or the truth has it. Metres, radians, seconds."""
-
-    at_s: float
-    x_m: float
-    y_m: float
-    heading_rad: float
-    speed_m_s: float
-    yaw_rate_rad_s: float
-    state: RobotState
-
-    @property
-    def moves(self) -> bool:
-        """Whether it drives or turns, beyond what is noise."""
-        return self.speed_m_s > MOVING_M_S or abs(self.yaw_rate_rad_s) > TURNING_RAD_S
-
-    def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return how far it is from a place."""
-        return math.hypot(self.x_m - x_m, self.y_m - y_m)
-
-
-def turn(from_rad: float, to_rad: float) -> float:
-    """Return the turn from one heading to another, in [-pi, pi)."""
-    return (to_rad - from_rad + math.pi) % (2.0 * math.pi) - math.pi
-
-
-def drive_until(
-    fleet: Fleet, until: Callable[[], bool], timeout_s: float, *, renew: bool = True, read: bool = True
-) -> bool:
-    """Tick like a supervisor: sleep, read every robot, renew every lease; until a condition holds.
-
-    Args:
-        fleet: robots that are ready.
-        until: asked after every tick.
-        timeout_s: in fleet time.
-        renew: whether leases are renewed.
-        read: whether states are read.
-
-    Returns:
-        Whether the condition held in time.
-    """
-    clock = fleet.clock
-    start_s = clock.now()
-    tick = 0
-    while clock.now() - start_s < timeout_s - ROUNDING:
-        tick += 1
-        # A grid without drift; where the host was too slow for it, the next tick is the next one still ahead.
-        tick = max(tick, math.ceil((clock.now() - start_s) / TICK_S - ROUNDING))
-        clock.sleep_until(start_s + tick * TICK_S)
-        for robot in fleet.robots:
-            if read:
-                robot.read_state()
-            if renew:
-                robot.renew_lease()
-        if until():
-            return True
-    return False
-
-
 class Bench:
     """What a clause works with.
 
@@ -138,7 +77,9 @@ class Bench:
         """Open a fresh fleet whose robots are not initialised."""
         fleet = self.harness.open(robots)
         self.fleets.append(fleet)
-        self.require(len(fleet.robots) == robots, f"open({robots}) gave {len(fleet.robots)} robots")
+        self.require(
+            len(fleet.robots) == robots, f"the harness's open({robots}) gave {len(fleet.robots)} robots: correct it"
+        )
         if self.truth and fleet.truth is None and not self.harness.gives("observe"):
             raise NotTested("no truth: neither Fleet.truth nor the hook 'observe' is given")
         self.tracks = {robot.id: [] for robot in fleet.robots}
@@ -207,9 +148,8 @@ class Bench:
         last_s = self._stamps.get(robot.id, state.stamp_s)
         self.require(
             state.stamp_s >= last_s,
-            f"the stamp of the sample went back from {last_s:.3f} to {state.stamp_s:.3f} s: samples that arrive "
-            "after newer "
-            "ones must be dropped",
+            f"the stamp of the sample went back from {last_s:.3f} to {state.stamp_s:.3f} s: samples that arrive after "
+            "newer ones must be dropped",
         )
         self._stamps[robot.id] = state.stamp_s
         if self.truth:
@@ -217,9 +157,7 @@ class Bench:
             x_m, y_m, heading_rad = self.true_pose(robot.id)
             speed, rate = 0.0, 0.0
             if track and at_s - track[-1].at_s > ROUNDING:
-                last, dt_s = track[-1], at_s - track[-1].at_s
-                speed = math.hypot(x_m - last.x_m, y_m - last.y_m) / dt_s
-                rate = turn(last.heading_rad, heading_rad) / dt_s
+                speed, rate = rates(track[-1], at_s, x_m, y_m, heading_rad)
             sample = Sample(at_s, x_m, y_m, heading_rad, speed, rate, state)
         else:
             sample = Sample(
@@ -246,14 +184,21 @@ class Bench:
         x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
         return Waypoint(spec.x_m + x_m, spec.y_m + y_m, **options)
 
-    def go(self, robot: Robot, target: Waypoint, by: Controller = Controller.AC) -> Goal:
-        """Send a robot somewhere and see it arrive there."""
+    def go(
+        self,
+        robot: Robot,
+        target: Waypoint,
+        by: Controller = Controller.AC,
+        *,
+        cause: str = "the target did not get through, or is in another frame",
+    ) -> Goal:
+        """Send a robot somewhere and see it arrive there; with the likely cause if it does not."""
         goal = robot.goto(target, by)
         self.run(self.way_s(), lambda: not goal.active)
         self.require(
             goal.status is GoalStatus.REACHED,
             f"a goal {self.from_start(robot, target):.2f} m from the start ended {goal.status.value} ({goal.reason}) "
-            f"within {self.way_s():.0f} s, expected reached: the target did not get through, or is in another frame",
+            f"within {self.way_s():.0f} s, expected reached: {cause}",
         )
         return goal
 
@@ -334,24 +279,10 @@ class Bench:
         return 0.002 if self.truth else 0.002 + 2.0 * self.caps.position_noise_m / TICK_S
 
     def fastest(self, robot: Robot) -> tuple[float, float, float]:
-        """Return the top speed and the top yaw rate seen of a robot, and the share by which they may be off.
-
-        The truth of a wire is read at moments that its simulation does not know: only over some time is a change of
-        pose a speed.
-        """
-        track = self.tracks[robot.id]
-        if not self.truth or self.caps.in_process:
-            speed, rate = max(each.speed_m_s for each in track), max(abs(each.yaw_rate_rad_s) for each in track)
-            return speed, rate, 0.0
-        speed, rate, first = 0.0, 0.0, 0
-        for last, sample in enumerate(track):
-            while first + 1 < last and sample.at_s - track[first + 1].at_s >= _WINDOW_S:
-                first += 1
-            began = track[first]
-            if (dt_s := sample.at_s - began.at_s) >= _WINDOW_S:
-                speed = max(speed, sample.distance_m(began.x_m, began.y_m) / dt_s)
-                rate = max(rate, abs(turn(began.heading_rad, sample.heading_rad)) / dt_s)
-        return speed, rate, (TICK_S + self.caps.setpoint_period_s) / _WINDOW_S
+        """Return the top speed and the top yaw rate seen of a robot, and the share by which they may be off."""
+        window_s = 0.0 if not self.truth or self.caps.in_process else _WINDOW_S
+        off = (TICK_S + self.caps.setpoint_period_s) / window_s if window_s else 0.0
+        return *fastest(self.tracks[robot.id], window_s), off
 
     def way_s(self) -> float:
         """Return a time in which a robot gets anywhere in its room, generously."""
@@ -392,10 +323,11 @@ class Bench:
         Args:
             name: what, with its unit at the end.
             value: as measured.
-            bound: what the capabilities declare.
+            bound: what the capabilities declare, or allow.
             resolution: how far the measurement itself may be off.
             cause: the likely cause of a figure beyond its bound.
         """
         self.figures.append(Figure(name, round(value, 6), bound, round(resolution, 6)))
         if cause is not None and bound is not None and not value <= bound + resolution + ROUNDING:
-            raise Failed(f"{name} is {value:.3f}, declared is {bound:.3f} (resolution {resolution:.3f}): {cause}")
+            word = "declared" if hasattr(self.capabilities, name) else "allowed"
+            raise Failed(f"{name} is {value:.3f}, {word} is {bound:.3f} (resolution {resolution:.3f}): {cause}")

@@ -1,8 +1,9 @@
-"""A process that does nothing but drive one robot, so that the kit can kill it or make it hang."""
+"""Driving robots as a supervisor does; and a process that does nothing else, for the kit to kill or to make hang."""
 
 from __future__ import annotations
 
 import importlib
+import math
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +13,41 @@ from soter.sdk import Controller, Fleet, Waypoint
 
 TICK_S: Final = 0.05
 """How often a lease is renewed: SOTER's base tick."""
+
+ROUNDING: Final = 1e-6
+
+
+def drive_until(
+    fleet: Fleet, until: Callable[[], bool], timeout_s: float, *, renew: bool = True, read: bool = True
+) -> bool:
+    """Tick like a supervisor: sleep, read every robot, renew every lease; until a condition holds.
+
+    Args:
+        fleet: robots that are ready.
+        until: asked after every tick.
+        timeout_s: in fleet time.
+        renew: whether leases are renewed.
+        read: whether states are read.
+
+    Returns:
+        Whether the condition held in time.
+    """
+    clock = fleet.clock
+    start_s = clock.now()
+    tick = 0
+    while clock.now() - start_s < timeout_s - ROUNDING:
+        tick += 1
+        # A grid without drift; where the host was too slow for it, the next tick is the next one still ahead.
+        tick = max(tick, math.ceil((clock.now() - start_s) / TICK_S - ROUNDING))
+        clock.sleep_until(start_s + tick * TICK_S)
+        for robot in fleet.robots:
+            if read:
+                robot.read_state()
+            if renew:
+                robot.renew_lease()
+        if until():
+            return True
+    return False
 
 
 def spawn(opener: str, argument: str, target: Waypoint) -> subprocess.Popen[bytes]:
@@ -29,17 +65,12 @@ def spawn(opener: str, argument: str, target: Waypoint) -> subprocess.Popen[byte
 
 
 def drive(fleet: Fleet, target: Waypoint) -> None:
-    """Put the AC of the first robot in charge, send it to the target, and renew its lease each tick, for ever."""
-    robot, clock = fleet.robots[0], fleet.clock
+    """Put the AC of the first robot in charge, send it to the target, and renew leases each tick, for ever."""
+    robot = fleet.robots[0]
     robot.init(10.0)
     robot.switch_ac_sc(Controller.AC, "conformance")
     robot.goto(target, Controller.AC)
-    due_s = clock.now()
-    while True:
-        due_s = max(due_s + TICK_S, clock.now())
-        clock.sleep_until(due_s)
-        robot.read_state()
-        robot.renew_lease()
+    drive_until(fleet, lambda: False, math.inf)
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from soter.conformance.bench import drive_until
+from soter.conformance.driver import drive_until
 from soter.sdk import Controller, Fleet, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
 

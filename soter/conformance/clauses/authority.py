@@ -19,7 +19,10 @@ def preempts(bench: Bench) -> None:
     bench.require_status(goal, GoalStatus.PREEMPTED, "the goal of a controller that lost charge must end")
     bench.run(1.0, lambda: switch.effective_s is not None)
     effective_s = switch.effective_s
-    bench.require(effective_s is not None, "the switch never became effective")
+    bench.require(
+        effective_s is not None,
+        "a switch was not effective within 1 s: switch_ac_sc() is overridden; fill _hand_over() instead",
+    )
     assert effective_s is not None
     bench.measure(
         "switch_effective_s", effective_s - switch.requested_s, bench.caps.latency_s, 0.0,
@@ -131,7 +134,9 @@ def flood(bench: Bench) -> None:
 
     bench.run(bench.way_s(), spam)
     bench.require(
-        statuses == {GoalStatus.REJECTED}, f"gotos of the other ended {sorted(each.value for each in statuses)}"
+        statuses == {GoalStatus.REJECTED},
+        f"gotos of the controller not in charge are {sorted(each.value for each in statuses)}, expected rejected: "
+        "goto() is overridden",
     )
     bench.require_status(mine, GoalStatus.REACHED, "gotos of the controller not in charge reached the vehicle")
 
@@ -177,4 +182,8 @@ def alternations(bench: Bench) -> None:
         f"after {_ALTERNATIONS} switches {state.controller} is in charge, expected AC: switches are queued or "
         "reordered",
     )
-    bench.go(robot, bench.place(robot, 0.2, 0.4))
+    bench.go(
+        robot,
+        bench.place(robot, 0.2, 0.4),
+        cause=f"after {_ALTERNATIONS} switches the AC is not obeyed: hand-overs are queued, lost or reordered",
+    )

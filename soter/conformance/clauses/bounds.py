@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from soter.conformance.bench import Bench, Sample, turn
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import Sample, turn
 from soter.sdk import Controller, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
@@ -26,7 +27,7 @@ def latency(bench: Bench) -> None:
         sent_s = bench.now_s
         robot.goto(bench.place(robot, 0.6), Controller.AC)
         began = bench.run(bench.caps.latency_s + 3.0, lambda robot=robot: bench.tracks[robot.id][-1].moves)  # type: ignore[misc]
-        bench.require(began, "the robot never moved after a goto")
+        bench.require(began, "it did not move within 3 s of a goto: the target does not get through")
         # When it was first seen to move, and not when the sample that shows it came in, unless it was re-stamped.
         slowest_s = max(slowest_s, bench.tracks[robot.id][-1].at_s - sent_s)
         bench.fleet.close()
@@ -47,7 +48,7 @@ def jitter(bench: Bench) -> None:
         due_s = clock.now() + TICK_S
         clock.sleep_until(due_s)
         late_s = clock.now() - due_s
-        bench.require(late_s >= -1e-6, f"sleep_until() returned {-late_s:.4f} s early")
+        bench.require(late_s >= -1e-6, f"the clock's sleep_until() returned {-late_s:.4f} s early")
         lateness.append(late_s)
     lateness.sort()
     # One in a hundred is left out: a host that is busy for a moment is no fault of the adapter's.

@@ -19,7 +19,10 @@ def sane(bench: Bench) -> None:
     """`declared` is readable on the class before connecting, finite and free of contradictions."""
     (robot,) = bench.open_raw().robots
     declared = getattr(type(robot), "declared", None)
-    bench.require(isinstance(declared, Capabilities), f"declared is a {type(declared).__name__}, not Capabilities")
+    bench.require(
+        isinstance(declared, Capabilities),
+        f"{type(robot).__name__}.declared is a {type(declared).__name__}, expected Capabilities",
+    )
     assert isinstance(declared, Capabilities)
     for name, value in asdict(declared).items():
         if value is None or isinstance(value, bool):
@@ -65,8 +68,7 @@ def unsupported(bench: Bench) -> None:
     bench.require(
         goal.status is not GoalStatus.REACHED or off_m <= target.radius_m + bench.still_m,
         f"a goal 1 m above the ground is REACHED {off_m:.2f} m away from it: the altitude was dropped on the way; "
-        "raise "
-        "Unsupported in _send_goto()",
+        "raise Unsupported in _send_goto()",
     )
 
 
@@ -85,6 +87,5 @@ def deterministic(bench: Bench) -> None:
     bench.require(
         runs[0] == runs[1],
         f"two runs of the same calls agree in {same} of {len(runs[0])} samples only: host time, an unseeded random "
-        "number "
-        "or state left from the run before got in; or declare deterministic=False",
+        "number or state left from the run before got in; or declare deterministic=False",
     )

@@ -36,8 +36,7 @@ def silence(bench: Bench) -> None:
     bench.require(
         slipped <= bench.still_m,
         f"{allowed_s:.2f} s after the last call it still moves, {slipped:.3f} m within another second: the last "
-        "set-point is "
-        "repeated for ever, or a timer or thread renews the lease" + _RENEWED,
+        "set-point is repeated for ever, or a timer or thread renews the lease" + _RENEWED,
     )
     allowed_m = caps.v_max_m_s * (allowed_s + caps.sample_age_s)
     bench.measure(
@@ -81,9 +80,8 @@ def goto(bench: Bench) -> None:
     slipped = later.distance_m(rest.x_m, rest.y_m)
     bench.require(
         slipped <= bench.still_m,
-        f"{allowed_s:.2f} s after the last renewal it still moves while gotos are sent, {slipped:.3f} m within half "
-        "a second: "
-        "goto() renews the lease, so that a runaway controller keeps itself alive" + _RENEWED,
+        f"{allowed_s:.2f} s after the last renewal it still moves while gotos are sent, {slipped:.3f} m within half a "
+        "second: goto() renews the lease, so that a runaway controller keeps itself alive" + _RENEWED,
     )
 
 
@@ -103,9 +101,8 @@ def kept_alive(bench: Bench) -> None:
     slowest = min(sample.speed_m_s for sample in seen)
     bench.require(
         slowest > _MOVING_SHARE * bench.caps.v_max_m_s,
-        f"with the lease renewed every {TICK_S:g} s the robot slowed down to {slowest:.2f} m/s on the way: renewals "
-        "do not get "
-        "through, or the lease is shorter than declared",
+        f"with the lease renewed every {TICK_S:g} s the robot slowed down to {slowest:.2f} m/s on the way: renewals do "
+        "not get through, or the lease is shorter than declared",
     )
 
 

@@ -43,8 +43,7 @@ def superseded(bench: Bench) -> None:
     bench.require(
         nearer <= allowed + bench.still_m,
         f"after it was superseded, the robot went on to the old target for {nearer:.2f} m, allowed {allowed:.2f} m: "
-        "targets "
-        "are queued instead of replaced",
+        "targets are queued instead of replaced",
     )
     bench.run(SETTLE_S)
     bench.expect_still(robot, 2.0, "the old target is driven to after the new one")
@@ -60,7 +59,7 @@ def cancel(bench: Bench) -> None:
     goal.cancel()
     bench.require_status(goal, GoalStatus.CANCELLED, "_cancel() is overridden")
     bench.expect_stop(robot, called_s, "_halt() does nothing, or is not passed on to the vehicle")
-    bench.go(robot, bench.place(robot, 0.2, 0.2))
+    bench.go(robot, bench.place(robot, 0.2, 0.2), cause="after a cancel the robot takes no new goal")
 
 
 @clause("goal.cancel_own")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from functools import partial
 
-from soter.conformance.bench import STILL_RAD, Bench, turn
+from soter.conformance.bench import STILL_RAD, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import turn
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Waypoint
 
@@ -24,9 +25,8 @@ def returns_at_once(bench: Bench) -> None:
     took_s, passed_s = (time.perf_counter() - host_s) / 10, bench.now_s - before_s
     bench.require(
         passed_s <= (0.0 if bench.caps.in_process else 10 * _HOST_S) and took_s <= _HOST_S,
-        f"goto() took {took_s:.3f} s of host time, and {passed_s / 10:.2f} s of fleet time: it waits for an answer "
-        "or for "
-        "arrival; send, and let read_state() find out",
+        f"goto() took {took_s:.3f} s of host time, and {passed_s / 10:.2f} s of fleet time: it waits for an answer or "
+        "for arrival; send, and let read_state() find out",
     )
 
 
@@ -42,9 +42,8 @@ def arrives(bench: Bench) -> None:
         slack = bench.caps.position_noise_m + bench.caps.v_max_m_s * bench.caps.sample_age_s if bench.truth else 0.0
         bench.require(
             off_m <= target.radius_m + slack + 1e-9,
-            f"the goal is REACHED at {off_m:.3f} m from its target, its radius is {target.radius_m:g} m: arrival "
-            "must be "
-            "judged from state with the goal's own radius, not by the vehicle's word",
+            f"the goal is REACHED at {off_m:.3f} m from its target, its radius is {target.radius_m:g} m: arrival must "
+            "be judged from state with the goal's own radius, not by the vehicle's word",
         )
 
 
@@ -125,8 +124,7 @@ def heading(bench: Bench) -> None:
     bench.require(
         off <= 0.1,
         f"it stands with a heading {off:.2f} rad off the one asked for: the heading was dropped (raise Unsupported), "
-        "or "
-        "its sign or zero is another frame's",
+        "or its sign or zero is another frame's",
     )
 
 
@@ -216,7 +214,11 @@ def flood(bench: Bench) -> None:
     bench.go(robot, target)
     bench.run(2.0)
     ended = {goal.status for goal in goals}
-    bench.require(ended == {GoalStatus.SUPERSEDED}, f"superseded goals ended {sorted(each.value for each in ended)}")
+    bench.require(
+        ended == {GoalStatus.SUPERSEDED},
+        f"of 200 goals that were replaced some are {sorted(each.value for each in ended)}, expected superseded: goto() "
+        "or read_state() is overridden",
+    )
     strayed = max(
         abs(turn(before.heading_rad, each.heading_rad)) if each.speed_m_s > 0.05 else 0.0
         for each in bench.since(robot, began_s)
@@ -224,9 +226,8 @@ def flood(bench: Bench) -> None:
     off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
     bench.require(
         strayed <= 0.2 and off_m <= target.radius_m + bench.caps.overshoot_m + bench.still_m,
-        f"on the way to the last of 201 targets, straight ahead, it drove {strayed:.2f} rad off, and 2 s after "
-        "arrival it "
-        f"is {off_m:.2f} m away: older targets are queued and replayed; keep only the latest",
+        f"on the way to the last of 201 targets, straight ahead, it drove {strayed:.2f} rad off, and 2 s after arrival "
+        f"it is {off_m:.2f} m away: older targets are queued and replayed; keep only the latest",
     )
     bench.expect_still(
         robot, 2.0, f"older targets are queued and replayed (turned by more than {STILL_RAD} rad, or moved)"

@@ -45,7 +45,7 @@ def init_twice(bench: Bench) -> None:
     """A second init() raises LifecycleError and changes nothing."""
     robot = bench.open_one()
     bench.require_raises(LifecycleError, lambda: robot.init(1.0), "a second init()")
-    bench.go(robot, bench.place(robot, 0.4))
+    bench.go(robot, bench.place(robot, 0.4), cause="after a second init() the robot does not obey any more")
 
 
 @clause("lifecycle.after_close")
@@ -109,4 +109,8 @@ def reopen(bench: Bench) -> None:
     bench.harness.close()
     again = bench.open_one()
     bench.expect_still(again, 1.0, "a target of the fleet before is still alive")
-    bench.go(again, bench.place(again, 0.4))
+    bench.go(
+        again,
+        bench.place(again, 0.4),
+        cause="it went there before it was closed: _disconnect() or Fleet._close() leaves something behind",
+    )

@@ -40,9 +40,8 @@ def age(bench: Bench) -> None:
     bench.measure("age_after_cut_s", grown_s, waited_s, bench.caps.sample_age_s + bench.caps.latency_s + TICK_S)
     bench.require(
         grown_s >= waited_s - bench.caps.latency_s - TICK_S,
-        f"{waited_s:.1f} s after the link was cut the sample is said to be {grown_s:.2f} s old: it is stamped when "
-        "it is read, or "
-        "its age is computed in the receiving thread",
+        f"{waited_s:.1f} s after the link was cut the sample is said to be {grown_s:.2f} s old: it is stamped when it "
+        "is read, or its age is computed in the receiving thread",
     )
     bench.require(
         links[-1] is Link.DOWN and Link.STALE in links,
@@ -99,7 +98,9 @@ def reconnects(bench: Bench) -> None:
     bench.require(
         came_back, "5 s after the link came back no new sample has arrived: the adapter must reconnect by itself"
     )
-    bench.go(robot, bench.place(robot, -0.2, 0.3))
+    bench.go(
+        robot, bench.place(robot, -0.2, 0.3), cause="samples came back with the link, but the way to the robot did not"
+    )
     bench.run(SETTLE_S)
     bench.expect_still(robot, 1.0, "what was sent while the link was cut is delivered late")
 
@@ -110,7 +111,12 @@ def one_of_two(bench: Bench) -> None:
     first, second = bench.open(2)
     bench.harness.cut(first.id)
     bench.run(1.0)
-    bench.go(second, bench.place(second, 0.5))
+    bench.go(
+        second,
+        bench.place(second, 0.5),
+        cause=f"robot {second.id} is held up by robot {first.id}, whose link is cut: a call waits for it, or one "
+        "thread serves both",
+    )
 
 
 @clause("link.switch_is_not_lost", tier=Tier.WIRE, hooks=("loss",))
@@ -149,8 +155,7 @@ def delay(bench: Bench) -> None:
     bench.require(
         grown_s >= 0.5 * late_s - TICK_S / 2,
         f"with every message {late_s:.3f} s later samples are said to be {grown_s:.3f} s older: they are stamped on "
-        "arrival; "
-        "stamp them by the vehicle's clock",
+        "arrival; stamp them by the vehicle's clock",
     )
     # A vehicle may refuse renewals that are older than the lease.
     bench.harness.delay(0.25 * bench.caps.lease_s)

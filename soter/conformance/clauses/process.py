@@ -44,8 +44,7 @@ def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: st
     bench.require(
         slipped <= bench.still_m,
         f"{waited_s:.2f} s after its driver {how} the robot still moves, {slipped:.3f} m within another second: the "
-        "last "
-        "set-point lives on; the lease must be on the robot's own side",
+        "last set-point lives on; the lease must be on the robot's own side",
     )
     bench.measure(
         "orphaned_run_m", math.dist(before[:2], rest[:2]), caps.v_max_m_s * (allowed_s + 0.1), bench.still_m,
@@ -65,7 +64,11 @@ def _see_it_move(bench: Bench, process: subprocess.Popen[bytes], target: Waypoin
         if math.dist(first, (x_m, y_m)) > fast and math.dist((target.x_m, target.y_m), (x_m, y_m)) > 2 * fast:
             return
         time.sleep(_LOOK_S / bench.harness.speedup)
-    bench.require(False, f"within {_UP_S:g} s the driver did not get the robot to move")
+    bench.require(
+        False,
+        f"within {_UP_S:g} s the driver did not get the robot to move: start_driver() leads to another robot than "
+        "observe() watches, or the driver does not get ready",
+    )
 
 
 @clause("process.killed", tier=Tier.WIRE, hooks=_HOOKS)

@@ -20,14 +20,14 @@ def ids(bench: Bench) -> None:
     for robot in robots:
         sample = bench.look(robot)
         bench.require(
-            sample.state.robot_id == robot.id, f"robot {robot.id} hands out samples of {sample.state.robot_id}"
+            sample.state.robot_id == robot.id,
+            f"robot {robot.id} hands out a sample of robot {sample.state.robot_id}: keep samples by whom they are from",
         )
         off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
         bench.require(
             off_m <= bench.caps.position_noise_m + 0.02,
             f"robot {robot.id} stands {off_m:.2f} m from its start: it has another robot's samples (check whom a "
-            "message is "
-            "from, not who sent last)",
+            "message is from, not who sent last)",
         )
     apart = math.dist((robots[0].spec.x_m, robots[0].spec.y_m), (robots[1].spec.x_m, robots[1].spec.y_m))
     bench.require(apart >= bench.harness.room_m - 1e-6, "the rooms of the two robots overlap: correct the harness")
@@ -45,9 +45,8 @@ def goto(bench: Bench) -> None:
         moved = after.distance_m(before.x_m, before.y_m)
         bench.require(
             moved <= bench.still_m,
-            f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the "
-            "wrong robot, "
-            "or broadcast",
+            f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the wrong "
+            "robot, or broadcast",
         )
         bench.require_status(goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it")
         bench.run(SETTLE_S)
@@ -65,7 +64,8 @@ def switch(bench: Bench) -> None:
     states = [bench.look(robot).state.controller for robot in (first, second)]
     bench.require(
         states in ([Controller.AC, Controller.SC], [None, None]),
-        f"robot {first.id} reports {states[0]} in charge and robot {second.id} {states[1]}, expected AC and SC",
+        f"robot {first.id} reports {states[0]} in charge and robot {second.id} {states[1]}, expected AC and SC: "
+        "hand-overs are addressed to the wrong robot, or reports are taken for another's",
     )
 
 
@@ -91,8 +91,7 @@ def lease(bench: Bench) -> None:
     bench.require(
         moved <= bench.still_m,
         f"robot {second.id} went on by {moved:.2f} m without a renewal while robot {first.id} was renewed: the lease "
-        "is the "
-        "fleet's instead of the robot's",
+        "is the fleet's instead of the robot's",
     )
 
 

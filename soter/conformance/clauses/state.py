@@ -6,9 +6,10 @@ import math
 import time
 from itertools import pairwise
 
-from soter.conformance.bench import STILL_RAD, Bench, Sample, turn
+from soter.conformance.bench import STILL_RAD, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import Sample, turn
 from soter.sdk import Link, Robot
 
 _FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
@@ -51,7 +52,11 @@ def ranges(bench: Bench) -> None:
             state.battery is None or 0.0 <= state.battery <= 1.0,
             f"battery is {state.battery}, allowed: 0 to 1: percent, or volts?",
         )
-        bench.require(state.robot_id == robot.id, f"robot {robot.id} hands out a sample of robot {state.robot_id}")
+        bench.require(
+            state.robot_id == robot.id,
+            f"robot {robot.id} hands out a sample of robot {state.robot_id}: robot_id is the id of its spec, whatever "
+            "the vehicle calls itself",
+        )
         bench.require(
             state.link is Link.UP, f"the link is {state.link.value} while nothing is wrong: samples come too seldom"
         )
@@ -77,8 +82,7 @@ def start(bench: Bench) -> None:
     bench.require(
         off_rad <= 0.1,
         f"the robot looks to {spec.heading_rad:.2f} rad, its sample says {sample.heading_rad:.2f}: headings are "
-        "radians, "
-        "counter-clockwise from east (a compass counts clockwise from north, and in degrees)",
+        "radians, counter-clockwise from east (a compass counts clockwise from north, and in degrees)",
     )
 
 
@@ -175,9 +179,8 @@ def fresh(bench: Bench) -> None:
         moved = second.distance_m(first.x_m, first.y_m)
         bench.require(
             abs(moved - expected) <= 0.5 * expected + bench.still_m / 2,
-            f"between the stamps {first.at_s:.2f} and {second.at_s:.2f} s the position moved by {moved:.4f} m, at "
-            "that speed "
-            f"expected {expected:.4f} m: old samples get new stamps; stamp them where they are measured",
+            f"between the stamps {first.at_s:.2f} and {second.at_s:.2f} s the position moved by {moved:.4f} m, at that "
+            f"speed expected {expected:.4f} m: old samples get new stamps; stamp them where they are measured",
         )
 
 
@@ -242,6 +245,5 @@ def never_waits(bench: Bench) -> None:
     bench.require(
         slowest_s / 250 < 0.01 and (passed_s == 0.0 or not bench.caps.in_process),
         f"read_state() took {slowest_s / 250 * 1e3:.1f} ms of host time and up to {passed_s:.3f} s of fleet time: it "
-        "waits "
-        "for a message; take the latest instead",
+        "waits for a message; take the latest instead",
     )
