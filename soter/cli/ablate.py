@@ -70,7 +70,7 @@ def ablate(
     """
     with guard():
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output
+        from soter.cli.outputs import Output, json_output, refuse_clashes
         from soter.cli.overrides import load_with_engine, merge
         from soter.runner.ablate import Plan, variants
 
@@ -85,6 +85,7 @@ def ablate(
                 typer.echo(f"{variant.group}/{variant.name}")
             return
         loaded.read_workspace()
+        refuse_clashes({"--json": json, "--markdown": markdown}, (mission, loaded.workspace))
         json_file = None if json is None else json_output(json)
         page = None if markdown is None else Output(markdown, "--markdown")
         plan = Plan(mission, overrides, _numbers(seeds), force_ill_formed)

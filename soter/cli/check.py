@@ -86,11 +86,13 @@ def check(
     """
     with guard():
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, picture_output
+        from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes
         from soter.errors import ConfigError
 
         if (target is None) == (replay is None):
             raise ConfigError("say what to check: a mission file, module:NAME, or --replay FILE, one of them")
+        outputs = {"--json": json, "--picture": picture, "--counterexample": counterexample}
+        refuse_clashes(outputs, [Path(read) for read in (target, replay) if read is not None])
         json_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         example_file = None if counterexample is None else Output(counterexample, "--counterexample")

@@ -59,7 +59,7 @@ def conform(
         import sys
 
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, StandardOutput, json_output
+        from soter.cli.outputs import Output, StandardOutput, json_output, refuse_clashes
         from soter.conformance import Overall, find_harness, judge, select
         from soter.errors import ConfigError
 
@@ -75,6 +75,7 @@ def conform(
             raise ConfigError("say which: a backend's name, or module:Harness; `soter backends` lists the backends")
         if str(json) == "-" == str(junit):
             raise ConfigError("--json and --junit cannot both go to standard output", source="command line")
+        refuse_clashes({"--json": json, "--junit": junit})
         json_file = None if json is None else json_output(json)
         junit_file = None if junit is None else StandardOutput() if str(junit) == "-" else Output(junit, "--junit")
         harness = find_harness(adapter)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -75,6 +76,30 @@ class StandardOutput:
         """Write the data, and an end of line."""
         sys.stdout.write(data.decode())
         sys.stdout.flush()
+
+
+def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = ()) -> None:
+    """Refuse what would be lost: a file that two options name, or one that the command reads.
+
+    Args:
+        outputs: by option; None means not given. Pipes and devices may be named twice.
+        inputs: the files that the command reads.
+
+    Raises:
+        ConfigError: names the option and what the file is already.
+    """
+    taken = {path.resolve(): "the command reads it" for path in inputs}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        target = path.resolve()
+        if target.exists() and not target.is_file():
+            continue
+        if target in taken:
+            raise ConfigError(
+                f"'{path}' would be overwritten: {taken[target]}; name another file", source="command line", key=option
+            )
+        taken[target] = f"{option} names it too"
 
 
 def json_output(path: Path) -> Output | StandardOutput:

@@ -47,16 +47,13 @@ def report(
 ) -> None:  # fmt: skip
     """Make a page of a recording that plays it in any browser, without a network."""
     with guard():
-        from soter.cli.outputs import Output, picture_output
-        from soter.errors import ConfigError
+        from soter.cli.outputs import Output, picture_output, refuse_clashes
         from soter.record.reader import Recording
 
         opened = Recording(recording)
         if output is None and png is None and gif is None:
             output = recording.with_suffix(".html")
-        for option, path in (("--output", output), ("--png", png), ("--gif", gif)):
-            if path is not None and path.resolve() == recording.resolve():
-                raise ConfigError(f"'{path}' is the recording itself", source="command line", key=option)
+        refuse_clashes({"--output": output, "--png": png, "--gif": gif}, [recording])
         page_file = None if output is None else Output(output, "--output")
         png_file = None if png is None else picture_output(png, "--png")
         gif_file = None if gif is None else picture_output(gif, "--gif", ".gif")

@@ -109,7 +109,7 @@ def run(
     """
     with guard():
         from soter.cli.live import wanted_views
-        from soter.cli.outputs import json_output, picture_output
+        from soter.cli.outputs import json_output, picture_output, refuse_clashes
         from soter.cli.overrides import load_with_engine, merge, module_list
         from soter.cli.recordings import recording_path, unless_recorded
         from soter.errors import ConfigError
@@ -128,6 +128,7 @@ def run(
             "rta.modules": None if modules is None else module_list(modules),
         }
         loaded = load_with_engine(mission, merge(options, settings or []), engine)
+        refuse_clashes({"--json": json, "--picture": picture, "--record": record}, (mission, loaded.workspace))
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         views = wanted_views(live, live_port, foxglove, foxglove_port)

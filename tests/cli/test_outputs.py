@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from soter.cli.outputs import Output, StandardOutput, json_output, picture_output
+from soter.cli.outputs import Output, StandardOutput, json_output, picture_output, refuse_clashes
 from soter.errors import ConfigError
 
 
@@ -79,6 +79,22 @@ def test_a_file_that_may_not_be_written_is_refused(tmp_path: Path, monkeypatch: 
 def test_a_name_that_is_too_long_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="too long"):
         Output(tmp_path / ("x" * 300), "--json")
+
+
+def test_one_file_is_not_written_twice(tmp_path: Path) -> None:
+    refuse_clashes({"--json": tmp_path / "a", "--record": tmp_path / "b", "--picture": None})
+    (tmp_path / "link").symlink_to("a")
+    with pytest.raises(ConfigError, match=r"--record: '.*link' would be overwritten: --json names it too"):
+        refuse_clashes({"--json": tmp_path / "a", "--record": tmp_path / "link"})
+
+
+def test_what_a_command_reads_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--json: '.*mission.toml' would be overwritten: the command reads it"):
+        refuse_clashes({"--json": tmp_path / "absent" / ".." / "mission.toml"}, [tmp_path / "mission.toml"])
+
+
+def test_a_device_may_be_written_twice() -> None:
+    refuse_clashes({"--json": Path("/dev/null"), "--record": Path("/dev/null")})
 
 
 def test_a_dash_is_standard_output(capsys: pytest.CaptureFixture[str]) -> None:

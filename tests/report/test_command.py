@@ -91,7 +91,7 @@ def test_the_recording_is_not_overwritten(path: Path) -> None:
     done = ran(path, "-o", path)
     assert done.exit_code == 2
     assert "--output" in done.stderr
-    assert "is the recording itself" in done.stderr
+    assert "would be overwritten: the command reads it" in done.stderr
     assert path.read_bytes() == before
 
 
