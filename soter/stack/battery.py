@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from soter.errors import IllFormedModule
 from soter.rta import Region, Situation, Topic
 from soter.sdk import Waypoint
 from soter.stack.recovery import RecoveryPlanner
+from soter.stack.right_of_way import BATTERY
 from soter.stack.routes import Rectangle, Routes
 from soter.stack.safe_controller import SafeController
 from soter.stack.terrain import Point, Terrain
@@ -64,6 +66,23 @@ class Dock:
             found_m = self.routes.distance_m(x_m, y_m)
             self._answer_m = self.longest_m if found_m == math.inf else found_m
         return self._answer_m
+
+    def check_way_from(self, x_m: float, y_m: float) -> None:
+        """Check that there is a way home from a point.
+
+        Raises:
+            IllFormedModule: there is none, so that no safe controller could bring the robot to its charger.
+        """
+        if self.routes.distance_m(x_m, y_m) == math.inf:
+            gap_m = 2.0 * (self._terrain.body_radius_m + self._clearance_m)
+            raise IllFormedModule(
+                BATTERY,
+                "P2b",
+                f"there is no way from ({x_m:g}, {y_m:g}), where the robot starts, to the middle of its charging "
+                f"station at ({self.place[0]:g}, {self.place[1]:g}) that keeps {self._clearance_m:.3g} m from all "
+                f"boxes and {max(self._inset_m, 0.0):.3g} m from the fence; gaps of {gap_m:.3g} m between boxes, or "
+                "a start and a station on the same side of them, would do",
+            )
 
     def way(self, x_m: float, y_m: float) -> list[Point]:
         """Return the legs of the static way home; straight home where none is seen, as far as that is certified."""

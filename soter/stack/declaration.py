@@ -21,7 +21,7 @@ from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.refuge import RefugeFinder
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT, Retreat
-from soter.stack.terrain import Terrain
+from soter.stack.terrain import Point, Terrain
 from soter.stack.user_modules import ModuleKit, declare_own
 from soter.workspace import Workspace
 
@@ -71,6 +71,7 @@ class Declared:
         recovery: makes and certifies the legs.
         refuges: finds where to retreat to.
         dock: the way home.
+        start: where the robot starts.
         timing: what the robot adds to every horizon.
         own: the user's modules, those that are off included: their rules can be judged all the same.
     """
@@ -79,6 +80,7 @@ class Declared:
     recovery: RecoveryPlanner
     refuges: RefugeFinder
     dock: Dock
+    start: Point
     timing: Timing
     own: tuple[RTAModule, ...] = ()
 
@@ -90,6 +92,8 @@ class Declared:
         """
         for module in self.modules:
             module.check(self.timing, base_tick_s)
+            if module.name == BATTERY:
+                self.dock.check_way_from(*self.start)
             if module.name == COLLISION:
                 check_halves(module, self.timing, self.recovery.leg_m(self.timing.sample_age_s))
 
@@ -135,9 +139,10 @@ def declare(
     recovery = RecoveryPlanner(
         terrain, capabilities, _rules(mission), mission.base_tick_s, peers.noise_m, peers.v_max_m_s
     )
+    place = next(place for place in workspace.robots if place.id == robot_id)
     dock = Dock(
         terrain,
-        next(place.charger for place in workspace.robots if place.id == robot_id),
+        place.charger,
         _home_clearance_m(mission, capabilities),
         _inset_m(mission, capabilities),
         _cost_per_m(mission, capabilities),
@@ -219,7 +224,7 @@ def declare(
         )  # fmt: skip
         own_modules[name] = declare_own(mission, own, kit, waypoint)
     declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in enabled(mission))
-    return Declared(declared, recovery, refuges, dock, timing, tuple(own_modules.values()))
+    return Declared(declared, recovery, refuges, dock, (place.x_m, place.y_m), timing, tuple(own_modules.values()))
 
 
 def _rules(mission: Mission) -> RecoveryRules:

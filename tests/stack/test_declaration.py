@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from soter.config import load_mission
+from soter.errors import IllFormedModule
 from soter.registry import load_backend
 from soter.runner.speedup import declare_all
 from soter.stack.terrain import Terrain
@@ -39,3 +40,25 @@ def test_ways_home_keep_clear_of_where_the_obstacle_module_steps_in(late_s: floa
         assert way[-1] == robot.dock.place
         for a, b in pairwise(way[1:]):
             assert terrain.segment_clearance_m(*a, *b) >= acts_m
+
+
+def test_a_station_behind_a_wall_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    """No safe controller could bring the robot there, and it would run flat."""
+    (tmp_path / "room.xml").write_text(
+        """<configuration>
+          <dimension x="5" y="4" z="1"/>
+          <robots><robot id="1"><start x="1" y="1"/></robot></robots>
+          <obstacles>
+            <box><low x="0" y="1.9" z="0"/><high x="4.5" y="2.1" z="1"/></box>
+            <box><low x="4.99" y="1.9" z="0"/><high x="5" y="2.1" z="1"/></box>
+          </obstacles>
+          <charging_stations><box><low x="0.8" y="2.8" z="0"/><high x="1.2" y="3.2" z="0"/></box></charging_stations>
+        </configuration>"""
+    )
+    (tmp_path / "mission.toml").write_text('workspace = "room.xml"\nbackend = "kinematic"\n')
+    promised = {1: load_backend("kinematic").robot_class.declared}
+    mission = load_mission(tmp_path / "mission.toml")
+    with pytest.raises(IllFormedModule, match=r"'battery' .*\(P2b\): there is no way from \(1, 1\).* gaps of 0\.51 m"):
+        declare_all(mission, mission.read_workspace(), promised)[1].check(mission.base_tick_s)
+    others = load_mission(tmp_path / "mission.toml", {"rta.modules": ["obstacle", "geofence"]})
+    declare_all(others, others.read_workspace(), promised)[1].check(others.base_tick_s)
