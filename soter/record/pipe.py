@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import io
 import os
 import select
 import subprocess
@@ -21,6 +22,9 @@ CAPACITY_BYTES: Final = 1 << 20
 
 BUSY_CAPACITY_BYTES: Final = 1 << 18
 """The same in virtual time: what is in the pipe is not in the file yet."""
+
+HELD_BYTES: Final = 1 << 24
+"""What one frame may have: the run holds what the pipe does not take, up to a frame."""
 
 _KILLED: Final = "its writer was killed"
 
@@ -47,15 +51,16 @@ class WriterPipe:
 
     def __init__(self, path: Path, *, waits: bool) -> None:
         self._waits: Final = waits
-        self._rest = memoryview(b"")
         self.failure = ""
         file_fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
         try:
-            source, self._sink = os.pipe()
+            source, sink = os.pipe()
         except OSError:
             os.close(file_fd)
             raise
-        capacity = _resized(self._sink, BUSY_CAPACITY_BYTES if waits else CAPACITY_BYTES)
+        # A buffer knows to the byte what has gone, even if the handler of a signal raises within a write.
+        self._sink: Final = io.BufferedWriter(io.FileIO(sink, "wb"), HELD_BYTES)
+        capacity = _resized(sink, BUSY_CAPACITY_BYTES if waits else CAPACITY_BYTES)
         # The writer is found where this module was, whatever made it importable.
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)}
         how = [] if waits else ["nice"]
@@ -70,12 +75,11 @@ class WriterPipe:
                 start_new_session=True,
             )
         except BaseException:
-            os.close(self._sink)
+            self._sink.close()
             raise
         finally:
             os.close(source)
             os.close(file_fd)
-        os.set_blocking(self._sink, waits)
 
     @property
     def pid(self) -> int:
@@ -86,23 +90,22 @@ class WriterPipe:
         """Pass a frame on; return False if it was dropped, because the writer does not follow or has ended."""
         if self.failure:
             return False
+        if len(frame) > HELD_BYTES:
+            self.failure = f"a frame of {len(frame)} bytes is too large for its writer, which takes {HELD_BYTES}"
+            return False
         try:
-            if len(self._rest):
-                self._push()
-                if len(self._rest):
-                    return False
-            self._rest = memoryview(frame)
-            self._push()
+            if not self._pushed():
+                return False
+            self._sink.write(frame)
+            self._pushed()
         except BrokenPipeError:
             self._gone()
-            return False
-        if len(self._rest) == len(frame):
-            self._rest = memoryview(b"")
             return False
         return True
 
     def wait_ready(self) -> None:
         """Wait until the first frame stands in the file, for at most `READY_S`: nothing is recorded before that."""
+        os.set_blocking(self._sink.fileno(), self._waits)
         out = self._process.stdout
         if self.failure or out is None or not select.select([out], [], [], READY_S)[0]:
             return
@@ -114,11 +117,11 @@ class WriterPipe:
         """Send a last frame and end the writer; wait for at most `CLOSE_S`. Empty if the run has nothing to say."""
         if not self.failure:
             try:
-                self._waits_until(time.monotonic() + CLOSE_S, last)
+                self._end(last)
             except BrokenPipeError:
                 self._gone()
         with contextlib.suppress(OSError):
-            os.close(self._sink)
+            self._sink.close()
         try:
             said, _ = self._process.communicate(timeout=CLOSE_S)
         except subprocess.TimeoutExpired:
@@ -130,22 +133,30 @@ class WriterPipe:
         except msgspec.DecodeError:
             return Outcome(_KILLED)
 
-    def _push(self) -> None:
-        while len(self._rest):
-            try:
-                sent = os.write(self._sink, self._rest)
-            except BlockingIOError:
-                return
-            # Kept up to date in every round: a signal's handler may raise in the next.
-            self._rest = self._rest[sent:]
+    def _pushed(self) -> bool:
+        """Pass on what is held; return whether nothing is left of it."""
+        try:
+            self._sink.flush()
+        except BlockingIOError:
+            return False
+        return True
 
-    def _waits_until(self, until_s: float, last: bytes) -> None:
-        os.set_blocking(self._sink, False)
-        for frame in (self._rest, memoryview(last)):
-            self._rest = frame
-            while len(self._rest) and time.monotonic() < until_s:
-                select.select([], [self._sink], [], max(0.0, until_s - time.monotonic()))
-                self._push()
+    def _end(self, last: bytes) -> None:
+        """Send a last frame; wait for that, even where the run does not wait otherwise."""
+        os.set_blocking(self._sink.fileno(), False)
+        until_s = time.monotonic() + CLOSE_S
+        sent = self._drained(until_s) and self.send(last) and self._drained(until_s)
+        if not sent and not self.failure:
+            self.failure = f"its writer, process {self.pid}, did not take its end within {CLOSE_S:g} s"
+
+    def _drained(self, until_s: float) -> bool:
+        """Pass on what is held, and wait for that; return whether nothing is left of it."""
+        while not self._pushed():
+            left_s = until_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            select.select([], [self._sink], [], left_s)
+        return True
 
     def _gone(self) -> None:
         """Learn why the writer has ended; it says so before it lets go of the pipe."""

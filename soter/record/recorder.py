@@ -37,7 +37,8 @@ TOGETHER: Final = 8
 system for each would cost more than all the rest. On a wall clock every tick crosses at once."""
 
 TOGETHER_NS: Final = 20_000_000
-"""Host time between the first and the last of them at most."""
+"""Host time for which the first of them may be held back. A tick is held back only if the next one, should it take as
+long as this one did, comes within it: where ticks are slow, every tick crosses at once, too."""
 
 _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
 
@@ -102,6 +103,7 @@ class Recorder:
         self._events: list[PendingEvent] = []
         self._ticks: Final[list[Tick]] = []
         self._now_s = 0.0
+        self._host_ns = 0
         self._truth: Truth | None = None
         self._faults: Callable[[], Sequence[FaultStatus]] = tuple
         self._violations: dict[tuple[str, tuple[int, ...], float], bool] = {}
@@ -213,33 +215,34 @@ class Recorder:
         for peer in self._peers:
             self._note(peer.message(now_s))
         rows = [_row(robot, tap) for robot, tap in self._robots]
-        first, lost = self._lost
-        if lost:
-            self._note(Drop(now_s, first, lost))
+        self._note_lost()
         host_ns, ticks = time.time_ns(), self._ticks
+        took_ns, self._host_ns = host_ns - self._host_ns, host_ns
         ticks.append(Tick(tick, now_s, host_ns, rows, self._events))  # type: ignore[arg-type]
         self._events = []
-        if self._waits and len(ticks) < TOGETHER and host_ns - ticks[0].host_ns < TOGETHER_NS:
+        if self._waits and len(ticks) < TOGETHER and host_ns + took_ns - ticks[0].host_ns < TOGETHER_NS:
             return
         sent = self._send(pipe, self._packed_ticks())
         if sent:
             self._lost = (0, 0)
         elif not pipe.failure:
+            first, lost = self._lost
             self._lost = (first if lost else tick, lost + 1)
             self._dropped += 1
 
     def finish(self, result_json: bytes) -> None:
         """Add the result of a run that has come to an end, by itself or not."""
         self._look(self._now_s)
-        self._last = packed(Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
-        self._events = []
+        self._last = self._packed_end(result_json)
 
     # --- the end ---------------------------------------------------------------------------------------------
 
     def close(self) -> RecordingReport:
         """Close the file; return how it went. Idempotent. On a wall clock, stop the robots first: it takes its time."""
         if self._report is None:
-            outcome = Outcome() if self._pipe is None else self._pipe.close(self._packed_ticks() + self._last)
+            # A run that did not come to an end has no result, but what happened in its last tick.
+            last = self._packed_ticks() + (self._last or self._packed_end(b""))
+            outcome = Outcome() if self._pipe is None else self._pipe.close(last)
             self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes)
             self._say(outcome.failure, "")
         return self._report
@@ -254,6 +257,17 @@ class Recorder:
 
     def _note(self, event: Event | Way) -> None:
         self._events.append((WAY if isinstance(event, Way) else _INDEX[type(event)], event))
+
+    def _note_lost(self) -> None:
+        first, lost = self._lost
+        if lost:
+            self._note(Drop(self._now_s, first, lost))
+
+    def _packed_end(self, result_json: bytes) -> bytes:
+        self._note_lost()
+        frame = packed(Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
+        self._events = []
+        return frame
 
     def _packed_ticks(self) -> bytes:
         """Return the ticks that have not crossed yet, as a frame; nothing if there are none."""

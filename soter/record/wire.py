@@ -101,11 +101,11 @@ class Ticks(Struct, array_like=True, tag=1, gc=False):
 
 
 class Finish(Struct, array_like=True, tag=2):
-    """The last frame, of a run that came to an end.
+    """The last frame.
 
     Attributes:
         time_s: fleet time.
-        result: the result as JSON.
+        result: the result as JSON; empty if the run did not come to an end.
         events: what happened since the last tick, as there.
     """
 

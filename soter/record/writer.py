@@ -86,7 +86,8 @@ class Scribe:
                 self._tick(tick)
         else:
             self._note(frame.events)
-            self._file.attach(RESULT_JSON, frame.result, _MEDIA_TYPES[".json"])
+            if frame.result:
+                self._file.attach(RESULT_JSON, frame.result, _MEDIA_TYPES[".json"])
 
     def _start(self, begin: Begin) -> None:
         self._begin = begin
