@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final, Protocol
 
-from soter.rta.module import Region, RTAModule, Timing
+from soter.rta.module import Region, RTAModule, Timing, plain
 from soter.rta.monitors import ModuleMonitor
 from soter.rta.situation import Mode, Situation
 
@@ -131,12 +131,12 @@ class DecisionModule:
         phi_safe, model = self._phi_safe, self._model
         if phi_safe is None or model is None:
             return self._predicted_to_fail(situation)
-        margin = phi_safe.margin(situation)
+        margin = plain(phi_safe.margin(situation))
         age_s = situation.age_s
         if age_s == 0.0 and self._fixed_reach == self._fixed_reach:
             reach = self._fixed_reach
         else:
-            reach = model.reach(situation, self._look_s + age_s)
+            reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
         # Written so that a margin that is not a number counts as danger.
         if margin - self._noise - reach >= 0.0:
@@ -156,9 +156,9 @@ class DecisionModule:
         phi_safe, model, safer = self._phi_safe, self._model, self.module.phi_safer
         if phi_safe is None or model is None:
             return self._inside(safer, situation) and not self._predicted_to_fail(situation)
-        margin = phi_safe.margin(situation)
+        margin = plain(phi_safe.margin(situation))
         self.margin = margin
-        reach = model.reach(situation, self._look_s + situation.age_s)
+        reach = plain(model.reach(situation, self._look_s + situation.age_s))
         self.reach = reach
         sure = margin - self._noise
         if not sure - reach >= 0.0 and not self._safer_alone:

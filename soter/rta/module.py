@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from soter.errors import IllFormedModule
 from soter.rta.models import ReachModel
@@ -13,6 +14,21 @@ from soter.rta.situation import Situation
 from soter.rta.topics import Node
 
 _ROUNDING = 1e-9
+
+
+def plain(value: Any) -> float:
+    """Return what a rule or a model has answered as a number of Python's own, which cannot fail later on.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: nor is it one of this kind.
+        OverflowError: it is too large for one.
+    """
+    if type(value) is float:
+        return value
+    if isinstance(value, str | bytes | bytearray):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,16 @@ two of them divided by the time. What the robots report, and what the decision m
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 from soter.rta import Region, RobotSupervisor, RTAModule, Situation
+from soter.rta.module import plain
 from soter.sdk import Link, RobotState, Truth, Violation
+
+logger = logging.getLogger(__name__)
 
 
 class UserRules:
@@ -44,6 +48,7 @@ class UserRules:
         self._open: dict[tuple[str, int], float] = {}
         self._closed: list[Violation] = []
         self._last_s = math.nan
+        self._failed: Final[set[str]] = set()
 
     def look(self, now_s: float, robots: Iterable[RobotSupervisor]) -> None:
         """Judge the time since the last look.
@@ -68,7 +73,7 @@ class UserRules:
         for robot_id, name, region in self._rules:
             situation = Situation(robot_id, true[robot_id], now_s)
             situation.peers = [state for other, state in true.items() if other != robot_id]
-            self._judge(robot_id, name, region.margin(situation), now_s)
+            self._judge(robot_id, name, self._margin(name, region, situation), now_s)
 
     def violations(self) -> tuple[Violation, ...]:
         """Return every interval in which a rule was broken; one that goes on has no end."""
@@ -79,6 +84,16 @@ class UserRules:
         """Return the number of violations by rule."""
         found = self.violations()
         return {name: sum(each.rule == name for each in found) for name in self.names}
+
+    def _margin(self, name: str, region: Region, situation: Situation) -> float:
+        """Return what the region says; no number where it fails, for a rule that cannot be judged is not kept."""
+        try:
+            return plain(region.margin(situation))
+        except Exception:
+            if name not in self._failed:
+                self._failed.add(name)
+                logger.exception("the rule of '%s' cannot be judged", name)
+            return math.nan
 
     def _judge(self, robot_id: int, name: str, margin: float, now_s: float) -> None:
         self.margin[robot_id, name] = margin

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.rta import DecisionModule, Mode, Situation, Timing
+from soter.rta import DecisionModule, Mode, Situation, SpeedBound, Timing
 from tests.rta.doubles import NAN, SPEED, TICK_S, Above, At, module, situation
 
 TIMING = Timing(latency_s=0.05)
@@ -82,6 +82,45 @@ def test_a_margin_that_is_no_number_is_danger(x_m: float) -> None:
     made = engaged()
     assert made.decide(situation(x_m, 0.4))
     assert made.mode is Mode.SC
+
+
+class Answers(Above):
+    """A rule that answers whatever the test says."""
+
+    answer: Any = 10.0
+
+    def margin(self, situation: Situation) -> float:
+        answer: float = self.answer
+        return answer
+
+
+@pytest.mark.parametrize("answer", [None, "10", [10.0], 10**400, 1j])
+def test_a_margin_that_is_of_no_use_as_a_number_fails_and_is_not_kept(answer: object) -> None:
+    rule = Answers(0.0)
+    made = engaged(phi_safe=rule)
+    margin = made.margin
+    object.__setattr__(rule, "answer", answer)
+    with pytest.raises((TypeError, OverflowError)):
+        made.decide(situation(10.0, 0.4))
+    assert made.margin == margin
+    made.force(0.4, "it failed")
+    with pytest.raises((TypeError, OverflowError)):
+        made.observe(situation(10.0, 0.45))
+    assert made.margin == margin
+
+
+@pytest.mark.parametrize("answer", [None, "0.1", 10**400])
+def test_a_reach_that_is_of_no_use_as_a_number_fails_and_is_not_kept(answer: object) -> None:
+    class Odd(SpeedBound):
+        def reach(self, situation: Situation, time_s: float) -> float:
+            if situation.now_s > 0.35:
+                return answer  # type: ignore[return-value]
+            return self.bound(time_s)
+
+    made = engaged(model=Odd(0.22, 1.0))
+    with pytest.raises((TypeError, OverflowError)):
+        made.decide(situation(10.0, 0.4))
+    assert isinstance(made.reach, float)
 
 
 @given(st.floats(0.0, 10.0), st.floats(-0.5, 3.0))

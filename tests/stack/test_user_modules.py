@@ -274,3 +274,18 @@ def test_a_rule_without_a_region_cannot_be_judged() -> None:
     rules = judged([1.0], predicates)
     assert rules.names == ()
     assert rules.counts() == {}
+
+
+@pytest.mark.parametrize("answer", [None, "far", RuntimeError("the rule failed")])
+def test_a_rule_that_cannot_be_judged_counts_as_broken_and_the_run_goes_on(
+    answer: object, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Odd(Slow):
+        def margin(self, situation: Situation) -> float:
+            if isinstance(answer, Exception):
+                raise answer
+            return answer  # type: ignore[return-value]
+
+    rules = judged([0.0, 0.0, 0.0], module("odd", phi_safe=Odd()))
+    assert rules.counts() == {"odd": 2}, "once for each robot"
+    assert [record.getMessage() for record in caplog.records] == ["the rule of 'odd' cannot be judged"]
