@@ -1,4 +1,4 @@
-"""Ground truth that a simulated world tells on a socket of its own, see `soter_sim.truth_server`."""
+"""Ground truth that a simulated world tells beside its robots, see `soter_sim.truth_server`."""
 
 from __future__ import annotations
 
@@ -22,40 +22,47 @@ _LONGEST_LINE: Final = 1 << 20
 _TOLD: Final = {"time_s", "poses", "speeds", "violations", "min_margin", "contacts"}
 
 
-class StreamedTruth:
-    """What a simulated world says that really happens; implements `soter.sdk.Truth`.
+class ToldTruth:
+    """What a simulated world says that really happens, as it comes over any wire; implements `soter.sdk.Truth`.
 
-    A thread hears it and keeps the last line. Asking waits for nothing: a pose is the last one heard, moved on at its
-    speed to the time of asking.
+    One thread hears; any may ask, which waits for nothing: a pose is the last one heard, moved on at its speed to the
+    time of asking.
 
     Args:
-        address: `host:port` of the world's truth.
         clock: fleet time, in which violations are told.
-        timeout_s: how long to wait for the first line.
-
-    Raises:
-        RobotUnavailable: nobody tells anything there.
     """
 
-    def __init__(self, address: str, clock: VehicleClock, timeout_s: float = 5.0) -> None:
+    def __init__(self, clock: VehicleClock) -> None:
         self._clock: Final = clock
-        self._address: Final = address
         self._latest: dict[str, Any] | None = None
         self._offset_s = math.inf
         self._heard_s = 0.0
         self._warned = False
-        self._known: Final = threading.Event()
-        try:
-            host, _, port = address.rpartition(":")
-            self._socket: Final = socket.create_connection((host, int(port)), timeout_s)
-        except (OSError, ValueError) as failure:
-            raise self._nobody(str(failure)) from failure
-        self._socket.settimeout(None)
-        self._thread: Final = threading.Thread(target=self._listen, name="truth", daemon=True)
-        self._thread.start()
-        if not self._known.wait(timeout_s):
-            self.close()
-            raise self._nobody(f"it was silent for {timeout_s:g} s")
+
+    @property
+    def known(self) -> bool:
+        """Whether anything was heard."""
+        return self._latest is not None
+
+    def hear(self, message: bytes) -> None:
+        """Take what the world tells, see `soter_sim.truth_server`.
+
+        Raises:
+            ValueError: it is no truth.
+        """
+        told = json.loads(message)
+        if not isinstance(told, dict) or not told.keys() >= _TOLD:
+            raise ValueError("this is no truth")
+        heard_s = self._clock.now()
+        offset_s, before = heard_s - told["time_s"], self._latest
+        if before is None or told["time_s"] < before["time_s"]:
+            self._offset_s = offset_s
+        else:
+            # The quickest line tells best; but a world may fall behind, on a host that lags, and stay there.
+            lag_s = _LAG * (told["time_s"] - before["time_s"])
+            self._offset_s = min(offset_s, self._offset_s + lag_s)
+        self._heard_s = heard_s
+        self._latest = told
 
     def report(self) -> TruthReport:
         """Return what has happened up to now; of a simulator that is gone, up to its end, with a warning."""
@@ -88,6 +95,40 @@ class StreamedTruth:
             math.remainder(heading_rad + turn_rad, 2.0 * math.pi),
         )
 
+    def _told(self) -> dict[str, Any]:
+        if self._latest is None:
+            raise RobotUnavailable("the simulator has not said yet what really happens; is its truth address right?")
+        return self._latest
+
+
+class StreamedTruth(ToldTruth):
+    """The same, heard in a thread of its own, line by line on a TCP socket.
+
+    Args:
+        address: `host:port` of the world's truth.
+        clock: fleet time, in which violations are told.
+        timeout_s: how long to wait for the first line.
+
+    Raises:
+        RobotUnavailable: nobody tells anything there.
+    """
+
+    def __init__(self, address: str, clock: VehicleClock, timeout_s: float = 5.0) -> None:
+        super().__init__(clock)
+        self._address: Final = address
+        self._known: Final = threading.Event()
+        try:
+            host, _, port = address.rpartition(":")
+            self._socket: Final = socket.create_connection((host, int(port)), timeout_s)
+        except (OSError, ValueError) as failure:
+            raise self._nobody(str(failure)) from failure
+        self._socket.settimeout(None)
+        self._thread: Final = threading.Thread(target=self._listen, name="truth", daemon=True)
+        self._thread.start()
+        if not self._known.wait(timeout_s):
+            self.close()
+            raise self._nobody(f"it was silent for {timeout_s:g} s")
+
     def close(self) -> None:
         """End the thread and close the socket; what was heard stays readable. Idempotent."""
         try:
@@ -104,10 +145,6 @@ class StreamedTruth:
             "of its truth right?"
         )
 
-    def _told(self) -> dict[str, Any]:
-        assert self._latest is not None
-        return self._latest
-
     def _listen(self) -> None:
         with self._socket.makefile("rb") as lines:
             while True:
@@ -118,21 +155,8 @@ class StreamedTruth:
                 if not line:
                     return
                 try:
-                    self._take(json.loads(line))
+                    self.hear(line)
                 except ValueError as failure:
                     logger.warning("a line of the simulator's truth makes no sense and was dropped: %s", failure)
-
-    def _take(self, told: Any) -> None:
-        if not isinstance(told, dict) or not told.keys() >= _TOLD:
-            raise ValueError("this is no truth")
-        heard_s = self._clock.now()
-        offset_s, before = heard_s - told["time_s"], self._latest
-        if before is None or told["time_s"] < before["time_s"]:
-            self._offset_s = offset_s
-        else:
-            # The quickest line tells best; but a world may fall behind, on a host that lags, and stay there.
-            lag_s = _LAG * (told["time_s"] - before["time_s"])
-            self._offset_s = min(offset_s, self._offset_s + lag_s)
-        self._heard_s = heard_s
-        self._latest = told
-        self._known.set()
+                else:
+                    self._known.set()

@@ -25,8 +25,9 @@ from soter.sdk import (
     RobotSpec,
     RobotState,
 )
+from soter.sdk.truth import ToldTruth
 from soter_zmq.drive import OVERSHOOT_M, TUBE_M
-from soter_zmq.receiver import Receiver, StreamedTruth
+from soter_zmq.receiver import Hear, Receiver
 from soter_zmq.simulator import Simulator, describe
 from soter_zmq.wire import (
     BODY_RADIUS_M,
@@ -278,10 +279,10 @@ class ZmqFleet(Fleet):
         self._context.linger = 0
         clock = VehicleClock()
         robots = [ZmqRobot(spec, clock, self._connected(endpoints[spec.id].command)) for spec in specs]
-        truth = StreamedTruth(clock) if truth_address is not None else None
-        sources = {endpoints[robot.id].report: robot.hear for robot in robots}
+        truth = ToldTruth(clock) if truth_address is not None else None
+        sources: dict[str, Hear] = {endpoints[robot.id].report: robot.hear for robot in robots}
         if truth is not None and truth_address is not None:
-            sources[truth_address] = truth.hear
+            sources[truth_address] = lambda message, _: truth.hear(message)
         self._receiver: Final = Receiver(self._context, clock, sources)
         for robot in robots:
             robot.receiver = self._receiver

@@ -9,21 +9,13 @@ from typing import Any, Final
 import zmq
 
 from soter.clock import VehicleClock
-from soter.conformance import RelayedHarness
-from soter.sdk import Fleet, RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
+from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.sdk import Fleet, Waypoint
+from soter.sdk.truth import ToldTruth
 from soter_zmq.adapter import ZmqConfig, ZmqFleet
-from soter_zmq.receiver import Receiver, StreamedTruth
+from soter_zmq.receiver import Receiver
 from soter_zmq.relay import Relay
 from soter_zmq.simulator import Simulator, describe
-
-_ROOM: Final = Workspace(
-    10.0, 8.0, (),
-    (
-        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
-        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
-    ),
-)  # fmt: skip
 
 
 class ZmqHarness(RelayedHarness):
@@ -44,7 +36,7 @@ class ZmqHarness(RelayedHarness):
         return self.driven(f"{__name__}:open_given", argument, target)
 
     def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(describe(_ROOM, _specs(robots)))
+        self.simulator = simulator = Simulator(describe(WIDE_ROOMS, in_wide_rooms(robots)))
         self.witness = _Witness(simulator.truth)
         return simulator
 
@@ -60,10 +52,10 @@ class _Witness:
 
     def __init__(self, address: str) -> None:
         clock = VehicleClock()
-        self.truth: Final = StreamedTruth(clock)
+        self.truth: Final = ToldTruth(clock)
         self._context: Final = zmq.Context()
         self._context.linger = 0
-        self._receiver: Final = Receiver(self._context, clock, {address: self.truth.hear})
+        self._receiver: Final = Receiver(self._context, clock, {address: lambda message, _: self.truth.hear(message)})
         self._receiver.wait_for(lambda: self.truth.known, 5.0)
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
@@ -74,10 +66,6 @@ class _Witness:
         self._context.destroy()
 
 
-def _specs(robots: int) -> list[RobotSpec]:
-    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in _ROOM.robots[:robots]]
-
-
 def _fleet(robots: Any, truth: str, count: int) -> Fleet:
-    config = ZmqConfig.model_validate({"workspace": _ROOM, "robots": robots, "truth": truth})
-    return ZmqFleet(config, _specs(count), None)
+    config = ZmqConfig.model_validate({"workspace": WIDE_ROOMS, "robots": robots, "truth": truth})
+    return ZmqFleet(config, in_wide_rooms(count), None)

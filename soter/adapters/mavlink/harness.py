@@ -16,18 +16,9 @@ from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.relay import Relay
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
 from soter.clock import VehicleClock
-from soter.conformance import RelayedHarness
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.sdk import Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
-from soter.workspace import Box, RobotPlace, Workspace
-
-_ROOM: Final = Workspace(
-    10.0, 8.0, (),
-    (
-        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
-        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
-    ),
-)  # fmt: skip
 
 
 class MavlinkHarness(RelayedHarness):
@@ -64,14 +55,14 @@ class MavlinkHarness(RelayedHarness):
     def _start(self, robots: int, port: int) -> Simulator:
         rate_hz = self.options.get("stream_hz", STREAM_HZ)
         options = ("--vehicle", self.options.get("vehicle", "rover"), "--rate", str(rate_hz), *self.simulator_options)
-        self.simulator = simulator = Simulator(describe(_ROOM, _specs(robots)), port, *options)
+        self.simulator = simulator = Simulator(describe(WIDE_ROOMS, in_wide_rooms(robots)), port, *options)
         return simulator
 
     def _opened(self, port: int, truth: str, robots: int) -> MavlinkFleet:
         config = MavlinkConfig.model_validate(
-            {"workspace": _ROOM, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
+            {"workspace": WIDE_ROOMS, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
         )
-        return self.backend().open(config, _specs(robots))
+        return self.backend().open(config, in_wide_rooms(robots))
 
 
 class CopterHarness(MavlinkHarness):
@@ -112,7 +103,3 @@ def open_given(argument: str) -> Fleet:
 HARNESSES: Final = {
     each.__name__: each for each in (MavlinkHarness, CopterHarness, PlainHarness, MavsdkHarness, MavsdkCopterHarness)
 }
-
-
-def _specs(robots: int) -> list[RobotSpec]:
-    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in _ROOM.robots[:robots]]
