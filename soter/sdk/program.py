@@ -2,22 +2,69 @@
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import subprocess
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
-_END_TIMEOUT_S = 3.0
+from soter.errors import RobotUnavailable
+
+_START_TIMEOUT_S: Final = 30.0
+_END_TIMEOUT_S: Final = 3.0
 
 
-def first_line(process: subprocess.Popen[bytes], described: bytes, timeout_s: float) -> bytes:
-    """Hand a world to a simulator and return the first line that it prints, which says where its robots are.
+def start(
+    module: str, *arguments: str, pipes: bool = True, environment: Mapping[str, str] = os.environ
+) -> subprocess.Popen[bytes]:
+    """Start a module that takes `--parent PID`, by which it ends with this process, however this one ends.
 
     Args:
-        process: started with pipes for standard input and output.
+        module: what `python -m` runs; found where this process would find it.
+        arguments: more of them.
+        pipes: whether it is handed something on standard input, and says something on standard output.
+        environment: of the process, besides that of Python.
+    """
+    kind = subprocess.PIPE if pipes else subprocess.DEVNULL
+    paths = os.pathsep.join(filter(None, sys.path))
+    # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
+    return subprocess.Popen(
+        [sys.executable, "-m", module, "--parent", str(os.getpid()), *arguments],
+        stdin=kind, stdout=kind, start_new_session=True, env={**environment, "PYTHONPATH": paths},
+    )  # fmt: skip
+
+
+def hand_over(process: subprocess.Popen[bytes], module: str, described: bytes) -> dict[str, Any]:
+    """Hand a world to a simulator and return what it says of where its robots are.
+
+    Args:
+        process: from `start`.
+        module: what was started, for the message.
         described: the world; its standard input ends behind it.
-        timeout_s: host time to wait for the line.
+
+    Raises:
+        RobotUnavailable: it does not start.
+    """
+    try:
+        told = json.loads(first_line(process, described))
+    except (ValueError, OSError) as failure:
+        raise RobotUnavailable(
+            f"the simulated robots do not start: {failure}; what they say is on standard error, and "
+            f"`{sys.executable} -m {module} --help` must work"
+        ) from failure
+    assert isinstance(told, dict)
+    return told
+
+
+def first_line(process: subprocess.Popen[bytes], described: bytes = b"") -> bytes:
+    """Hand something to a program and return the first line that it prints, once it is ready.
+
+    Args:
+        process: started with pipes.
+        described: what is handed over; its standard input ends behind it.
 
     Raises:
         OSError: it has ended, or says nothing in time.
@@ -27,12 +74,12 @@ def first_line(process: subprocess.Popen[bytes], described: bytes, timeout_s: fl
     assert out is not None
     into.write(described)
     into.close()
-    until_s = time.perf_counter() + timeout_s
+    until_s = time.perf_counter() + _START_TIMEOUT_S
     line = b""
     while not line.endswith(b"\n"):
         left_s = until_s - time.perf_counter()
         if left_s <= 0.0 or not select.select([out], [], [], left_s)[0]:
-            raise OSError(f"nothing was heard of them within {timeout_s:g} s")
+            raise OSError(f"nothing was heard of them within {_START_TIMEOUT_S:g} s")
         part = os.read(out.fileno(), 65536)
         if not part:
             raise OSError(f"their process ended with code {process.wait()}")

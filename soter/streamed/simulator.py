@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import os
 import subprocess
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from soter.errors import RobotUnavailable
 from soter.sdk import RobotSpec, program
 from soter.workspace import Workspace
-
-START_TIMEOUT_S: Final = 30.0
 
 
 class StreamedSimulator(ABC):
@@ -67,22 +61,12 @@ class StreamedSimulator(ABC):
         """
         described = TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).dump_json((workspace, self._robots))
         try:
-            told: dict[str, Any] = json.loads(program.first_line(self.world, described, START_TIMEOUT_S))
+            told = program.hand_over(self.world, self._module, described)
             self.truth = told["truth"]
-        except (ValueError, KeyError, OSError) as failure:
+        except BaseException:
             self.close()
-            raise RobotUnavailable(
-                f"the simulated robots do not start: {failure}; what they say is on standard error, and "
-                f"`{sys.executable} -m {self._module} --help` must work"
-            ) from failure
+            raise
         return told
 
     def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
-        """Start a module that takes `--parent PID`."""
-        kind = subprocess.PIPE if pipes else subprocess.DEVNULL
-        paths = os.pathsep.join(filter(None, sys.path))
-        # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
-        return subprocess.Popen(
-            [sys.executable, "-m", module, "--parent", str(os.getpid()), *arguments],
-            stdin=kind, stdout=kind, start_new_session=True, env={**self._environment, "PYTHONPATH": paths},
-        )  # fmt: skip
+        return program.start(module, *arguments, pipes=pipes, environment=self._environment)

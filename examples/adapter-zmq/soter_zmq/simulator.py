@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
-from soter.errors import RobotUnavailable
 from soter.sdk import RobotSpec, program
 from soter.workspace import Box, Workspace
 
-START_TIMEOUT_S: Final = 20.0
+_MODULE: Final = "soter_zmq.robot"
 
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any]:
@@ -57,25 +52,15 @@ class Simulator:
     """
 
     def __init__(self, world: Mapping[str, Any], ports: Mapping[int, tuple[int, int]] | None = None) -> None:
-        package = Path(__file__).resolve().parents[1]
-        path = os.pathsep.join(filter(None, (str(package), os.environ.get("PYTHONPATH", ""))))
         fixed = ";".join(f"{robot_id}={command},{report}" for robot_id, (command, report) in (ports or {}).items())
-        # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
-        self.process: Final = subprocess.Popen(
-            [sys.executable, "-m", "soter_zmq.robot", "-", "--parent", str(os.getpid()), "--ports", fixed],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": path},
-            start_new_session=True,
-        )  # fmt: skip
+        self.process: Final = program.start(_MODULE, "-", "--ports", fixed)
         try:
-            found = json.loads(program.first_line(self.process, json.dumps(world).encode(), START_TIMEOUT_S))
-        except (ValueError, OSError) as failure:
+            found = program.hand_over(self.process, _MODULE, json.dumps(world).encode())
+            self.endpoints: Final[dict[int, dict[str, str]]] = {int(key): each for key, each in found["robots"].items()}
+            self.truth: Final[str] = found["truth"]
+        except BaseException:
             self.close()
-            raise RobotUnavailable(
-                f"the simulated robots do not start: {failure}; what they say is on standard error, and "
-                f"`{sys.executable} -m soter_zmq.robot --help` must work"
-            ) from failure
-        self.endpoints: Final[dict[int, dict[str, str]]] = {int(key): each for key, each in found["robots"].items()}
-        self.truth: Final[str] = found["truth"]
+            raise
 
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""

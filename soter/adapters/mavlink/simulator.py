@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from soter.errors import RobotUnavailable
 from soter.sdk import RobotSpec, program
 from soter.workspace import Box, Workspace
 
-START_TIMEOUT_S: Final = 30.0
+_MODULE: Final = "soter_sim.mavlink"
 
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any]:
@@ -58,22 +54,12 @@ class Simulator:
     """
 
     def __init__(self, world: Mapping[str, Any], port: int, *options: str) -> None:
-        arguments = ["-", "--udp", str(port), "--parent", str(os.getpid()), *options]
-        # A session of its own: Ctrl-C in a terminal is for who commands the vehicles, and stops them in good order.
-        self.process: Final = subprocess.Popen(
-            [sys.executable, "-m", "soter_sim.mavlink", *arguments],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        )  # fmt: skip
+        self.process: Final = program.start(_MODULE, "-", "--udp", str(port), *options)
         try:
-            ready = json.loads(program.first_line(self.process, json.dumps(world).encode(), START_TIMEOUT_S))
-            self.truth: Final[str] = ready["truth"]
-        except (ValueError, KeyError, OSError) as failure:
+            self.truth: Final[str] = program.hand_over(self.process, _MODULE, json.dumps(world).encode())["truth"]
+        except BaseException:
             self.close()
-            raise RobotUnavailable(
-                f"the simulated vehicles do not start: {failure}; what they say is on standard error, and "
-                f"`{sys.executable} -m soter_sim.mavlink --help` must work"
-            ) from failure
+            raise
 
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""

@@ -17,7 +17,6 @@ from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.sdk import Fleet, Waypoint, program
 from soter.sdk.truth import StreamedTruth
-from soter.streamed.simulator import START_TIMEOUT_S
 
 
 class ZenohHarness(RelayedHarness):
@@ -90,7 +89,7 @@ class RoutedHarness(ZenohHarness):
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )  # fmt: skip
-        said = program.first_line(self._router, b"", START_TIMEOUT_S).decode()
+        said = program.first_line(self._router).decode()
         self._clients = SessionOptions(mode="client", connect=(said.split(" at ")[1].split()[0].rstrip(".,"),))
         return self._clients
 
