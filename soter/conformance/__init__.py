@@ -1,12 +1,14 @@
 """The conformance kit: anyone can prove an adapter right. See docs/conformance.md.
 
-`Harness` is what an adapter's author writes (`RelayedHarness` for robots in another process); `judge` tries every
-clause on it and returns the record; `soter.conformance.testing.AdapterSuite` makes tests of them.
+`Harness` is what an adapter's author writes (`RelayedHarness` for robots in another process, with an `ImpairedRelay`
+between them and the adapter); `judge` tries every clause on it and returns the record;
+`soter.conformance.testing.AdapterSuite` makes tests of them.
 """
 
 from soter.conformance.clause import CLAUSES, Clause, Tier
 from soter.conformance.find import InProcessHarness, find_harness
 from soter.conformance.harness import HOOKS, Harness
+from soter.conformance.impaired import ImpairedRelay, Line
 from soter.conformance.kit import judge, select, try_clause
 from soter.conformance.record import KIT_VERSION, Outcome, Overall, Record, Verdict
 from soter.conformance.relayed import WIDE_ROOMS, RelayedHarness, in_wide_rooms
@@ -18,7 +20,9 @@ __all__ = [
     "WIDE_ROOMS",
     "Clause",
     "Harness",
+    "ImpairedRelay",
     "InProcessHarness",
+    "Line",
     "Outcome",
     "Overall",
     "Record",
