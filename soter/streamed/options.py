@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 from soter.errors import RobotUnavailable
 from soter.mux.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
-from soter.sdk import RobotSpec
+from soter.sdk import BackendConfig, RobotSpec
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -81,6 +81,20 @@ class PlaceOptions(BaseModel):
     def _is_a_name(cls, namespace: str) -> str:
         cls.check(namespace)
         return namespace
+
+
+class StreamedConfig(BackendConfig):
+    """Options that every backend has whose robots are streamed to.
+
+    Attributes:
+        stamped: velocities are TwistStamped instead of Twist.
+        discovery_s: how long to wait for what a robot says, at most.
+        truth: `host:port` at which a simulated world that was started by hand says what really happens.
+    """
+
+    stamped: bool = False
+    discovery_s: Annotated[float, Field(gt=0.0, le=600.0)] = 10.0
+    truth: str | None = None
 
 
 def require_places(given: Collection[int], robots: Sequence[RobotSpec], table: str) -> None:

@@ -241,6 +241,10 @@ class StreamedRobot(Robot):
         self._order = order
         self._send_order(order.encode())
 
+    def _all_heard(self, *, battery: bool) -> bool:
+        """Whether its clock is known well enough, its mux reports, and its battery too where it is to."""
+        return self._heard >= SETTLED and self._gate is not None and (self._charge is not None or not battery)
+
     def _settle(self, timeout_s: float) -> bool:
         """Repeat the order until the mux has taken it and the robot stands still; return whether that is so in time."""
         first, until_s = self._order.seq + 1, self.clock.steady_s() + timeout_s

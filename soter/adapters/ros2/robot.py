@@ -70,7 +70,8 @@ class Ros2Robot(StreamedRobot):
     def _connect(self, timeout_s: float) -> Capabilities:
         clock, ros = self.clock, self._ros
         until_s = clock.steady_s() + timeout_s
-        if not ros.wait_for(self._all_heard, min(timeout_s, self._config.discovery_s)):
+        battery = bool(self._config.topics.battery)
+        if not ros.wait_for(lambda: self._all_heard(battery=battery), min(timeout_s, self._config.discovery_s)):
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {self._missing()}")
         self._refuse_others(until_s - clock.steady_s())
         if not self._settle(until_s - clock.steady_s()):
@@ -78,11 +79,7 @@ class Ros2Robot(StreamedRobot):
                 f"its mux takes no order; does it hear {self._config.topics.order}, and use_sim_time as the robot does?"
             )
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {why}")
-        return replace(self.declared, reports_battery=bool(self._config.topics.battery))
-
-    def _all_heard(self) -> bool:
-        battery = self._charge is not None or not self._config.topics.battery
-        return self._heard >= SETTLED and self._gate is not None and battery
+        return replace(self.declared, reports_battery=battery)
 
     def _missing(self) -> str:
         """Return what was not heard, and why that may be."""

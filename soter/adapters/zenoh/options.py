@@ -11,8 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator
 from soter.adapters.zenoh.session import SessionOptions
 from soter.mux.station import PERIOD_S
 from soter.problems import not_allowed
-from soter.sdk import BackendConfig, Capabilities
-from soter.streamed.options import MessageNames, PlaceOptions
+from soter.sdk import Capabilities
+from soter.streamed.options import MessageNames, PlaceOptions, StreamedConfig
 from soter.streamed.robot import StreamedRobot
 
 _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
@@ -58,26 +58,20 @@ def check_key(key: str) -> None:
         raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
 
 
-class ZenohConfig(BackendConfig):
-    """Options of the backend `zenoh`.
+class ZenohConfig(StreamedConfig):
+    """Options of the backend `zenoh`, besides those of `StreamedConfig`.
 
     Attributes:
         robots: by number, where the robots are; where none is given, simulated ones are started.
         keys: what their keys are called.
-        stamped: velocities are TwistStamped instead of Twist.
         session: how Zenoh is reached.
-        discovery_s: how long to wait for what a robot says, at most.
         speedup: seconds of the robots in one second of the host; for simulated ones only.
-        truth: `host:port` at which a simulated world that was started by hand says what really happens.
     """
 
     robots: dict[int, RobotOptions] = Field(default_factory=dict)
     keys: Keys = Keys()
-    stamped: bool = False
     session: SessionOptions = SessionOptions()
-    discovery_s: Annotated[float, Field(gt=0.0, le=600.0)] = 10.0
     speedup: Positive = 1.0
-    truth: str | None = None
 
     @field_validator("session")
     @classmethod

@@ -9,7 +9,7 @@ from soter.adapters.zenoh.options import ZenohConfig
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, RobotSpec
-from soter.streamed.robot import SETTLED, StreamedRobot, wait_for
+from soter.streamed.robot import StreamedRobot, wait_for
 
 if TYPE_CHECKING:
     import zenoh
@@ -71,17 +71,13 @@ class ZenohRobot(StreamedRobot):
 
     def _discover(self, timeout_s: float) -> bool:
         """Wait until all that the robot says has been heard; return whether that is so in time."""
-        until_s = self.clock.steady_s() + timeout_s
+        until_s, battery = self.clock.steady_s() + timeout_s, bool(self.wire.keys.battery)
         while self.clock.steady_s() < until_s:
             # Without a lease, so nothing moves. A mux of ROS behind a bridge only says something when it is told to.
             self._say()
-            if wait_for(self._all_heard, min(_ASK_S, until_s - self.clock.steady_s())):
+            if wait_for(lambda: self._all_heard(battery=battery), min(_ASK_S, until_s - self.clock.steady_s())):
                 return True
         return False
-
-    def _all_heard(self) -> bool:
-        battery = self._charge is not None or not self.wire.keys.battery
-        return self._heard >= SETTLED and self._gate is not None and battery
 
     def _missing(self) -> str:
         """Return what was not heard, and why that may be."""

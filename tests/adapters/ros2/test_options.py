@@ -3,17 +3,18 @@ from __future__ import annotations
 import os
 
 import pytest
-from pydantic import ValidationError
 
 from soter.adapters.ros2.loopback import SETTINGS, environment, loopback
 from soter.adapters.ros2.options import Ros2Config
+from soter.config import validate_options
+from soter.errors import ConfigError
 from soter.workspace import Box, RobotPlace, Workspace
 
 ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
 
 
 def config(**options: object) -> Ros2Config:
-    return Ros2Config.model_validate({"workspace": ROOM, **options})
+    return validate_options(Ros2Config, options, None, "backends.ros2", {"workspace": ROOM})
 
 
 def test_topics_can_be_called_otherwise() -> None:
@@ -26,19 +27,22 @@ def test_topics_can_be_called_otherwise() -> None:
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        ({"topics": {"odom": "my odom"}}, "topics.odom"),
-        ({"topics": {"odom": ""}}, "topics.odom"),
-        ({"topics": {"odometry": "odom"}}, "topics.odometry"),
-        ({"robots": {"1": {"namespace": "1st"}}}, "robots.1.namespace"),
+        (
+            {"topics": {"odom": "my odom"}},
+            "backends.ros2.topics.odom: it is 'my odom', allowed: a ROS name such as odom or /robot1/odom",
+        ),
+        ({"topics": {"odom": ""}}, "backends.ros2.topics.odom: it is '', allowed: a ROS name"),
+        ({"topics": {"odometry": "odom"}}, "topics.odometry: unknown key"),
+        ({"robots": {"1": {"namespace": "1st"}}}, "robots.1.namespace: it is '1st', allowed: a ROS name"),
         ({"robots": {"1": {}}}, "robots.1.namespace"),
         ({"robots": {"1": {"namespace": "/a", "odom_origin": [0.0, float("nan"), 0.0]}}}, "odom_origin"),
-        ({"domain_id": 233}, "domain_id"),
-        ({"discovery_s": 0}, "discovery_s"),
-        ({"qos": "best effort"}, "qos"),
+        ({"domain_id": 233}, "domain_id: it is 233, allowed: at most 232"),
+        ({"discovery_s": 0}, "discovery_s: it is 0, allowed: above 0"),
+        ({"qos": "best effort"}, "backends.ros2.qos: unknown key"),
     ],
 )
 def test_bad_options_are_named(options: dict[str, object], complaint: str) -> None:
-    with pytest.raises(ValidationError) as caught:
+    with pytest.raises(ConfigError) as caught:
         config(**options)
     assert complaint in str(caught.value)
 
