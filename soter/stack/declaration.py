@@ -9,8 +9,9 @@ from typing import Any, Final, Self
 
 from soter.config import Mission
 from soter.config_tables import MotionModel
-from soter.rta import DischargeBound, Motion, RTAModule, SpeedBound, Timing, Topic
-from soter.sdk import Capabilities
+from soter.errors import IllFormedModule
+from soter.rta import DischargeBound, Motion, RTAModule, Situation, SpeedBound, Timing, Topic
+from soter.sdk import Capabilities, Link, RobotState
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
@@ -94,8 +95,31 @@ class Declared:
             module.check(self.timing, base_tick_s)
             if module.name == BATTERY:
                 self.dock.check_way_from(*self.start)
+                self._check_station()
             if module.name == COLLISION:
                 check_halves(module, self.timing, self.recovery.leg_m(self.timing.sample_age_s))
+
+    def _check_station(self) -> None:
+        """Check that no module with a better right to drive turns away a robot that stands at its station."""
+        x_m, y_m = self.dock.place
+        there = RobotState(0, 0.0, 0.0, x_m, y_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
+        situation = Situation(0, there, 0.0)
+        for module in self.modules:
+            if module.name == BATTERY:
+                return
+            if module.phi_safe is None or module.model is None:
+                continue
+            margin = module.phi_safe.margin(situation) - module.phi_safe.noise(self.timing.noise_m)
+            reach = module.model.reach(situation, module.horizon_s(self.timing))
+            if not margin >= reach:
+                raise IllFormedModule(
+                    BATTERY,
+                    "P2b",
+                    f"the charging station at ({x_m:g}, {y_m:g}) cannot be stood on: module '{module.name}' drives a "
+                    f"robot away from there, whose margin is {margin:.3f} {module.phi_safe.unit} and may fall by "
+                    f"{reach:.3f}; a station with a margin of {math.ceil(reach * 1000.0 - 1e-6) / 1000.0:.3f} "
+                    f"{module.phi_safe.unit}, or a shorter Delta, would do",
+                )
 
 
 def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:

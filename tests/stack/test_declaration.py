@@ -62,3 +62,21 @@ def test_a_station_behind_a_wall_is_refused_before_anything_moves(tmp_path: Path
         declare_all(mission, mission.read_workspace(), promised)[1].check(mission.base_tick_s)
     others = load_mission(tmp_path / "mission.toml", {"rta.modules": ["obstacle", "geofence"]})
     declare_all(others, others.read_workspace(), promised)[1].check(others.base_tick_s)
+
+
+def test_a_station_that_the_geofence_sends_robots_away_from_is_refused(tmp_path: Path) -> None:
+    """The geofence goes first, so that a robot would never come to rest there, and would run flat."""
+    (tmp_path / "room.xml").write_text(
+        """<configuration>
+          <dimension x="5" y="5" z="1"/>
+          <robots><robot id="1"><start x="1" y="1"/></robot></robots>
+          <charging_stations><box><low x="4.8" y="4.8" z="0"/><high x="5" y="5" z="0"/></box></charging_stations>
+        </configuration>"""
+    )
+    (tmp_path / "mission.toml").write_text('workspace = "room.xml"\nbackend = "kinematic"\n')
+    promised = {1: load_backend("kinematic").robot_class.declared}
+    mission = load_mission(tmp_path / "mission.toml")
+    with pytest.raises(IllFormedModule, match=r"\(4\.9, 4\.9\) cannot be stood on: module 'geofence' .* 0\.256 m"):
+        declare_all(mission, mission.read_workspace(), promised)[1].check(mission.base_tick_s)
+    sooner = load_mission(tmp_path / "mission.toml", {"rta.geofence.delta_s": 0.1})
+    declare_all(sooner, sooner.read_workspace(), promised)[1].check(sooner.base_tick_s)
