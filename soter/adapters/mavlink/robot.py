@@ -29,6 +29,7 @@ from soter.adapters.mavlink.vehicle import Vehicle
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
+from soter.sdk.robot import FUTURE_S
 
 logger = logging.getLogger(__name__)
 
@@ -80,11 +81,13 @@ class MavlinkRobot(Robot):
     def _connect(self, timeout_s: float) -> Capabilities:
         until_s = self.clock.steady_s() + timeout_s
         self._preparation.begin()
-        while not self._prepared():
+        while not (self._prepared() and self._timed()):
             if self.clock.steady_s() > until_s:
+                ready = self._preparation.ready
+                lacks = "quick answers to TIMESYNC: samples come out as of the future" if ready else ""
                 raise RobotUnavailable(
                     f"robot {self.id}: it did not get ready within {timeout_s:g} s; it lacks "
-                    f"{self._preparation.why_not()}"
+                    f"{lacks or self._preparation.why_not()}"
                 )
             self._keep_in_touch()
             self.clock.sleep_until(self.clock.now() + _LOOK_S)
@@ -165,6 +168,11 @@ class MavlinkRobot(Robot):
         except RobotUnavailable as failure:
             raise RobotUnavailable(f"robot {self.id}: {failure}") from failure
         return preparation.ready
+
+    def _timed(self) -> bool:
+        """Return whether its clock is known so well that what it says is not of the future, which nobody believes."""
+        sample = self._sample()
+        return sample is None or sample.stamp_s <= self.clock.now() + FUTURE_S
 
     def _adopt(self) -> None:
         """Take over what was found out about the vehicle."""

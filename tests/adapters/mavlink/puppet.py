@@ -50,6 +50,7 @@ class Puppet(Link):
         self.refuses_to_arm = ""
         self.silent = False
         self.answers_time = True
+        self.answered_late_s = 0.0
         self.streams: dict[int, float] = {}
         self.parameters: dict[str, float] = {}
         self.master = 0
@@ -78,7 +79,7 @@ class Puppet(Link):
         elif name.startswith("SET_POSITION") and self.armed and not fields["type_mask"] & 7:
             self.up_m = -fields["z"]
         elif name == "TIMESYNC" and self.answers_time:
-            self.say("TIMESYNC", tc1=int(self.clock_s * 1e9), ts1=fields["ts1"])
+            self.say("TIMESYNC", tc1=int((self.clock_s - self.answered_late_s) * 1e9), ts1=fields["ts1"])
         elif name == "PARAM_SET" and self.gate:
             self.parameters[fields["param_id"]] = fields["param_value"]
             self.say("PARAM_VALUE", param_id=fields["param_id"], param_value=fields["param_value"])

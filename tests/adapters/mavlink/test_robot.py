@@ -14,6 +14,7 @@ from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, RobotSpec, Waypoint
+from soter.sdk.robot import FUTURE_S
 from soter.workspace import Box, RobotPlace, Workspace
 from tests.adapters.mavlink.puppet import ROVER_GUIDED, ROVER_HOLD, HostTime, Puppet
 
@@ -88,6 +89,15 @@ def test_a_vehicle_that_refuses_to_arm_says_why(puppet: Puppet) -> None:
     puppet.refuses_to_arm = "PreArm: Compass not \x1b[2Jcalibrated"
     with pytest.raises(RobotUnavailable, match=r"it to arm; it says: PreArm: Compass not \?\[2Jcalibrated"):
         robot_of(puppet).init(10.0)
+
+
+def test_it_is_not_ready_while_its_samples_come_out_as_of_the_future(puppet: Puppet) -> None:
+    robot, puppet.answered_late_s = robot_of(puppet), 0.3
+    with pytest.raises(RobotUnavailable, match="samples come out as of the future"):
+        robot.init(3.0)
+    puppet.answered_late_s = 0.0
+    robot.init(3.0)
+    assert robot.read_state().stamp_s <= robot.clock.now() + FUTURE_S
 
 
 def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(puppet: Puppet) -> None:
