@@ -71,17 +71,17 @@ class Fleet(ABC):
         """Stop and close every robot, then the rest, whatever fails on the way. Idempotent.
 
         Raises:
-            Exception: the first failure, after everything else has been closed.
+            BaseException: the first failure, or Ctrl-C, after everything else has been closed.
         """
-        failures: list[Exception] = []
+        failures: list[BaseException] = []
         for robot in self.robots:
             try:
                 robot.close(CLOSE_TIMEOUT_S)
-            except Exception as failure:  # noqa: BLE001 - the other robots must be stopped too
+            except BaseException as failure:  # noqa: BLE001 - the other robots must be stopped too
                 failures.append(failure)
         try:
             self._close()
-        except Exception as failure:  # noqa: BLE001 - raised below
+        except BaseException as failure:  # noqa: BLE001 - raised below
             failures.append(failure)
         if failures:
             raise failures[0]

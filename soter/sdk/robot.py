@@ -43,6 +43,7 @@ class Robot(ABC):
         self.id: Final = spec.id
         self.clock: Final = clock
         self._in_charge = Controller.SC
+        self._in_doubt = False
         self._capabilities: Capabilities | None = None
         self._closed = False
         self._next_goal_id = 1
@@ -102,10 +103,11 @@ class Robot(ABC):
         if by is not self._in_charge:
             goal._end(GoalStatus.REJECTED, f"{by} is not in charge, {self._in_charge} is", now_s)
             return goal
+        # Before anything changes here: where it fails, the vehicle works on what it had, and can be told to stop.
+        self._send_goto(goal)
         if self._goal is not None:
             self._goal._end(GoalStatus.SUPERSEDED, f"goal {goal.id} took its place", now_s)
         self._goal = goal
-        self._send_goto(goal)
         return goal
 
     def read_state(self) -> RobotState:
@@ -146,15 +148,18 @@ class Robot(ABC):
         self._require_ready("switch_ac_sc")
         now_s = self.clock.now()
         switch = Switch(to, reason, now_s)
-        if to is self._in_charge:
+        if to is self._in_charge and not self._in_doubt:
             self._renew_lease()
             switch.effective_s = now_s
             # Only the robot's own report confirms; a change that is not confirmed yet is not by being repeated.
             if self._switch is None and self._state is not None and self._state.controller is to:
                 switch.confirmed_s = now_s
             return switch
-        # First of all, so that where it fails nothing has changed here, and calling again tries again.
+        # First of all, so that where it fails nothing has changed here, and calling again tries again. It may have
+        # reached the vehicle all the same, which has to hear of whoever is to be in charge next.
+        self._in_doubt = True
         self._hand_over(to)
+        self._in_doubt = False
         self._in_charge = to
         if self._goal is not None:
             self._goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
@@ -257,12 +262,13 @@ class Robot(ABC):
             goal._end(GoalStatus.REACHED, "", now_s)
             self._goal = None
         elif now_s >= goal.deadline_s:
+            # First of all: a goal whose robot could not be told to stop has not ended.
+            self._halt()
             goal._end(GoalStatus.TIMED_OUT, f"not there after {target.timeout_s:g} s", now_s)
             self._goal = None
-            self._halt()
 
     def _cancel(self, goal: Goal) -> None:
         if goal is self._goal:
+            self._halt()
             goal._end(GoalStatus.CANCELLED, "cancelled by its owner", self.clock.now())
             self._goal = None
-            self._halt()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from numbers import Real
 from typing import Any, Final
 
+from soter.errors import Unsupported
 from soter.rta import Mode, Node, Port, Request, Sample, Situation, Topic
 from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState, Waypoint
 from soter.stack.safe_controller import WAYPOINT
@@ -81,8 +82,8 @@ class RobotActuator:
         before = self._goal
         try:
             goal = self.robot.goto(_plain(request.command), Controller.AC)
-        except (ValueError, TypeError, AttributeError, ArithmeticError):
-            # The AC is untrusted: what is no waypoint is refused, and what it was doing goes on.
+        except (ValueError, TypeError, AttributeError, ArithmeticError, Unsupported):
+            # The AC is untrusted: what is no waypoint, or none for this robot, is refused; what it was doing goes on.
             self.port.report(request.goal_id, GoalStatus.REJECTED.value)
             return
         if before is not None:

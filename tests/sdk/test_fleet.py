@@ -52,3 +52,16 @@ def test_an_error_inside_stops_the_robots_and_goes_on() -> None:
     with pytest.raises(KeyboardInterrupt), fleet:
         raise KeyboardInterrupt
     assert all("disconnect" in robot.calls for robot in robots)
+
+
+def test_whoever_is_impatient_while_it_closes_keeps_no_robot_from_being_stopped() -> None:
+    fleet, robots = fleet_of(3)
+
+    def interrupted(timeout_s: float) -> None:
+        raise KeyboardInterrupt
+
+    robots[0]._disconnect = interrupted  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        fleet.close()
+    assert all("disconnect" in robot.calls for robot in robots[1:])
+    assert fleet.closed == 1

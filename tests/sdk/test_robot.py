@@ -242,6 +242,20 @@ def test_a_switch_that_fails_has_changed_nothing_and_can_be_repeated() -> None:
     assert goal.status is GoalStatus.PREEMPTED
 
 
+def test_after_a_switch_that_failed_nobody_counts_as_in_charge_already() -> None:
+    # What failed here may have reached the vehicle: it then has the AC in charge, whatever is believed here.
+    robot = ready_robot(SC)
+    robot.failing.add("hand over AC")
+    with pytest.raises(OSError, match="hand over"):
+        robot.switch_ac_sc(AC, "fine again")
+    robot.calls.clear()
+    robot.switch_ac_sc(SC, "it failed")
+    assert robot.calls == ["hand over SC", "renew"]
+    robot.calls.clear()
+    robot.switch_ac_sc(SC, "go on")
+    assert robot.calls == ["renew"], "now it is known"
+
+
 # --- targets -----------------------------------------------------------------------------------------------
 
 
@@ -398,6 +412,46 @@ def test_cancel_ends_its_own_goal_only() -> None:
     assert second.status is GoalStatus.CANCELLED
     second.cancel()
     assert robot.calls == ["halt"]
+
+
+def test_a_goal_goes_on_until_the_robot_could_be_told_to_stop() -> None:
+    robot = ready_robot()
+    goal = robot.goto(THERE, SC)
+    robot.failing.add("halt")
+    for _ in range(2):
+        with pytest.raises(OSError, match="halt failed"):
+            goal.cancel()
+        assert goal.active
+    robot.failing.clear()
+    goal.cancel()
+    assert goal.status is GoalStatus.CANCELLED
+    assert robot.calls.count("halt") == 3
+
+
+def test_a_goal_that_could_not_be_sent_leaves_the_one_before_as_it_was() -> None:
+    robot = ready_robot()
+    goal = robot.goto(THERE, SC)
+    robot.failing.add("send")
+    with pytest.raises(OSError, match="send failed"):
+        robot.goto(THERE, SC)
+    assert goal.active, "it is what the vehicle works on"
+    goal.cancel()
+    assert robot.calls[-1] == "halt"
+
+
+def test_a_goal_whose_time_is_up_is_stopped_although_that_fails_at_first() -> None:
+    robot = ready_robot()
+    goal = robot.goto(THERE._replace(timeout_s=1.0), SC)
+    robot.time.sleep_until(1.0)
+    robot.place()
+    robot.failing.add("halt")
+    with pytest.raises(OSError, match="halt failed"):
+        robot.read_state()
+    robot.failing.clear()
+    robot.calls.clear()
+    robot.read_state()
+    assert robot.calls == ["halt"]
+    assert goal.status is GoalStatus.TIMED_OUT
 
 
 def test_a_goal_whose_time_is_up_stops_the_robot() -> None:

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from soter.errors import Unsupported
 from soter.rta import ControlReport, GoalReport, Mode, Port, Report, Request, Topic
-from soter.sdk import Controller, GoalStatus, RobotState, Waypoint
+from soter.sdk import Controller, Goal, GoalStatus, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from tests.rta.doubles import situation
 from tests.sdk.fake import FakeRobot, ready_robot
@@ -89,6 +90,46 @@ def test_garbage_is_rejected_and_the_goal_before_goes_on(command: object) -> Non
     held.robot.place(x_m=1.0)
     held.actuator.read()
     assert held.goals()[-1] == (first, "reached")
+
+
+def test_what_the_robot_does_not_support_is_rejected_and_the_goal_before_goes_on() -> None:
+    held = Held()
+    first = held.ask()
+
+    def refuse(goal: Goal) -> None:
+        raise Unsupported("it stays on the ground")
+
+    send, held.robot._send_goto = held.robot._send_goto, refuse  # type: ignore[method-assign]
+    second = held.ask(Waypoint(1.0, 0.0, 5.0))
+    assert held.goals() == [(second, "rejected")]
+    held.robot._send_goto = send  # type: ignore[method-assign]
+    held.ask()
+    assert held.goals()[1:] == [(first, "superseded")]
+
+
+def test_a_stop_that_fails_can_be_repeated() -> None:
+    held = Held()
+    goal_id = held.ask()
+    held.robot.failing.add("halt")
+    with pytest.raises(OSError, match="halt failed"):
+        held.actuator.drive(None, Mode.AC)
+    held.robot.place()
+    held.actuator.read()
+    held.robot.failing.clear()
+    held.actuator.drive(None, Mode.AC)
+    assert held.robot.calls.count("halt") == 2
+    assert held.goals() == [(goal_id, "cancelled")]
+
+
+def test_a_stop_reaches_what_the_robot_works_on_although_a_newer_goal_could_not_be_sent() -> None:
+    held = Held()
+    held.ask()
+    held.robot.failing.add("send")
+    with pytest.raises(OSError, match="send failed"):
+        held.ask()
+    held.actuator.read()
+    held.actuator.drive(None, Mode.AC)
+    assert held.robot.calls[-1] == "halt"
 
 
 def test_the_scs_goals_are_not_the_acs_business() -> None:
