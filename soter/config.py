@@ -12,7 +12,7 @@ import math
 import random
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self, TypeVar
 
@@ -125,6 +125,11 @@ class Mission(Table):
         """The file that the mission was read from, for error messages; None if it was made in code."""
         return self._source
 
+    @property
+    def overridden(self) -> tuple[tuple[str, ...], ...]:
+        """The keys, split at their dots, whose values are from the command line and not from the file."""
+        return self._overridden
+
     def initial_charge(self, robot_id: int) -> float:
         """Return the charge from 0 to 1 that a robot starts with: the given one, or one drawn from the seed."""
         given = (self.battery.initial or {}).get(robot_id)
@@ -136,6 +141,12 @@ class Mission(Table):
         Raises:
             ConfigError: the workspace file is not allowed, or the mission wants what is not in it.
         """
+        if not self.workspace.is_file():
+            try:
+                read_limited(self.workspace, "workspace file")
+            except ConfigError as failure:
+                # What has to be mended is the key, not the file that is not there.
+                raise self.refusal("workspace", str(failure)) from failure
         workspace = read_workspace(
             self.workspace,
             phi_safer_m=self.rta.obstacle.phi_safer_m,
@@ -221,7 +232,8 @@ def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None
 def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> Mission:
     """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
     try:
-        text = data.decode()
+        # Some editors begin a file with a byte order mark, which TOML lets readers ignore.
+        text = data.decode().removeprefix("\ufeff")
         raw = tomllib.loads(text)
     except UnicodeDecodeError as failure:
         line = data[: failure.start].count(b"\n") + 1
@@ -253,7 +265,12 @@ def _checked(
     try:
         mission = Mission.model_validate(raw)
     except ValidationError as failure:
-        problems = pydantic_problems(failure, Mission, lines=lines, elsewhere=dict.fromkeys(given, COMMAND_LINE))
+        elsewhere = dict.fromkeys(given, COMMAND_LINE)
+        # A table that only an override names, such as a misspelt one, is refused as a whole.
+        in_file = {line[:end] for line in lines for end in range(1, len(line) + 1)}
+        for key in given:
+            elsewhere |= {key[:end]: COMMAND_LINE for end in range(1, len(key)) if lines and key[:end] not in in_file}
+        problems = pydantic_problems(failure, Mission, lines=lines, elsewhere=elsewhere)
         raise config_error(problems, source) from failure
     mission._source, mission._lines, mission._overridden = source, lines, tuple(given)
     return mission
@@ -301,6 +318,7 @@ def validate_options(
     source: str | None,
     key: str,
     filled: Mapping[str, object] | None = None,
+    overridden: Collection[tuple[str, ...]] = (),
 ) -> Options:
     """Check a raw table of options with the model of the class that it is for.
 
@@ -310,6 +328,7 @@ def validate_options(
         source: the mission file, or None.
         key: the table's dotted key, such as "backends.pybullet".
         filled: what the program itself fills in; the table may not name it.
+        overridden: from the mission, for errors about what is from the command line.
 
     Raises:
         ConfigError: an option is unknown or not allowed; all that is wrong is listed.
@@ -330,7 +349,8 @@ def validate_options(
     try:
         options = model.model_validate({**raw, **filled})
     except ValidationError as failure:
-        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, hidden=filled)
+        elsewhere = dict.fromkeys(overridden, COMMAND_LINE)
+        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, elsewhere=elsewhere, hidden=filled)
         raise config_error(problems, source) from failure
     if problems:
         raise config_error(problems, source)

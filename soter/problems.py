@@ -84,8 +84,11 @@ def read_limited(path: Path, what: str) -> bytes:
     try:
         # Only a regular file is opened: a pipe would block for ever, a device might never end.
         if not path.is_file():
-            found = "is not a file" if path.exists() else "does not exist"
-            raise ConfigError(f"this {what} {found}{nearest(path.name, _beside(path))}", source=source)
+            if path.is_dir():
+                raise ConfigError(f"it is a folder; name a {what}", source=source)
+            if path.exists():
+                raise ConfigError(f"this {what} is a pipe or a device, allowed: a regular file", source=source)
+            raise ConfigError(f"this {what} does not exist{nearest(path.name, _beside(path))}", source=source)
         with path.open("rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as failure:

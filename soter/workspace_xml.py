@@ -27,6 +27,13 @@ MAX_ROBOT_ID = 254
 """Robot ids are MAVLink system ids too; 0 and 255 mean something else there."""
 
 MAX_SIZE_M = 10_000.0
+
+MAX_AREA_M2 = 100_000.0
+"""Places to retreat to are kept as cells of 0.1 m: so many fill most of a GiB."""
+
+MIN_STATION_M = 0.1
+"""A robot comes to rest within some centimetres of a station's middle, and charges only on the station."""
+
 _MAX_BOXES = 250  # naming the nearest free pose costs up to the cube of this
 _MAX_DEPTH = 8
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
@@ -275,6 +282,10 @@ class _Reader:
             name = "xyz"[size.index(min(size))]
             self._note(element, "<dimension>", f"{name} is {min(size):g}, allowed: above 0")
             return None
+        if size is not None and size[0] * size[1] > MAX_AREA_M2:
+            message = f"x times y is {size[0] * size[1]:.6g} m2, allowed: at most {MAX_AREA_M2:g} m2"
+            self._note(element, "<dimension>", message)
+            return None
         return size
 
     def _boxes(
@@ -312,6 +323,12 @@ class _Reader:
                 return (
                     f"it is inside out: high {name} is {high[axis]:g}, allowed: above low {name}, which is "
                     f"{low[axis]:g}"
+                )
+            # An exact 0.1 m must pass although it is not one in binary.
+            if flat and name != "z" and high[axis] - low[axis] < MIN_STATION_M - 1e-9:
+                return (
+                    f"it is {high[axis] - low[axis]:g} m wide in {name}, allowed: at least {MIN_STATION_M:g} m, or "
+                    "robots would come to rest beside it"
                 )
         if low[2] != 0.0:
             return f"low z is {low[2]:g}, allowed: 0, it stands on the ground"

@@ -74,7 +74,7 @@ def _read(mission: Mission, index: int, raw: Mapping[str, Any], robot_ids: Seque
         said = "it is missing, and has no default" if name is None else f"it is {name!r}, allowed: a text in quotes"
         raise mission.refusal(f"{key}.kind", f"{said}; known kinds are {', '.join(BUILT_IN)}")
     kind = _kind(name, partial(mission.refusal, f"{key}.kind"))
-    options = validate_options(kind.options_model, raw, mission.source, key)
+    options = validate_options(kind.options_model, raw, mission.source, key, overridden=mission.overridden)
     if options.robot != "all" and options.robot not in robot_ids:
         listed = ", ".join(map(str, robot_ids))
         message = f'it is {options.robot}, but there is no such robot; allowed: "all", {listed}'

@@ -33,6 +33,7 @@ def read_options(backend: type[Backend], mission: Mission, workspace: Workspace)
         mission.source,
         f"backends.{mission.backend}",
         {"workspace": workspace, "seed": mission.seed},
+        mission.overridden,
     )
 
 

@@ -124,6 +124,7 @@ def test_an_override_mends_the_file() -> None:
         ({"sed": 1}, "command line: sed: unknown key, did you mean 'seed'?; allowed: app, "),
         ({"seed.x": 1}, "command line: seed.x: there is no such key: what it stands in is no table"),
         ({"": 1}, "command line: '': there is no such key"),
+        ({"rta.colision.delta_s": 1}, "command line: rta.colision: unknown key, did you mean 'collision'?; allowed: "),
         ({"rta.collision.delta_s": 0.07}, "command line: rta.collision.delta_s: it is 0.07, allowed: a multiple of"),
         (
             {"rta.modules": ["colision"]},
@@ -136,6 +137,13 @@ def test_an_override_mends_the_file() -> None:
 )
 def test_a_wrong_override_is_blamed_on_the_command_line(overrides: dict[str, object], expected: str) -> None:
     assert error("seed = 1\n", overrides).startswith(expected)
+
+
+def test_a_table_of_the_file_is_not_blamed_on_the_command_line() -> None:
+    """An override in the same table does not make it one of the command line."""
+    for text in ('[rta.collision]\nphi_safe_m = "x"\n', '\nrta.collision.phi_safe_m = "x"\n'):
+        found = error(text, {"rta.collision.delta_s": 0.2})
+        assert found.startswith("m.toml:3: rta.collision.phi_safe_m: it is 'x', allowed: a number")
 
 
 # --- what is wrong -----------------------------------------------------------------------------------------
@@ -299,6 +307,12 @@ def test_the_workspace_must_be_given() -> None:
         parse_mission(b"seed = 1\n", "m.toml")
 
 
+def test_a_byte_order_mark_is_ignored() -> None:
+    assert parse_mission(b'\xef\xbb\xbfworkspace = "room.xml"\n', "m.toml").workspace == Path("room.xml")
+    with pytest.raises(ConfigError, match=r"^m\.toml:2: seed: it is -1, allowed: at least 0$"):
+        parse_mission(b'\xef\xbb\xbfworkspace = "room.xml"\nseed = -1\n', "m.toml")
+
+
 def test_not_utf_8() -> None:
     with pytest.raises(ConfigError, match=r"^m\.toml:2: not UTF-8, as TOML must be; save it as UTF-8$"):
         parse_mission(b'seed = 1\nbackend = "\xff"\n', "m.toml")
@@ -391,6 +405,8 @@ def test_a_missing_workspace_is_named(tmp_path: Path) -> None:
     (tmp_path / "room.xml").rename(tmp_path / "rooms.xml")
     with pytest.raises(ConfigError, match=r"room\.xml: this workspace file does not exist, did you mean 'rooms\.xml'"):
         load_mission(path).read_workspace()
+    with pytest.raises(ConfigError, match=r"m\.toml:1: workspace: .*room\.xml: this workspace file does not exist"):
+        load_mission(path).read_workspace()
 
 
 # --- options of a backend or planner -----------------------------------------------------------------------
@@ -439,3 +455,15 @@ def test_wrong_options_have_their_line(tmp_path: Path) -> None:
 def test_options_without_their_file_still_have_their_key(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"gone\.toml: backends\.kinematic\.rate_hz: it is 0, allowed: above 0"):
         options({"rate_hz": 0}, str(tmp_path / "gone.toml"))
+
+
+def test_options_of_the_command_line_are_blamed_on_it(tmp_path: Path) -> None:
+    path = written(tmp_path, "[backends.kinematic]\nrate_hz = 0\n")
+    made = load_mission(path, {"backends.kinematic.gui": "yes, please"})
+    table = made.backends["kinematic"]
+    with pytest.raises(ConfigError) as caught:
+        validate_options(Options, table, made.source, "backends.kinematic", {"workspace": "filled in"}, made.overridden)
+    assert str(caught.value).splitlines()[1:] == [
+        f"  {path}:3: backends.kinematic.rate_hz: it is 0, allowed: above 0",
+        "  command line: backends.kinematic.gui: it is 'yes, please', allowed: true or false",
+    ]

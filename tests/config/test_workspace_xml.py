@@ -258,6 +258,14 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         xml().replace('<high x="1.2" y="1.2"', '<high x="1.2" y="0.7"'),
         ["room.xml:11: charging station 1: it is inside out: high y is 0.7, allowed: above low y, which is 0.8"],
     ),
+    "charger too small to come to rest on": (
+        xml().replace('<high x="1.2" y="1.2"', '<high x="0.89" y="1.2"'),
+        ["room.xml:11: charging station 1: it is 0.09 m wide in x, allowed: at least 0.1 m"],
+    ),
+    "too large to keep in memory": (
+        xml(dimension='<dimension x="12" y="9000" z="1"/>'),
+        ["room.xml:2: <dimension>: x times y is 108000 m2, allowed: at most 100000 m2"],
+    ),
     "floating": (
         xml().replace(BOX, '<low x="1" y="2" z="0.2"/><high x="1.9" y="3" z="1"/>'),
         ["room.xml:8: obstacle 1: low z is 0.2, allowed: 0, it stands on the ground"],
@@ -340,9 +348,10 @@ def test_a_missing_file_is_named_with_the_nearest(tmp_path: Path) -> None:
 def test_a_folder_and_a_pipe_are_no_files(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.xml"
     os.mkfifo(pipe)
-    for path in (tmp_path, pipe):
-        with pytest.raises(ConfigError, match="this workspace file is not a file"):
-            read_workspace(path)
+    with pytest.raises(ConfigError, match="this workspace file is a pipe or a device, allowed: a regular file"):
+        read_workspace(pipe)
+    with pytest.raises(ConfigError, match=r"it is a folder; name a workspace file$"):
+        read_workspace(tmp_path)
 
 
 def test_a_name_that_no_file_can_have() -> None:

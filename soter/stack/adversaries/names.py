@@ -67,7 +67,11 @@ def build_adversary(mission: Mission) -> AnyAdversary:
     found = adversary_class(mission)
     table = mission.ac.removeprefix(PREFIX)
     options = validate_options(
-        found.options_model, mission.adversaries.get(table, {}), mission.source, f"adversaries.{_quoted(table)}"
+        found.options_model,
+        mission.adversaries.get(table, {}),
+        mission.source,
+        f"adversaries.{_quoted(table)}",
+        overridden=mission.overridden,
     )
     return found(options)
 
