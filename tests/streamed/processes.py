@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -35,6 +37,32 @@ def soter(*arguments: str) -> subprocess.Popen[str]:
 def children(pid: int) -> list[int]:
     """Return the processes that a process has started."""
     return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def end_with_their_parent(simulator: str, environment: Mapping[str, str]) -> None:
+    """The processes of simulated robots end when the one that started them is killed.
+
+    Args:
+        simulator: the module of the class `Simulator`.
+        environment: of the process that starts them.
+    """
+    program = (
+        "import os\n"
+        f"from {simulator} import Simulator\n"
+        "from tests.streamed.driving import ROOM, SPECS\n"
+        "simulator = Simulator(ROOM, SPECS)\n"
+        "print(simulator.world.pid, *(each.pid for each in simulator.muxes.values()), flush=True)\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    env = {**environment, "PYTHONPATH": os.pathsep.join([str(Path.cwd()), *sys.path])}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60, env=env, check=False)
+    assert done.returncode == -signal.SIGKILL
+    left = [int(number) for number in done.stdout.split()]
+    assert len(left) == 3, "a world and two muxes"
+    until_s = time.monotonic() + 10.0
+    while any(map(alive, left)):
+        assert time.monotonic() < until_s
+        time.sleep(0.05)
 
 
 def ctrl_c_ends_a_run(backend: str) -> None:

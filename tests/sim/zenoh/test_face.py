@@ -8,10 +8,8 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,8 +23,9 @@ from soter.sdk import RobotSpec
 from soter.streamed.motion import seconds
 from soter.workspace import Workspace
 from tests.adapters.zenoh.sessions import eventually, opened
+from tests.streamed.base import says_where_it_stands, stopped_by_itself
 from tests.streamed.driving import ROOM, SPECS
-from tests.streamed.processes import alive
+from tests.streamed.processes import end_with_their_parent
 
 
 def start(*options: str) -> subprocess.Popen[bytes]:
@@ -89,25 +88,18 @@ def client(face: subprocess.Popen[bytes]) -> Iterator[Client]:
 
 
 def test_it_says_where_it_is_at_its_rates_and_does_what_it_is_told(client: Client) -> None:
-    before, began_s = len(client.odometry), time.monotonic()
-    assert eventually(lambda: len(client.odometry) >= before + 30)
-    assert 0.8 * 30.0 < 30 / (time.monotonic() - began_s) < 1.2 * 30.0
-    last = client.odometry[-1]
-    position, turned = last.pose.pose.position, last.pose.pose.orientation
-    assert (position.x, position.y) == pytest.approx((2.0, 2.5))
-    assert 2.0 * math.atan2(turned.z, turned.w) == pytest.approx(0.4)
-    assert (last.header.frame_id, last.child_frame_id) == ("robot1/odom", "robot1/base_link")
-    assert 0.79 < client.battery[-1].percentage <= 1.0, "it stands on its charger"
+    assert eventually(lambda: len(client.odometry) >= 30)
+    says_where_it_stands(client.odometry, client.battery[-1].percentage)
     assert client.clock == sorted(client.clock)
     assert client.clock[0] >= 1000.0
     # NaN stops it, and nothing makes it faster than it is.
     assert client.reaches(9.0, 0.22)
     assert client.reaches(math.nan, 0.0)
     assert client.reaches(-9.0, -0.22)
-    # Without new velocities it stops, after the time-out, braking, and what a busy host adds.
-    silent_s = time.monotonic()
+    # Without new velocities it stops.
+    said = len(client.odometry)
     assert eventually(lambda: client.speed_m_s == 0.0)
-    assert 0.1 < time.monotonic() - silent_s < 0.2 + 0.2 + 0.3
+    stopped_by_itself(client.odometry, said)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -123,20 +115,7 @@ def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes
 
 
 def test_it_ends_with_its_parent() -> None:
-    program = (
-        "import os\n"
-        "from soter.adapters.zenoh.simulator import Simulator\n"
-        "from tests.streamed.driving import ROOM, SPECS\n"
-        "simulator = Simulator(ROOM, SPECS)\n"
-        "print(simulator.world.pid, *(each.pid for each in simulator.muxes.values()), flush=True)\n"
-        "os.kill(os.getpid(), 9)\n"
-    )
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path.cwd()), *sys.path])}
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60, env=env, check=False)
-    assert done.returncode == -signal.SIGKILL
-    left = [int(number) for number in done.stdout.split()]
-    assert len(left) == 3
-    assert eventually(lambda: not any(map(alive, left)))
+    end_with_their_parent("soter.adapters.zenoh.simulator", os.environ)
 
 
 @pytest.mark.parametrize(

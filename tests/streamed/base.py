@@ -1,0 +1,45 @@
+"""What the first robot of `driving.ROOM` says of itself: the same, whatever carries it.
+
+Times are the world's, by its own stamps: when something arrives also depends on what else the host has to do.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from soter.streamed.motion import seconds
+from soter.streamed.robot import ODOMETRY_S
+
+
+def says_where_it_stands(odometry: Sequence[Any], percentage: float) -> None:
+    """It says where it is at its rate; it stands on its charger."""
+    stamps_s = [seconds(each.header.stamp) for each in odometry]
+    apart_s = [later_s - before_s for before_s, later_s in pairwise(stamps_s)]
+    assert min(apart_s) > 0.0
+    # Of several that are due at once, on a busy host, one is said.
+    assert statistics.median(apart_s) == pytest.approx(ODOMETRY_S, rel=0.2)
+    last = odometry[-1]
+    position, turned = last.pose.pose.position, last.pose.pose.orientation
+    assert (position.x, position.y) == pytest.approx((2.0, 2.5))
+    assert 2.0 * math.atan2(turned.z, turned.w) == pytest.approx(0.4)
+    assert (last.header.frame_id, last.child_frame_id) == ("robot1/odom", "robot1/base_link")
+    assert 0.79 < percentage <= 1.0
+
+
+def stopped_by_itself(odometry: Sequence[Any], said: int) -> None:
+    """After the last velocity it drove on for its time-out, and braked to a stop.
+
+    Args:
+        odometry: all that it has said, oldest first; at last it stands.
+        said: how many of these had come when the last velocity was said.
+    """
+    silent_s = seconds(odometry[said - 1].header.stamp)
+    stopped_s = next(seconds(each.header.stamp) for each in odometry[said:] if each.twist.twist.linear.x == 0.0)
+    # The time-out, braking, and the way of a velocity and of odometry on a busy host.
+    assert 0.1 < stopped_s - silent_s < 0.2 + 0.2 + 0.3
