@@ -1,5 +1,6 @@
 """Run-time assurance: topics, nodes, declared safety modules, decision modules, ports, the supervisor."""
 
+from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog, Breach
 from soter.rta.decision import DecisionModule, Permission
 from soter.rta.fleet import Supervisor
@@ -21,7 +22,7 @@ from soter.rta.monitors import ModuleMonitor, PeerMonitor
 from soter.rta.peers import PEER_SILENT_S, RemotePeer, StillPeers
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
 from soter.rta.situation import Mode, Sample, Situation
-from soter.rta.supervisor import SUPERVISOR, Actuator, RobotSupervisor, SwitchRecord, Watch
+from soter.rta.supervisor import SUPERVISOR, RobotSupervisor, SwitchRecord, Watch
 from soter.rta.topics import Node, Topic
 
 __all__ = [

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple, Protocol
 
+from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule
 from soter.rta.models import ReachModel
@@ -25,28 +26,6 @@ _ROUNDING_S: Final = 1e-9
 
 ALARM_S: Final = 0.3
 """A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
-
-
-class Actuator(Protocol):
-    """The robot as the supervisor needs it. Used from the supervisor's thread only."""
-
-    def read(self) -> Sample:
-        """Return the latest sample without waiting."""
-
-    def drive(self, command: Any, mode: Mode) -> None:
-        """Pass on a command of the controller in charge; None means stop."""
-
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
-        """Put another controller in charge; flush what the one before had in flight."""
-
-    def renew(self) -> None:
-        """Let the robot move on for another lease."""
-
-    def reported(self, sample: Sample) -> Mode | None:
-        """Return who is in charge as the robot itself reports it in a sample; None where it does not report that."""
-
-    def insist(self) -> None:
-        """Say again who is in charge: the robot reports that it is somebody else."""
 
 
 class SwitchRecord(NamedTuple):
@@ -134,7 +113,7 @@ class RobotSupervisor:
         self.ac_failure = ""
         self._alarm = ""
         self._alarmed_until_s = -math.inf
-        self._refused = False
+        self._refused = self._stop_owed = False
         self._owed: tuple[str, str] | None = None
         self._looked_s = [math.nan] * len(self.modules)
         self._announced_ac = False
@@ -178,10 +157,15 @@ class RobotSupervisor:
         situation.own = sample
         # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
         situation.age_s = max(0.0, now_s - sample.stamp_s)
-        for found in (self._samples.look(now_s, before, sample), self._stop.look(now_s, sample)):
-            if found is not None:
-                self._raise_alarm(*found)
-        self._look_for_owner(sample)
+        try:
+            for found in (self._samples.look(now_s, before, sample), self._stop.look(now_s, sample)):
+                if found is not None:
+                    self._raise_alarm(*found)
+            self._look_for_owner(sample)
+        except Exception as failure:
+            # Models may be the user's own, and who is in charge is an adapter's word.
+            logger.exception("robot %d: its sample could not be tested", self.robot_id)
+            self._raise_alarm(Assumption.MOTION, f"its sample could not be tested: {failure!r}")
         return sample
 
     def _clock_went_back(self, by_s: float) -> None:
@@ -310,6 +294,8 @@ class RobotSupervisor:
             if waypoint.count != self._sent:
                 self._sent = waypoint.count
                 self._drive(waypoint.value)
+            elif self._stop_owed:
+                self._drive(None)
         self._was_held = self._held
         withheld = self._refused or self._disowned or situation.age_s > self._heard_within_s + _ROUNDING_S
         if not withheld:
@@ -323,25 +309,28 @@ class RobotSupervisor:
         Until then the lease is not renewed: a robot that did not hear of its disengagement must not go on.
         """
         self._owed = (module, cause)
-        self._attempt(lambda: self.actuator.hand_over(self.mode, module, cause))
-        if not self._refused:
+        if self._attempt(lambda: self.actuator.hand_over(self.mode, module, cause)):
             self._owed = None
+            self._stop_owed = False
             self._handed_over_s = self.situation.now_s
             self._stop.told(self.situation.now_s, self.situation.own, stop=True)
 
     def _drive(self, command: Any) -> None:
-        """Pass on a command; None means that the robot ought to stop."""
-        self._attempt(lambda: self.actuator.drive(command, self.mode))
+        """Pass on a command; None means that the robot ought to stop, which is owed until it could be told."""
+        told = self._attempt(lambda: self.actuator.drive(command, self.mode))
+        self._stop_owed = not told and (command is None or self._stop_owed)
         self._stop.told(self.situation.now_s, self.situation.own, stop=command is None)
 
-    def _attempt(self, call: Callable[[], None]) -> None:
+    def _attempt(self, call: Callable[[], None]) -> bool:
         """Call the actuator; where it fails the lease is left to run out, and the AC loses control for a while."""
         try:
             call()
+            return True
         except Exception as failure:
             logger.exception("robot %d: its interface failed", self.robot_id)
             self._refused = True
             self._raise_alarm(Assumption.LATENCY, f"interface failed: {failure!r}")
+            return False
 
     def _without_module(self) -> DecisionModule | None:
         """Return whose safe controller drives when no module asks for it, but the AC may not."""

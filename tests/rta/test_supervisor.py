@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from soter.rta import SUPERVISOR, Mode, Timing
+from soter.rta import SUPERVISOR, Mode, Sample, SpeedBound, Timing
 from soter.rta.supervisor import ALARM_S
 from tests.rta.doubles import TICK_S, At, Rig
 
@@ -284,7 +284,84 @@ def test_an_interface_that_fails_costs_the_ac_control(call: str) -> None:
     assert rig.watch.records[-1].module == SUPERVISOR
 
 
+def test_a_stop_that_fails_is_owed_and_the_lease_runs_out_until_the_robot_has_been_told() -> None:
+    rig = Rig("a")
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.scs["a"].failing = True
+    rig.actuator.failing.add("drive")
+    rig.tick()
+    rig.scs["a"].failing, rig.scs["a"].silent = False, True
+    for _ in range(3):
+        assert rig.tick() == [("drive", None, Mode.SC)], "its safe controller has nothing to say any more"
+    rig.actuator.failing.clear()
+    assert rig.tick() == [("drive", None, Mode.SC), ("renew",)]
+    assert rig.tick() == [("renew",)], "once is enough"
+
+
+def test_what_is_sent_after_a_stop_that_failed_takes_its_place() -> None:
+    rig = Rig("a")
+    rig.rules["a"].value = 0.0
+    rig.tick()
+    rig.scs["a"].failing = True
+    rig.actuator.failing.add("drive")
+    rig.tick()
+    rig.scs["a"].failing = False
+    rig.actuator.failing.clear()
+    assert rig.tick() == [("drive", "a 3", Mode.SC), ("renew",)]
+    rig.scs["a"].silent = True
+    assert rig.tick() == [("renew",)]
+
+
+def test_a_hand_over_that_worked_is_not_repeated_for_what_failed_beside_it() -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.tick(2)
+    rig.actuator.report = Mode.SC
+    rig.actuator.failing.add("insist")
+    rig.tick()
+    assert rig.names() == ["insist", "hand_over", "drive"], "the lease is left to run out"
+    rig.tick()
+    assert rig.names() == ["drive", "renew"]
+
+
 # --- samples -----------------------------------------------------------------------------------------------
+
+
+class OddModel(SpeedBound):
+    """A model of the user's own that fails when it is asked about a sample."""
+
+    def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
+        if after.x_m > 10.0:
+            raise ZeroDivisionError("an odd model")
+        return True
+
+
+def test_a_model_that_fails_at_a_sample_costs_the_ac_control_and_nobody_else() -> None:
+    rig = Rig("a", models=(OddModel(0.22, 1.0),))
+    rig.start()
+    at(rig, 10.001)
+    rig.tick()
+    assert rig.driver() == "a"
+    assert "an odd model" in rig.watch.records[-1].cause
+    at(rig, 10.0)
+    rig.tick(ALARM_TICKS + 1)
+    assert rig.driver() is None
+
+
+def test_a_report_of_who_is_in_charge_that_makes_no_sense_costs_the_ac_control(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig("a")
+    rig.start()
+
+    def senseless(sample: Sample) -> Mode | None:
+        raise KeyError("the pilot")
+
+    monkeypatch.setattr(rig.actuator, "reported", senseless)
+    rig.tick()
+    assert rig.driver() == "a"
+    assert "the pilot" in rig.watch.records[-1].cause
 
 
 def test_a_sample_outside_the_reach_set_takes_control_for_a_while() -> None:
