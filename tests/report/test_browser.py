@@ -25,6 +25,7 @@ DURATION_S = 600.0
 MOST_BYTES = 8_000_000
 MOST_OPENING_S = 3.0
 PHONE = {"width": 390, "height": 844}
+NARROW_PHONE = {"width": 360, "height": 740}
 
 
 class Made(NamedTuple):
@@ -39,6 +40,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     folder = tmp_path_factory.mktemp("pages")
     # Robot 2 has so little charge that it has to drive home.
     recorded(folder / "run.mcap", duration_s=DURATION_S, battery__initial={"2": 0.17})
+    recording = Recording(folder / "run.mcap")
+    (folder / "run.html").write_text(make_page(recording), encoding="utf-8")
+    return Made(folder / "run.html", recording.content())
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Robots that nobody holds back, sent to where they must not go."""
+    folder = tmp_path_factory.mktemp("hostile")
+    recorded(folder / "run.mcap", duration_s=120.0, targets="hostile", rta__enabled=False)
     recording = Recording(folder / "run.mcap")
     (folder / "run.html").write_text(make_page(recording), encoding="utf-8")
     return Made(folder / "run.html", recording.content())
@@ -271,6 +282,55 @@ def test_it_fits_a_phone_and_scrubs_by_touch(browser: Any, made: Made) -> None:
         assert moment(page)["timeS"] == pytest.approx(DURATION_S / 2, abs=0.05 * DURATION_S)
 
 
+def test_nothing_leaves_its_place_on_a_narrow_phone(browser: Any, made: Made) -> None:
+    beyond = """() => {
+        const beyond = (holder, inner, side) => [...document.querySelectorAll(inner)]
+            .filter((each) => each.getBoundingClientRect().width && each.getBoundingClientRect()[side] > holder)
+            .map((each) => each.outerHTML.slice(0, 80));
+        const edge = (name, side, padding) => {
+            const holder = document.querySelector(name);
+            return holder.getBoundingClientRect()[side] - parseFloat(getComputedStyle(holder)[padding]);
+        };
+        return [
+            ...beyond(edge(".transport", "right", "paddingRight") + 0.5, ".transport *", "right"),
+            ...beyond(edge(".table-card", "bottom", "paddingBottom") + 0.5, "#table-scroll", "bottom"),
+        ];
+    }"""
+    with opened(browser, made.path, f"#t={DURATION_S}", viewport=NARROW_PHONE, has_touch=True, is_mobile=True) as page:
+        assert moment(page)["timeS"] > DURATION_S - 1.0
+        assert page.evaluate(beyond) == []
+
+
+def test_paper_is_light_and_shows_all_rows(browser: Any, made: Made) -> None:
+    with opened(browser, made.path, color_scheme="dark") as page:
+        on_screen = pixel(page, 4.0, 4.0)
+        page.emulate_media(media="print")
+        until(page, "!soter.page.style.dark")
+        assert distance(pixel(page, 4.0, 4.0), on_screen) > 100.0
+        assert page.evaluate(
+            """() => [...document.querySelectorAll("#table-scroll, #robots")]
+                .every((each) => each.scrollHeight <= each.clientHeight + 1 && each.clientHeight > 0)"""
+        )
+        assert len(page.pdf(format="A4")) > 50_000
+        page.emulate_media(media="screen")
+        until(page, "soter.page.style.dark")
+        assert pixel(page, 4.0, 4.0) == on_screen
+
+
+def test_targets_outside_of_the_fence_are_on_the_plan(browser: Any, hostile: Made) -> None:
+    with opened(browser, hostile.path) as page:
+        places = page.evaluate(
+            """() => soter.run.robots.flatMap((robot) => robot.targets)
+                .map(({ xM, yM }) => [...soter.page.plan.at(xM, yM), soter.page.plan.width, soter.page.plan.height])"""
+        )
+        outside = page.evaluate(
+            """() => soter.run.robots.flatMap((robot) => robot.targets).filter(({ xM, yM }) =>
+                xM < 0 || yM < 0 || xM > soter.run.workspace.widthM || yM > soter.run.workspace.depthM).length"""
+        )
+        assert outside > 0
+        assert all(0.0 < right < width and 0.0 < down < height for right, down, width, height in places)
+
+
 def test_everything_that_can_be_used_has_a_name(browser: Any, made: Made) -> None:
     with opened(browser, made.path) as page:
         nameless = page.evaluate(
@@ -291,14 +351,10 @@ def test_a_moment_can_be_linked_to(browser: Any, made: Made) -> None:
         assert moment(page)["timeS"] == pytest.approx(123.4)
 
 
-def test_violations_are_the_first_thing_that_one_sees(browser: Any, tmp_path: Path) -> None:
-    recorded(tmp_path / "run.mcap", duration_s=120.0, targets="hostile", rta__enabled=False)
-    recording = Recording(tmp_path / "run.mcap")
-    path = tmp_path / "run.html"
-    path.write_text(make_page(recording), encoding="utf-8")
-    violations = recording.content().violations
+def test_violations_are_the_first_thing_that_one_sees(browser: Any, hostile: Made) -> None:
+    violations = hostile.content.violations
     assert violations
-    with opened(browser, path) as page:
+    with opened(browser, hostile.path) as page:
         verdict = page.locator("#verdict")
         assert f"{len(violations)} violation" in verdict.inner_text()
         assert "bad" in verdict.get_attribute("class")

@@ -77,6 +77,12 @@ def test_margins_are_those_of_the_recording(data: Unpacked, content: Content) ->
             assert (data.column(module["low"]) <= data.column(module["high"]) + 1e-9).all()
 
 
+def test_the_title_says_how_long_the_run_lasted(page: str, data: Unpacked) -> None:
+    title = "surveillance: 2 robots, 2 min on kinematic"
+    assert data.document["title"] == title
+    assert f"<title>{title}</title>" in page
+
+
 def test_who_drove_is_exact(data: Unpacked, content: Content) -> None:
     for robot in data.document["robots"]:
         series = content.series[robot["id"]]

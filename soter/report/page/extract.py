@@ -74,7 +74,7 @@ class Document:
         self._columns: Final = Columns()
         self._news: Final = news
         summary = summarise(recording, content)
-        self.title: Final = _title(summary)
+        self.title: Final = _title(summary, recording.about.base_tick_s)
         self._document: Final = {
             "version": VERSION,
             "title": self.title,
@@ -165,11 +165,12 @@ class Document:
 # --- the run -----------------------------------------------------------------------------------------------
 
 
-def _title(summary: Summary) -> str:
+def _title(summary: Summary, base_tick_s: float) -> str:
     name = PurePath(summary.mission).stem or "mission"
     robots = len(summary.robots)
-    minutes = summary.duration_s / 60.0
-    lasted = f"{summary.duration_s:.3g} s" if minutes < 2.0 else f"{minutes:.3g} min"
+    # The last tick takes its time, too.
+    lasted_s = summary.duration_s + base_tick_s if summary.ticks else 0.0
+    lasted = f"{lasted_s:.3g} s" if lasted_s < 120.0 else f"{lasted_s / 60.0:.3g} min"
     return f"{name}: {robots} robot{'s' if robots != 1 else ''}, {lasted} on {summary.backend}"
 
 

@@ -378,6 +378,12 @@
       matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ({ matches }) => {
         if (!this.chosen) this.setTheme(matches ? "dark" : "light");
       });
+      // Paper is light.
+      let before = null;
+      matchMedia("print").addEventListener("change", ({ matches }) => {
+        if (matches) before = document.documentElement.dataset.theme;
+        this.setTheme(matches ? "light" : before);
+      });
       document.addEventListener("keydown", (event) => this.key(event));
     }
 

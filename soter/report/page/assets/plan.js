@@ -3,6 +3,7 @@
 (() => {
   const { indexAt } = window.soter;
   const RIM = 0.05; // of the larger side, around the fence
+  const FAR = 0.25; // of a side; targets further outside of the fence are out of sight
   const LEAST_BODY_PX = 8;
 
   class Plan {
@@ -289,13 +290,16 @@
     const { widthM, depthM } = run.workspace;
     const rim = RIM * Math.max(widthM, depthM);
     const extent = [0, 0, widthM, depthM];
-    for (const { poses } of run.robots) {
-      for (let at = 0; at < poses.xM.length; at += 1) {
-        extent[0] = Math.min(extent[0], poses.xM[at]);
-        extent[1] = Math.min(extent[1], poses.yM[at]);
-        extent[2] = Math.max(extent[2], poses.xM[at]);
-        extent[3] = Math.max(extent[3], poses.yM[at]);
-      }
+    const hold = (xM, yM) => {
+      extent[0] = Math.min(extent[0], xM);
+      extent[1] = Math.min(extent[1], yM);
+      extent[2] = Math.max(extent[2], xM);
+      extent[3] = Math.max(extent[3], yM);
+    };
+    const near = (place, side) => Math.min(Math.max(place, -FAR * side), (1 + FAR) * side);
+    for (const { poses, targets } of run.robots) {
+      for (let at = 0; at < poses.xM.length; at += 1) hold(poses.xM[at], poses.yM[at]);
+      for (const { xM, yM } of targets) hold(near(xM, widthM), near(yM, depthM));
     }
     return [extent[0] - rim, extent[1] - rim, extent[2] + rim, extent[3] + rim];
   }
