@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import threading
 import traceback
@@ -29,6 +30,10 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
+"""What the system says where a disk, or a user's share of it, is full."""
+
+
 def complain(message: str) -> None:
     """Write a message for the user to standard error, in one piece and without wrapping it."""
     typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, err=True)
@@ -52,9 +57,14 @@ def guard() -> Iterator[None]:
     except typer.Exit:
         raise
     except Exception as failure:
-        # Python would exit with 1, which stands for a violation.
-        traceback.print_exc()
-        complain("this is a fault of SOTER or of an adapter, not of your input; please report it with the lines above")
+        if isinstance(failure, OSError) and failure.errno in _FULL:
+            complain(f"nothing more can be written: {failure.strerror}; make room, or write elsewhere")
+        else:
+            traceback.print_exc()
+            complain(
+                "this is a fault of SOTER or of an adapter, not of your input; please report it with the lines above"
+            )
+        # Python itself would exit with 1, which stands for a violation.
         raise typer.Exit(ExitCode.RUN_FAILED) from failure
 
 

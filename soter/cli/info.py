@@ -43,17 +43,17 @@ def info(
         from dataclasses import asdict
         from json import dumps
 
-        from soter.cli.console import make_console
+        from soter.cli.console import emit, make_console
         from soter.record.export import export_csv
         from soter.record.reader import Recording
         from soter.record.summary import summarise
 
         opened = Recording(recording)
         summary = summarise(opened, opened.content())
+        console = make_console()
         if json:
-            print(dumps(asdict(summary), indent=2))
+            emit(dumps(asdict(summary), indent=2))
         else:
-            console = make_console()
             for name, value in _lines(summary):
                 console.print(f"{name:<15} {value}", soft_wrap=True, markup=False)
         if csv is not None:
@@ -65,7 +65,7 @@ def info(
                 why = failure.strerror or failure
                 raise ConfigError(f"'{csv}' cannot be written: {why}", source="command line", key="--csv") from failure
             if not json:
-                print(f"{'tables':<15} {len(written)} files in {csv}")
+                console.print(f"{'tables':<15} {len(written)} files in {csv}", soft_wrap=True)
 
 
 def _lines(summary: Summary) -> list[tuple[str, str]]:

@@ -62,14 +62,14 @@ def replay(
     with guard():
         from json import dumps
 
-        from soter.cli.console import make_console
+        from soter.cli.console import emit, make_console
         from soter.cli.overrides import merge
         from soter.record.reader import Recording
         from soter.runner.replay import replay as play
 
         found = play(Recording(recording), merge({}, settings or []))
         if json:
-            print(dumps(_plain(found), indent=2, default=str))
+            emit(dumps(_plain(found), indent=2, default=str))
         else:
             _show(make_console(), recording, found)
         raise typer.Exit(_verdict(found))

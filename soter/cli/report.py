@@ -10,6 +10,8 @@ import typer
 from soter.cli.exits import ExitCode, complain, guard
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from soter.cli.outputs import Output
     from soter.record.reader import Recording
     from soter.report.caption import Caption
@@ -47,9 +49,11 @@ def report(
 ) -> None:  # fmt: skip
     """Make a page of a recording that plays it in any browser, without a network."""
     with guard():
+        from soter.cli.console import make_console
         from soter.cli.outputs import Output, picture_output, refuse_clashes
         from soter.record.reader import Recording
 
+        console = make_console()
         opened = Recording(recording)
         if output is None and png is None and gif is None:
             output = recording.with_suffix(".html")
@@ -72,8 +76,8 @@ def report(
             if gif_file is not None:
                 made.append(("animation", gif_file, draw_gif(tracks, words)))
         if opened.truncated:
-            print(f"{recording} was cut off: what follows is what there is")
-        written = [_written(*each) for each in made]
+            console.print(f"{recording} was cut off: what follows is what there is", soft_wrap=True)
+        written = [_written(console, *each) for each in made]
         if not all(written):
             raise typer.Exit(ExitCode.RUN_FAILED)
 
@@ -98,11 +102,11 @@ def _caption(recording: Recording) -> Caption:
         raise ConfigError(f"{recording.path}: its result or mission is not of this version: {failure}") from failure
 
 
-def _written(what: str, file: Output, data: bytes) -> bool:
+def _written(console: Console, what: str, file: Output, data: bytes) -> bool:
     try:
         file.write(data)
     except OSError as failure:
         complain(f"the {what} could not be written: {failure}")
         return False
-    print(f"{what}: {file.path} ({len(data) / 1e6:.1f} MB)")
+    console.print(f"{what}: {file.path} ({len(data) / 1e6:.1f} MB)", soft_wrap=True)
     return True
