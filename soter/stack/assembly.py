@@ -156,10 +156,14 @@ def assemble(
         right_of_way.update(now_s, bound)
 
     watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_SILENT_S)
+    still_s = _still_s(promises, mission.base_tick_s)
+    # Robots that are not heard, of a pair one or both, may be nearer to each other than their samples are.
+    unheard_m = peers.v_max_m_s * (PEER_SILENT_S + still_s)
     supervisor = Supervisor(
-        supervisors, mission.base_tick_s, max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + 1.0), before_decisions,
+        supervisors, mission.base_tick_s,
+        max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + max(1.0, unheard_m)), before_decisions,
         watched if apart else None,
-        StillPeers(_still_s(promises, mission.base_tick_s)) if apart else None,
+        StillPeers(still_s) if apart else None,
         remote if apart else (),
     )  # fmt: skip
     bound = supervisor.robots
