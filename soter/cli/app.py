@@ -42,21 +42,26 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command(epilog=EXAMPLES)(run)
-app.command(epilog=REPLAY_EXAMPLES)(replay)
-app.command(epilog=INFO_EXAMPLES)(info)
-app.command(epilog=REPORT_EXAMPLES)(report)
-app.command()(backends)
-app.command(epilog=CONFORM_EXAMPLES)(conform)
-app.command(epilog=CHECK_EXAMPLES)(check)
+_MISSIONS = "Missions"
+_RECORDINGS = "Recordings"
+_ROBOTS = "Robots and their adapters"
+_WIRES = "Programs beside robots"
+
+app.command(epilog=EXAMPLES, rich_help_panel=_MISSIONS)(run)
+app.command(epilog=CHECK_EXAMPLES, rich_help_panel=_MISSIONS)(check)
+app.command(epilog=ABLATE_EXAMPLES, rich_help_panel=_MISSIONS)(ablate)
+app.command(epilog=REPORT_EXAMPLES, rich_help_panel=_RECORDINGS)(report)
+app.command(epilog=INFO_EXAMPLES, rich_help_panel=_RECORDINGS)(info)
+app.command(epilog=REPLAY_EXAMPLES, rich_help_panel=_RECORDINGS)(replay)
+app.command(rich_help_panel=_ROBOTS)(backends)
+app.command(epilog=CONFORM_EXAMPLES, rich_help_panel=_ROBOTS)(conform)
 sim.command("ros2", epilog=ROS2_SIM_EXAMPLES)(sim_ros2)
 sim.command("zenoh", epilog=ZENOH_SIM_EXAMPLES)(sim_zenoh)
-app.add_typer(sim)
-app.command(context_settings=MUX_CONTEXT)(ros2_mux)
-app.command(context_settings=ZENOH_MUX_CONTEXT)(zenoh_mux)
-app.command(epilog=ZENOH_ROUTER_EXAMPLES)(zenoh_router)
-app.command(epilog=ROS2_MONITOR_EXAMPLES)(ros2_monitor)
-app.command(epilog=ABLATE_EXAMPLES)(ablate)
+app.add_typer(sim, rich_help_panel=_ROBOTS)
+app.command(context_settings=MUX_CONTEXT, rich_help_panel=_WIRES)(ros2_mux)
+app.command(epilog=ROS2_MONITOR_EXAMPLES, rich_help_panel=_WIRES)(ros2_monitor)
+app.command(context_settings=ZENOH_MUX_CONTEXT, rich_help_panel=_WIRES)(zenoh_mux)
+app.command(epilog=ZENOH_ROUTER_EXAMPLES, rich_help_panel=_WIRES)(zenoh_router)
 
 
 def _show_version(wanted: bool) -> None:

@@ -185,7 +185,7 @@ def print_summary(console: Console, result: RunResult) -> None:
     console.print(Text.assemble((f"{name}: ", "bold"), (ended, style)), soft_wrap=True)
     console.print(Text(headline(result)), soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     table.add_column("this run")
     table.add_column("thesis", justify="right")
     for block in rows(result):
