@@ -13,12 +13,14 @@ import pytest
 
 from soter.adapters.pybullet import KinematicBackend
 from soter.check import Verdict, conditions
+from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
 from soter.runner.specs import read_options
 from soter.runner.speedup import declare_all, refused_at
 from soter.stack.collision import Separation, check_halves
 from soter.stack.reach import Limits
+from soter.workspace import Box, RobotPlace, Workspace
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, Above, FakeNode, module
 from tests.runner.test_speedup import HastyBackend, mission
@@ -45,6 +47,14 @@ def pair(brake_m_s2: float = 1.0) -> RTAModule:
     speed, node = SpeedBound(0.22, brake_m_s2), FakeNode("node")
     safe, safer = Separation(0.3, 0.22), Separation(0.5, 0.22)
     return RTAModule("collision", node, node, 0.1, safe, safer, PairBound(speed, speed))
+
+
+def station(x_m: float, y_m: float, box: Box) -> None:
+    """Check a robot that starts at (1, 1) of a room with one box, and charges around that place."""
+    asked = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "kinematic"})
+    charger = Box(x_m - 0.1, y_m - 0.1, x_m + 0.1, y_m + 0.1)
+    workspace = Workspace(5.0, 5.0, (box,), (RobotPlace(1, 1.0, 1.0, charger),))
+    declare_all(asked, workspace, {1: PROMISED})[1].check(asked.base_tick_s)
 
 
 def hasty() -> None:
@@ -81,6 +91,8 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
     "so that the AC has to lose control": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(), 0.05)),
     "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), Timing(), 0.05)),
     "or backends.": ("P3", hasty),
+    "there is no way from (1, 1)": ("P2b", lambda: station(1.0, 3.0, Box(0.0, 1.9, 5.0, 2.1))),
+    "cannot be stood on": ("P2b", lambda: station(4.9, 1.0, Box(0.0, 1.9, 4.0, 2.1))),
     "which a robot does not promise": (
         "P3", lambda: limits(heading_noise_rad=None).motion("geofence", "unicycle"),
     ),
