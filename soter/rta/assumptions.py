@@ -92,7 +92,7 @@ class Assumption(Enum):
         "A12",
         "The AC has no other way to the actuator than its port.",
         (
-            "A robot that reports its controller may not report another one than was put in charge, once "
+            "A robot that reports its controller may not report another one than was put in charge, nor none, once "
             "latency_s has passed."
         ),
     )

@@ -119,7 +119,7 @@ class RobotSupervisor:
         self._announced_ac = False
         # Modules begin in SC, and so does a robot that is ready.
         self._handed_over_s = -math.inf if modules else math.inf
-        self._disowned = False
+        self._disowned = self._reports = False
         self._heard_within_s: Final = heard_within_s
         self._held = self._was_held = self._peer_unsure = False
 
@@ -179,18 +179,18 @@ class RobotSupervisor:
     def _look_for_owner(self, sample: Sample) -> None:
         """Compare who is in charge with what the robot says of it; where it is another, the lease is left to run out.
 
-        The command of the controller that lost control would otherwise move the robot on.
+        The command of the controller that lost control would otherwise move the robot on. A robot that has said it, and
+        says it no more, follows a pilot, another program or nobody, until it is ready again.
         """
         reported = self.actuator.reported(sample)
-        self._disowned = (
-            reported is not None
-            and reported is not self.mode
-            and self._owed is None
-            and sample.stamp_s > self._handed_over_s + self._timing.latency_s + _ROUNDING_S
-        )
+        settled = self._owed is None and sample.stamp_s > self._handed_over_s + self._timing.latency_s + _ROUNDING_S
+        self._disowned = settled and reported is not None and reported is not self.mode
+        self._reports = self._reports or reported is not None
         if self._disowned:
             self._raise_alarm(Assumption.AUTHORITY, f"the robot reports {reported} in charge, not {self.mode}")
             self._attempt(self.actuator.insist)
+        elif settled and self._reports and reported is None:
+            self._raise_alarm(Assumption.AUTHORITY, f"the robot does not report any more that {self.mode} is in charge")
 
     def distrust(self, finding: Finding) -> None:
         """Take control from the AC for a while, because of what was found out about a peer."""

@@ -443,6 +443,28 @@ def test_a12_a_robot_that_calls_itself_the_safe_controllers_while_the_ac_has_it(
     assert rig.watch.records[0].cause.startswith("A12: the robot reports SC in charge")
 
 
+def test_a12_a_robot_that_no_longer_says_whom_it_obeys_is_not_left_to_the_ac() -> None:
+    rig = started()
+    rig.actuator.report = Mode.AC
+    rig.tick(2)
+    assert rig.driver() is None
+    rig.actuator.report = None
+    rig.tick()
+    assert rig.driver() == "a"
+    assert rig.watch.records[-1].cause == "A12: the robot does not report any more that AC is in charge"
+    # A pilot may have it, and needs no fail-safe to cut in; a robot that starts anew gets ready by its renewals.
+    rig.tick(20)
+    assert rig.driver() == "a"
+    assert "renew" in rig.names()
+    assert "insist" not in rig.names()
+    rig.actuator.report = Mode.SC
+    rig.tick(7)
+    assert rig.driver() is None
+    rig.actuator.report = Mode.AC
+    rig.tick(3)
+    assert rig.driver() is None
+
+
 def test_a12_a_robot_that_reports_nobody_is_not_judged() -> None:
     rig = started()
     rig.rules["a"].value = 0.0
