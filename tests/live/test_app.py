@@ -15,7 +15,8 @@ from soter.live.view import APP, LiveView
 from soter.record.reader import Recording
 from soter.runner import run_mission
 from tests.live.growing import Growing
-from tests.record.helpers import every_message, mission, wait_until
+from tests.record.helpers import every_message, mission
+from tests.waiting import wait_until
 
 pytest.importorskip("foxglove", reason="NOT RUN: the app was served nothing, foxglove-sdk is not installed")
 client = pytest.importorskip("websockets.sync.client", reason="NOT RUN: nobody heard, websockets is not installed")

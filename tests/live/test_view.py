@@ -19,7 +19,8 @@ from soter.errors import ConfigError
 from soter.live.view import PAGE, Kind, LiveView
 from soter.runner import run_mission
 from tests.project.source import ROOT
-from tests.record.helpers import SURVEILLANCE, gone, mission, wait_until
+from tests.record.helpers import SURVEILLANCE, mission
+from tests.waiting import gone, wait_until
 
 QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--no-record")
 

@@ -18,8 +18,8 @@ from soter.live import web
 from soter.live.web import PageScreen
 from soter.record.follow import GrowingRecording
 from tests.live.growing import Growing
-from tests.record.helpers import wait_until
 from tests.report.unpacked import Unpacked, of_page
+from tests.waiting import wait_until
 
 SLOW_S = 0.3
 

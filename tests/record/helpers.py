@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,10 +18,10 @@ from mcap.writer import Writer
 from soter.config import Mission, load_mission
 from soter.runner import Run, run_mission
 from tests.project.source import ROOT
+from tests.waiting import wait_until
 
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 QUICK: dict[str, object] = {"backend": "kinematic", "planner": "straight-line"}
-WAIT_S = 60.0
 
 
 def mission(**overrides: object) -> Mission:
@@ -36,10 +35,15 @@ def recorded(path: Path, **overrides: object) -> Run:
     return run_mission(mission(**overrides), record=path)
 
 
-def rewrite(source: Path, target: Path, change: Callable[[str, bytes], bytes | None]) -> None:
+def rewrite(
+    source: Path,
+    target: Path,
+    change: Callable[[str, bytes], bytes | None],
+    change_file: Callable[[str, bytes], bytes] = lambda name, data: data,
+) -> None:
     """Copy a recording message by message; what `change(topic, data)` returns takes a message's place, None removes it.
 
-    The checksums of the copy are right: this is what a faulty tool does, not a faulty disk.
+    So does what `change_file(name, data)` returns with attachments. The checksums of the copy are right: this is what a faulty tool does, not a faulty disk.
     """
     with source.open("rb") as stream, target.open("wb") as out:
         writer = Writer(out)
@@ -53,7 +57,7 @@ def rewrite(source: Path, target: Path, change: Callable[[str, bytes], bytes | N
                 number = writer.register_channel(record.topic, record.message_encoding, schemas[record.schema_id])
                 channels[record.id] = (number, record.topic)
             elif isinstance(record, Attachment):
-                writer.add_attachment(0, 0, record.name, record.media_type, record.data)
+                writer.add_attachment(0, 0, record.name, record.media_type, change_file(record.name, record.data))
             elif isinstance(record, Metadata):
                 writer.add_metadata(record.name, record.metadata)
             elif isinstance(record, Message):
@@ -100,14 +104,6 @@ def started(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
                     os.killpg(process.pid, signal.SIGKILL)
 
 
-def wait_until(true: Callable[[], bool]) -> None:
-    """Wait until something is so."""
-    until_s = time.monotonic() + WAIT_S
-    while not true():
-        assert time.monotonic() < until_s, "it did not happen"
-        time.sleep(0.005)
-
-
 def writer_of(pid: int) -> int:
     """The process that writes a run's recording."""
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
@@ -123,11 +119,3 @@ def processor_wait_s(*pids: int) -> float:
         with suppress(FileNotFoundError):
             waited_ns += int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
     return waited_ns / 1e9
-
-
-def gone(pid: int) -> bool:
-    """Whether a process has ended; one that nobody has waited for yet counts."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True

@@ -21,7 +21,8 @@ from soter.record.wire import Intake, Ticks
 from soter.rta import Supervisor
 from soter.runner import Run, run_mission
 from soter.runner.trace import Trace
-from tests.record.helpers import mission, wait_until
+from tests.record.helpers import mission
+from tests.waiting import wait_until
 
 MS = 1_000_000
 TICKS = 100

@@ -21,14 +21,13 @@ from soter.runner import run_mission
 from tests.project.source import ROOT
 from tests.record.helpers import (
     SURVEILLANCE,
-    gone,
     mission,
     processor_wait_s,
     recorded,
     started,
-    wait_until,
     writer_of,
 )
+from tests.waiting import gone, wait_until
 
 FOR_EVER = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "1e6")
 MOMENTS_S = [random.Random(f"moment {number}").uniform(0.05, 1.5) for number in range(20)]

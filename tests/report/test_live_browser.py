@@ -28,8 +28,9 @@ from soter.record.follow import GrowingRecording
 from soter.record.reader import Recording
 from tests.live.growing import Growing
 from tests.project.source import ROOT
-from tests.record.helpers import SURVEILLANCE, recorded, wait_until
+from tests.record.helpers import SURVEILLANCE, recorded
 from tests.report.chromium import NEEDED, WAIT_S, moment, silent, until
+from tests.waiting import wait_until
 
 pytestmark = NEEDED
 

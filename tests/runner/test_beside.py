@@ -6,7 +6,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -15,17 +15,11 @@ from soter.runner import Progress
 from soter.runner.aside import Aside
 from soter.runner.real_time import real_time
 from soter.runner.words import Words
+from tests.waiting import wait_until
 
 
 def progress(time_s: float) -> Progress:
     return Progress(time_s, 60.0, time_s, (), None)
-
-
-def wait_until(condition: Callable[[], bool], limit_s: float = 10.0) -> None:
-    end = time.perf_counter() + limit_s
-    while not condition():
-        assert time.perf_counter() < end
-        time.sleep(0.005)
 
 
 def test_only_the_latest_progress_is_shown_and_nobody_waits_for_it() -> None:

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from soter.runner.remote_side import NICENESS, RemoteSide
 from soter.sdk import RobotSpec
 from soter_zmq.adapter import ZmqRobot
 from soter_zmq.simulator import Simulator, describe
+from tests.waiting import gone, wait_until
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SURVEILLANCE = EXAMPLES / "surveillance.toml"
@@ -59,22 +60,7 @@ def sides(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[RemoteSide]]:
 
     monkeypatch.setattr("soter.runner.run.RemoteSide", Noted)
     yield made
-    assert all(is_gone(side.pid) for side in made)
-
-
-def is_gone(pid: int) -> bool:
-    """Whether a process has ended, waited for or not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True
-
-
-def wait_until(condition: Callable[[], bool], limit_s: float = 10.0) -> None:
-    end = time.perf_counter() + limit_s
-    while not condition():
-        assert time.perf_counter() < end
-        time.sleep(0.01)
+    assert all(gone(side.pid) for side in made)
 
 
 def in_ac(run: Run, since_s: float, until_s: float) -> bool:
@@ -170,7 +156,7 @@ def test_the_mission_is_favoured_less_limited_and_taken_first() -> None:
         assert os.getsid(pid) == pid != os.getsid(0)
     finally:
         side.close()
-    assert is_gone(pid)
+    assert gone(pid)
     side.close()
 
 
@@ -196,7 +182,7 @@ def test_a_mission_that_cannot_be_made_is_refused() -> None:
                 side.ready()
         finally:
             side.close()
-        assert is_gone(side.pid)
+        assert gone(side.pid)
 
 
 class Truth:
@@ -272,7 +258,7 @@ def test_a_killed_supervisor_leaves_robots_at_rest_and_no_process(tmp_path: Path
         declared = ZmqRobot.declared
         declared_s = declared.lease_s + declared.latency_s + declared.v_max_m_s / declared.brake_m_s2
         assert time.perf_counter() - killed_s < declared_s + HEARD_S
-        wait_until(lambda: all(map(is_gone, started)), 2.0)
+        wait_until(lambda: all(map(gone, started)), 2.0)
     finally:
         supervisor.kill()
         supervisor.wait()

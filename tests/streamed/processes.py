@@ -7,23 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from tests.waiting import gone, wait_until
+
 EXAMPLES: Final = Path(__file__).parents[2] / "examples"
-
-
-def alive(pid: int) -> bool:
-    """Whether a process still runs."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    # Nobody may be there to bury it.
-    with open(f"/proc/{pid}/stat") as stat:  # noqa: PTH123 - a pseudo file
-        return stat.read().rpartition(")")[2].split()[0] != "Z"
 
 
 def soter(*arguments: str) -> subprocess.Popen[str]:
@@ -59,10 +49,7 @@ def end_with_their_parent(simulator: str, environment: Mapping[str, str]) -> Non
     assert done.returncode == -signal.SIGKILL
     left = [int(number) for number in done.stdout.split()]
     assert len(left) == 3, "a world and two muxes"
-    until_s = time.monotonic() + 10.0
-    while any(map(alive, left)):
-        assert time.monotonic() < until_s
-        time.sleep(0.05)
+    wait_until(lambda: all(map(gone, left)))
 
 
 def ctrl_c_ends_a_run(backend: str) -> None:

@@ -15,6 +15,7 @@ from contextlib import ExitStack
 import pytest
 from pydantic import ValidationError
 
+from soter.conformance.driver import drive_until
 from soter.errors import RobotUnavailable
 from soter.registry import load_backend
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
@@ -53,18 +54,7 @@ def ready(fleet: Fleet) -> Robot:
 
 
 def tick(fleet: Fleet, until: Callable[[], bool], limit_s: float = 10.0, *, renew: bool = True) -> bool:
-    """Read states and renew leases as a supervisor does, until something is so; return whether it is in time."""
-    due_s = began_s = fleet.clock.now()
-    while fleet.clock.now() < began_s + limit_s:
-        for robot in fleet.robots:
-            robot.read_state()
-            if renew:
-                robot.renew_lease()
-        if until():
-            return True
-        due_s += 0.05
-        fleet.clock.sleep_until(due_s)
-    return until()
+    return drive_until(fleet, until, limit_s, renew=renew)
 
 
 def speed(robot: Robot) -> float:

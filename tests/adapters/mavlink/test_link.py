@@ -7,7 +7,7 @@ import os
 import pty
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
@@ -23,18 +23,10 @@ from soter.adapters.mavlink.transport import StreamTransport
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller
+from tests.waiting import eventually
 
 OURS = 255
 HEARTBEAT = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 15, 4, 3)
-
-
-def wait_for(reached: Callable[[], object], limit_s: float = 5.0) -> bool:
-    until_s = time.perf_counter() + limit_s
-    while time.perf_counter() < until_s:
-        if reached():
-            return True
-        time.sleep(0.005)
-    return bool(reached())
 
 
 def packed(message: mav.MAVLink_message, system: int = 1, component: int = 1, key: bytes | None = None) -> bytes:
@@ -78,7 +70,7 @@ def test_the_latest_message_is_kept_with_when_it_came(stack: ExitStack) -> None:
     for stamp_ms in (20, 40, 60):
         vehicle.sendto(packed(position(stamp_ms)), there)
     inbox = link.inboxes[1]
-    assert wait_for(lambda: inbox.counts.get("LOCAL_POSITION_NED") == 3)
+    assert eventually(lambda: inbox.counts.get("LOCAL_POSITION_NED") == 3)
     heard = inbox.latest["LOCAL_POSITION_NED"]
     assert heard.message.time_boot_ms == 60
     assert before_s < heard.received_s <= link.clock.steady_s()
@@ -88,12 +80,12 @@ def test_a_foreign_heartbeat_changes_nothing(stack: ExitStack) -> None:
     link, vehicle, there = udp(stack)
     stranger = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     vehicle.sendto(packed(HEARTBEAT), there)
-    assert wait_for(lambda: "HEARTBEAT" in link.inboxes[1].latest)
+    assert eventually(lambda: "HEARTBEAT" in link.inboxes[1].latest)
     ours = link.inboxes[1].latest["HEARTBEAT"]
     stranger.sendto(packed(HEARTBEAT, system=9), there)
     # A camera of the same vehicle is no autopilot.
     stranger.sendto(packed(HEARTBEAT, component=100), there)
-    assert wait_for(lambda: link.strangers == {9})
+    assert eventually(lambda: link.strangers == {9})
     assert link.inboxes[1].latest["HEARTBEAT"] is ours
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
     assert vehicle.recv(1000)
@@ -102,7 +94,7 @@ def test_a_foreign_heartbeat_changes_nothing(stack: ExitStack) -> None:
 def test_each_controller_speaks_as_a_component_of_its_own(stack: ExitStack) -> None:
     link, vehicle, there = udp(stack)
     vehicle.sendto(packed(HEARTBEAT), there)
-    assert wait_for(lambda: link.inboxes[1].latest)
+    assert eventually(lambda: link.inboxes[1].latest)
     parser = mav.MAVLink(None)
     for component in (SENDERS[Controller.AC], SENDERS[Controller.SC]):
         link.send(1, component, "TIMESYNC", {"tc1": 0, "ts1": 1})
@@ -122,7 +114,7 @@ def test_what_is_damaged_unknown_or_half_is_dropped(stack: ExitStack) -> None:
         vehicle.sendto(datagram, there)
     vehicle.sendto(packed(position(20)), there)
     inbox = link.inboxes[1]
-    assert wait_for(lambda: "LOCAL_POSITION_NED" in inbox.latest
+    assert eventually(lambda: "LOCAL_POSITION_NED" in inbox.latest
                     and inbox.latest["LOCAL_POSITION_NED"].message.time_boot_ms == 20)  # fmt: skip
     assert inbox.counts == {"LOCAL_POSITION_NED": 2}
 
@@ -130,13 +122,13 @@ def test_what_is_damaged_unknown_or_half_is_dropped(stack: ExitStack) -> None:
 def test_a_vehicle_that_comes_back_at_another_address_is_answered_there(stack: ExitStack) -> None:
     link, vehicle, there = udp(stack)
     vehicle.sendto(packed(HEARTBEAT), there)
-    assert wait_for(lambda: link.inboxes[1].latest)
+    assert eventually(lambda: link.inboxes[1].latest)
     vehicle.close()
     again = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     again.settimeout(5.0)
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
     again.sendto(packed(HEARTBEAT), there)
-    assert wait_for(lambda: link.inboxes[1].counts["HEARTBEAT"] == 2)
+    assert eventually(lambda: link.inboxes[1].counts["HEARTBEAT"] == 2)
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 2})
     assert again.recv(1000)
 
@@ -149,7 +141,7 @@ def test_what_is_not_signed_with_our_key_is_not_heard(stack: ExitStack) -> None:
         vehicle.sendto(packed(position(10), key=wrong), there)
     vehicle.sendto(packed(position(20), key=key), there)
     inbox = link.inboxes[1]
-    assert wait_for(lambda: "LOCAL_POSITION_NED" in inbox.latest)
+    assert eventually(lambda: "LOCAL_POSITION_NED" in inbox.latest)
     assert inbox.counts == {"LOCAL_POSITION_NED": 1}
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
     parser = mav.MAVLink(None)
@@ -187,7 +179,7 @@ def test_a_tcp_server_is_waited_for_and_found_again(stack: ExitStack) -> None:
                 vehicle.sendall(data[:5])
                 time.sleep(0.02)
                 vehicle.sendall(data[5:])
-                assert wait_for(lambda number=number: inbox.counts.get("LOCAL_POSITION_NED") == number)  # type: ignore[misc]
+                assert eventually(lambda number=number: inbox.counts.get("LOCAL_POSITION_NED") == number)  # type: ignore[misc]
                 link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
                 vehicle.settimeout(5.0)
                 assert vehicle.recv(1000)
@@ -200,7 +192,7 @@ def test_a_peer_that_does_not_read_costs_messages_and_no_time(stack: ExitStack) 
         vehicle, _ = server.accept()
         with vehicle:
             vehicle.sendall(packed(HEARTBEAT))
-            assert wait_for(lambda: link.inboxes[1].latest)
+            assert eventually(lambda: link.inboxes[1].latest)
             vehicle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             slowest_s = 0.0
             for _ in range(30_000):
@@ -219,19 +211,19 @@ def test_a_serial_line_is_read_and_written(stack: ExitStack) -> None:
     stack.callback(os.close, ours)
     stack.callback(os.close, theirs)
     link = opened(stack, PymavlinkLink(VehicleClock(), Address("serial", os.ttyname(theirs), 57600), OURS, COMPONENTS))
-    assert wait_for(lambda: _write_and_hear(ours, link))
+    assert eventually(lambda: _write_and_hear(ours, link))
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
     # Until the line was raw it gave back what was written to it.
     parser = mav.MAVLink(None)
     parser.robust_parsing = True
-    assert wait_for(
+    assert eventually(
         lambda: "TIMESYNC" in [message.get_type() for message in parser.parse_buffer(os.read(ours, 1000)) or []]
     )
 
 
 def _write_and_hear(descriptor: int, link: Link) -> bool:
     os.write(descriptor, packed(HEARTBEAT))
-    return wait_for(lambda: link.inboxes[1].latest, 0.2)
+    return eventually(lambda: link.inboxes[1].latest, 0.2)
 
 
 def test_a_baud_rate_that_does_not_exist_is_no_line() -> None:
@@ -254,7 +246,7 @@ def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(stack: ExitStac
                 each.seq = (each.seq + 1) % 256
         return all("LOCAL_POSITION_NED" in inbox.latest for inbox in link.inboxes.values())
 
-    assert wait_for(speak)
+    assert eventually(speak)
     assert link.inboxes[1].latest["LOCAL_POSITION_NED"].message.x == 1.5
     # JSON has no NaN; what was none must not become a number.
     assert math.isnan(link.inboxes[2].latest["LOCAL_POSITION_NED"].message.x)
@@ -273,4 +265,4 @@ def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(stack: ExitStac
         )
         return ("SET_POSITION_TARGET_LOCAL_NED", SENDERS[Controller.AC]) in said
 
-    assert wait_for(heard)
+    assert eventually(heard)

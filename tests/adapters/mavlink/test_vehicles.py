@@ -23,6 +23,7 @@ from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
 from soter.config import load_mission
 from soter.conformance import Verdict, find_harness, judge, select
+from soter.conformance.driver import drive_until
 from soter.errors import ConfigError, RobotUnavailable
 from soter.registry import load_backend
 from soter.runner import run_mission
@@ -60,18 +61,7 @@ def started(stack: ExitStack, backend: type[VehicleBackend] = MavlinkBackend, **
 
 
 def tick(fleet: Fleet, until: Callable[[], bool], limit_s: float = 15.0, *, renew: bool = True) -> bool:
-    """Read states and renew leases as a supervisor does, until something is so; return whether it is in time."""
-    due_s = began_s = fleet.clock.now()
-    while fleet.clock.now() < began_s + limit_s:
-        for robot in fleet.robots:
-            robot.read_state()
-            if renew:
-                robot.renew_lease()
-        if until():
-            return True
-        due_s += 0.05
-        fleet.clock.sleep_until(due_s)
-    return until()
+    return drive_until(fleet, until, limit_s, renew=renew)
 
 
 def speed(robot: Robot) -> float:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -12,20 +11,10 @@ import trustme
 import zenoh
 
 from soter.adapters.zenoh.session import SessionOptions, TlsOptions, close_session, endpoints, open_session
+from tests.waiting import eventually
 
-PATIENCE_S: Final = 10.0
 SILENCE_S: Final = 0.3
 """How long nothing must come where nothing may come."""
-
-
-def eventually(holds: Callable[[], bool]) -> bool:
-    """Whether it holds within a time that a busy host needs, too."""
-    until_s = time.monotonic() + PATIENCE_S
-    while not holds():
-        if time.monotonic() > until_s:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 @contextmanager

@@ -15,7 +15,8 @@ import pytest
 from soter.adapters.zenoh.bus import ZenohBus
 from soter.adapters.zenoh.session import SessionOptions
 from soter.link.bus import Bus
-from tests.adapters.zenoh.sessions import PATIENCE_S, SILENCE_S, client, eventually, opened, router
+from tests.adapters.zenoh.sessions import SILENCE_S, client, opened, router
+from tests.waiting import PATIENCE_S, eventually
 
 
 @pytest.fixture

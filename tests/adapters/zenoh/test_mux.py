@@ -19,7 +19,8 @@ from soter.adapters.zenoh.presence import Presence
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.mux.wire import AC, SC, GateReport, Order
-from tests.adapters.zenoh.sessions import eventually, opened
+from tests.adapters.zenoh.sessions import opened
+from tests.waiting import eventually
 
 
 class Bench:

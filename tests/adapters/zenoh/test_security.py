@@ -19,8 +19,9 @@ from soter.clock import VehicleClock
 from soter.mux.wire import AC, Order
 from soter.sdk.truth import StreamedTruth
 from soter.streamed.motion import seconds
-from tests.adapters.zenoh.sessions import Authority, eventually, opened
+from tests.adapters.zenoh.sessions import Authority, opened
 from tests.streamed.driving import ROOM, SPECS
+from tests.waiting import eventually
 
 HERE = "127.0.0.1"
 TRIES_S = 1.5

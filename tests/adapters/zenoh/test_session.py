@@ -18,7 +18,8 @@ from soter.adapters.zenoh.session import SessionOptions, endpoints, open_session
 from soter.adapters.zenoh.session_options import DEFAULT_PORT
 from soter.errors import BackendUnavailable, ConfigError, RobotUnavailable
 from soter.problems import config_error, pydantic_problems
-from tests.adapters.zenoh.sessions import SILENCE_S, Heard, client, eventually, opened, router
+from tests.adapters.zenoh.sessions import SILENCE_S, Heard, client, opened, router
+from tests.waiting import eventually
 
 
 def refusal(**options: Any) -> str:

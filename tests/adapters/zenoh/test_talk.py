@@ -17,7 +17,8 @@ from soter.adapters.zenoh.presence import Presence, announce
 from soter.adapters.zenoh.session import SessionOptions, close_session
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.errors import RobotUnavailable
-from tests.adapters.zenoh.sessions import SILENCE_S, eventually, opened
+from tests.adapters.zenoh.sessions import SILENCE_S, opened
+from tests.waiting import eventually
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ import json
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -48,13 +47,3 @@ def vehicles(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], dict[str,
             yield process, json.loads(process.stdout.readline())
         finally:
             process.kill()
-
-
-def eventually(true: Callable[[], bool], timeout_s: float = 20.0) -> bool:
-    """Whether something becomes true within so many seconds of the host."""
-    until_s = time.monotonic() + timeout_s
-    while not true():
-        if time.monotonic() > until_s:
-            return False
-        time.sleep(0.01)
-    return True

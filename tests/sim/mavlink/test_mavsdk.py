@@ -14,7 +14,8 @@ from mavsdk.plugins.telemetry import LandedState, Telemetry
 
 from soter_sim.mavlink.frames import Origin
 from tests.sim.mavlink.client import HOST
-from tests.sim.mavlink.programs import eventually, vehicles
+from tests.sim.mavlink.programs import vehicles
+from tests.waiting import eventually
 
 SPEEDUP = 5
 

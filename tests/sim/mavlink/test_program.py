@@ -24,8 +24,9 @@ from soter_sim.mavlink.__main__ import main
 from soter_sim.mavlink.simulation import Settings, Simulation
 from tests.project.source import ROOT
 from tests.sim.mavlink.client import CUSTOM, HOST, Client
-from tests.sim.mavlink.programs import WORLD, eventually, finished, vehicles
+from tests.sim.mavlink.programs import WORLD, finished, vehicles
 from tests.sim.worlds import empty
+from tests.waiting import eventually
 
 WORKSPACE = "examples/surveillance.xml"
 

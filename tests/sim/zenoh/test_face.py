@@ -22,10 +22,11 @@ from soter.adapters.zenoh.talk import Ear, Voice
 from soter.sdk import RobotSpec
 from soter.streamed.motion import seconds
 from soter.workspace import Workspace
-from tests.adapters.zenoh.sessions import eventually, opened
+from tests.adapters.zenoh.sessions import opened
 from tests.streamed.base import says_where_it_stands, stopped_by_itself
 from tests.streamed.driving import ROOM, SPECS
 from tests.streamed.processes import end_with_their_parent
+from tests.waiting import eventually
 
 
 def start(*options: str) -> subprocess.Popen[bytes]:

@@ -18,6 +18,7 @@ from soter.errors import ConfigError
 from soter.stack.planners import PlannerUnavailable, PlanRequest, PlanResult, PlanService
 from tests.stack.planners.misbehaving import KINDS
 from tests.stack.planners.places import CASE, RADIUS_M
+from tests.waiting import gone, wait_until
 
 HERE = "tests.stack.planners.misbehaving"
 
@@ -51,20 +52,6 @@ def answer(service: PlanService, number: int, goal: tuple[float, float], now_s: 
     service.submit(request(number, goal), now_s)
     (result,) = service.due(now_s + 1.0)
     return result
-
-
-def is_gone(pid: int) -> bool:
-    with contextlib.suppress(FileNotFoundError):
-        # A grandchild in a container without an init process stays a zombie for ever.
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    return True
-
-
-def wait_until(condition: Callable[[], bool], limit_s: float = 10.0) -> None:
-    end = time.perf_counter() + limit_s
-    while not condition():
-        assert time.perf_counter() < end
-        time.sleep(0.005)
 
 
 BAD, GOOD = (-1.0, 2.0), (3.0, 2.0)
@@ -139,7 +126,7 @@ def test_silence_beyond_the_limit_costs_the_worker(opened: Open, planner: str) -
     assert not service.deterministic
     assert service.incidents == ("request 1: the planner did not answer within 0.5 s of host time",)
     assert service.pids != pids
-    assert is_gone(pids[0])
+    assert gone(pids[0])
 
 
 @pytest.mark.parametrize(("planner", "end"), [("Dies", "exit code 3"), ("IsKilled", "signal SIGSEGV")])
@@ -155,7 +142,7 @@ def test_dead_worker_is_replaced(opened: Open, planner: str, end: str) -> None:
 def test_worker_that_dies_while_idle_costs_nothing(opened: Open, tmp_path: Path) -> None:
     service = opened(f"{HERE}:DiesOnce", {"pid_file": str(tmp_path / "flag")})
     (pid,) = service.pids
-    wait_until(lambda: is_gone(pid))
+    wait_until(lambda: gone(pid))
     assert answer(service, 1, GOOD).path == (GOOD,)
     assert service.deterministic
 
@@ -177,7 +164,7 @@ def test_children_of_a_worker_are_killed_with_it(opened: Open, tmp_path: Path) -
     file = tmp_path / "pid"
     service = opened(f"{HERE}:HasChildren", {"pid_file": str(file)}, time_limit_s=0.5)
     assert not answer(service, 1, BAD).ok
-    assert is_gone(int(file.read_text()))
+    assert gone(int(file.read_text()))
 
 
 def test_worker_has_no_standard_streams(opened: Open, capfd: pytest.CaptureFixture[str]) -> None:
@@ -227,7 +214,7 @@ def test_workers_die_with_the_mission(planner: str) -> None:
     """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=_with_path(), check=False)
     assert done.returncode == -9, done.stderr
-    wait_until(lambda: is_gone(int(done.stdout)))
+    wait_until(lambda: gone(int(done.stdout)))
 
 
 def _with_path() -> dict[str, str]:
