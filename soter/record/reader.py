@@ -28,7 +28,10 @@ from soter.record.messages import (
     WORKSPACE_XML,
     About,
     Event,
+    Goal,
     RobotTick,
+    Switch,
+    Target,
 )
 from soter.record.tracks import RunTracks, Track
 from soter.rta import SwitchRecord
@@ -70,6 +73,9 @@ class Recording:
         if about is None:
             raise BadRecording(f"{path}: it does not say what was run; it was cut off, or SOTER did not record it")
         self.about: Final = self._decoded(about, About, ABOUT_JSON)
+        self._robot_ids: Final = frozenset(robot.robot_id for robot in self.about.robots)
+        self._all_ids: Final = self._robot_ids.union(peer.robot_id for peer in self.about.peers)
+        self._drivers: Final = frozenset((AC, *self.about.modules))
         if self.about.version > messages.VERSION:
             raise BadRecording(
                 f"{path}: its messages are of version {self.about.version}, known is {messages.VERSION}; "
@@ -104,7 +110,7 @@ class Recording:
         Raises:
             BadRecording: see `messages`.
         """
-        count = len(self.about.robots)
+        count = len(self._robot_ids)
         events: list[Event] = []
         ways: list[Way] = []
         robots: dict[int, RobotTick] = {}
@@ -113,6 +119,7 @@ class Recording:
             if isinstance(message, Way):
                 ways.append(message)
                 continue
+            self._check_names(message)
             if not isinstance(message, RobotTick):
                 events.append(message)
                 continue
@@ -126,6 +133,25 @@ class Recording:
         if (events or ways) and last is not None:
             yield Tick(last.tick, last.time_s, last.host_ns, {}, tuple(events), tuple(ways))
 
+    def _check_names(self, message: RobotTick | Event) -> None:
+        """Refuse a message of a robot, or of a module, that did not take part."""
+        robot_ids = self._robot_ids
+        drivers: tuple[str, ...] = ()
+        if isinstance(message, RobotTick):
+            drivers = (message.driver,)
+        elif isinstance(message, Switch):
+            drivers = (message.before, message.after)
+        elif isinstance(message, Target):
+            # The process that has the task planner records what that gives to the robots of others.
+            robot_ids = self._all_ids
+        elif not isinstance(message, Goal):
+            return
+        if message.robot_id not in robot_ids or not self._drivers.issuperset(drivers):
+            raise BadRecording(
+                f"{self.path}: a message at {message.time_s:.3f} s names what did not take part: "
+                f"robot {', '.join(map(str, (message.robot_id, *drivers)))}"
+            )
+
     # --- as a whole ----------------------------------------------------------------------------------------
 
     @property
@@ -138,7 +164,7 @@ class Recording:
         """Return the workspace of the run, with the robots that took part, those of other processes too.
 
         Raises:
-            BadRecording: it is not in the recording.
+            BadRecording: it is not in the recording, or is of other robots.
             ConfigError: it is there, but not allowed.
         """
         data = self.attachments.get(WORKSPACE_XML)
@@ -146,7 +172,11 @@ class Recording:
             raise BadRecording(f"{self.path}: it lacks the workspace file")
         # What was allowed then is not judged again: the mission may have had other distances.
         workspace = parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
-        return workspace.with_robots(len(self.about.robots) + len(self.about.peers))
+        workspace = workspace.with_robots(len(self._all_ids))
+        if self._all_ids != {place.id for place in workspace.robots}:
+            robots = ", ".join(map(str, sorted(self._all_ids)))
+            raise BadRecording(f"{self.path}: its robots are {robots}, which are not those of its workspace file")
+        return workspace
 
     @property
     def mission_file(self) -> bytes | None:

@@ -43,7 +43,8 @@ def rewrite(
 ) -> None:
     """Copy a recording message by message; what `change(topic, data)` returns takes a message's place, None removes it.
 
-    So does what `change_file(name, data)` returns with attachments. The checksums of the copy are right: this is what a faulty tool does, not a faulty disk.
+    What `change_file(name, data)` returns takes an attachment's. The checksums of the copy are right: this is what a
+    faulty tool does, not a faulty disk.
     """
     with source.open("rb") as stream, target.open("wb") as out:
         writer = Writer(out)

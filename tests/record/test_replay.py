@@ -14,13 +14,16 @@ import pytest
 
 from soter.config import load_mission
 from soter.errors import ConfigError
+from soter.record import messages
 from soter.record.messages import Peer, State
 from soter.record.reader import BadRecording, Recording
+from soter.report.page.html import make_page
 from soter.runner import run_mission
 from soter.runner.replay import replay
 from tests.project.source import ROOT
 from tests.record.conftest import Recorded
 from tests.record.helpers import SURVEILLANCE, recorded, rewrite
+from tests.report.unpacked import of_page
 from tests.runner.lockstep import Site
 
 
@@ -181,6 +184,44 @@ def test_a_gap_ends_the_comparison(kinematic: Recorded, tmp_path: Path) -> None:
     assert (found.ticks, found.same) == (500, True)
 
 
+@pytest.mark.parametrize(
+    ("topic", "key", "value"),
+    [
+        ("/robots/1/tick", "robot_id", 7),
+        ("/robots/1/tick", "driver", "nobody"),
+        ("/switches", "robot_id", 7),
+        ("/switches", "before", "nobody"),
+        ("/switches", "after", "nobody"),
+        ("/targets", "robot_id", 7),
+        ("/robots/1/goal", "robot_id", 7),
+    ],
+)
+def test_what_did_not_take_part_is_damage(
+    kinematic: Recorded, tmp_path: Path, topic: str, key: str, value: object
+) -> None:
+    def edit(of: str, data: bytes) -> bytes:
+        return json.dumps({**json.loads(data), key: value}).encode() if of == topic else data
+
+    rewrite(kinematic.path, tmp_path / "run.mcap", edit)
+    recording = Recording(tmp_path / "run.mcap")
+    for read in (replay, Recording.content):
+        with pytest.raises(BadRecording, match=f"did not take part: robot .*{value}"):
+            read(recording)
+
+
+def test_robots_that_are_not_in_the_workspace_are_damage(kinematic: Recorded, tmp_path: Path) -> None:
+    def change(name: str, data: bytes) -> bytes:
+        if name != messages.ABOUT_JSON:
+            return data
+        about = json.loads(data)
+        about["robots"][0]["robot_id"] = 7
+        return json.dumps(about).encode()
+
+    rewrite(kinematic.path, tmp_path / "run.mcap", lambda topic, data: data, change)
+    with pytest.raises(BadRecording, match="its robots are 2, 7"):
+        replay(Recording(tmp_path / "run.mcap"))
+
+
 def test_a_lost_record_of_one_robot_is_damage(kinematic: Recorded, tmp_path: Path) -> None:
     rewrite(
         kinematic.path, tmp_path / "run.mcap",
@@ -270,6 +311,14 @@ def test_a_process_of_a_distributed_mission_is_replayed_with_what_it_heard(apart
     assert len(heard) == 800
     silent = [each for each in heard if not isinstance(each.state, State) or each.time_s - each.state.stamp_s > 0.5]
     assert len(silent) > 150, "they were cut off for ten seconds"
+
+
+def test_a_process_that_gives_targets_to_the_robots_of_others_has_a_page(apart: Path) -> None:
+    recording = Recording(apart / "beta.mcap")
+    assert {target.robot_id for target in recording.content().targets} == {1, 2}
+    (robot,) = of_page(make_page(recording)).document["robots"]
+    own = [each.target_id for each in recording.content().targets if each.robot_id == 2 and not each.outcome]
+    assert [number for number, *_ in robot["targets"]["rows"]] == own
 
 
 def test_a_flipped_bit_of_what_was_heard_of_a_peer_is_named(apart: Path, tmp_path: Path) -> None:

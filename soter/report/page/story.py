@@ -198,7 +198,9 @@ class Story:
         self._ticks += count
         by_id = {robot.about.robot_id: robot for robot in self.robots}
         for target in self._unseen("targets", content.targets):
-            by_id[target.robot_id].add_target(target)
+            # A task planner may give some to robots of other processes, too.
+            if target.robot_id in by_id:
+                by_id[target.robot_id].add_target(target)
         for goal in self._unseen("goals", content.goals):
             by_id[goal.robot_id].add_goal(goal)
         for way in self._unseen("ways", content.ways):
