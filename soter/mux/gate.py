@@ -62,6 +62,8 @@ class Gate:
             if mux.alive(now_s):
                 return False
             self._renewed_s = -math.inf
+            # What the one before asked for was not judged by whoever renews now.
+            mux.revoke()
         elif order.seq <= self._seq:
             return False
         self._session, self._seq = order.session, order.seq

@@ -291,6 +291,10 @@ class StreamedRobot(Robot):
             lease_age_s = (self.clock.steady_s() - doing.renewed_steady_s) * self._rate
             if latest is None or not self._speaks_for(doing.controller) or lease_age_s >= LEASE_S:
                 return
+            gate = self._gate
+            if gate is not None and gate.session not in {"", self._order.session}:
+                # The mux would take what is said in the controller's name for what the other program's says.
+                return
             age_s = self.clock.now() - latest[0].stamp_s
             if age_s > _BLIND_S:
                 velocity = 0.0, 0.0

@@ -94,6 +94,17 @@ def test_another_program_is_followed_only_when_the_lease_is_dead() -> None:
     assert mux.report(0.2) == GateReport("two", 1, SC, True)
 
 
+def test_another_program_does_not_revive_what_the_one_before_asked_for() -> None:
+    mux = gate()
+    mux.take(order(1, SC), 0.0, 0.0)
+    mux.give(SC, FORWARDS, 0.1)
+    assert mux.take(order(1, SC, session="two"), 0.0, 0.14)
+    assert mux.report(0.14).alive
+    assert mux.passing(0.14) is None, "whoever renews now has not judged that"
+    mux.give(SC, FORWARDS, 0.15)
+    assert mux.passing(0.15) == FORWARDS
+
+
 def test_an_order_can_end_the_lease() -> None:
     mux = gate()
     mux.take(order(1), 0.0, 0.0)

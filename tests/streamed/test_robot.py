@@ -116,6 +116,22 @@ def test_what_a_mux_says_of_somebody_else_is_not_believed(robot: Fake) -> None:
     assert robot.read_state().controller is None
 
 
+def test_a_program_whose_mux_follows_another_does_not_speak_for_its_controllers(robot: Fake) -> None:
+    # It has been stopped for a while, and another one has taken its place; the mux would pass on what either says.
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot._take_report(GateReport("another", 7, "SC", True).encode())
+    sent = len(robot.velocities)
+    robot.host.now_s += 0.03
+    robot.hear(500.03)
+    robot.goto(Waypoint(2.0, 0.0), Controller.SC)
+    assert len(robot.velocities) == sent
+    robot.renew_lease()  # which this mux takes, because the other one's lease is dead
+    robot.host.now_s += 0.03
+    robot.hear(500.06)
+    assert len(robot.velocities) == sent + 1
+
+
 def test_what_was_overtaken_on_its_way_is_left_out(robot: Fake) -> None:
     robot.host.now_s += 0.1
     robot.hear(500.1, x_m=0.1)
