@@ -15,7 +15,7 @@ import pytest
 from soter.sdk import RobotSpec
 from soter.streamed.motion import seconds
 from soter.workspace import Workspace
-from tests.streamed.base import says_where_it_stands, stopped_by_itself
+from tests.streamed.base import says_where_it_stands, stops_by_itself
 from tests.streamed.driving import ROOM, SPECS
 from tests.streamed.processes import end_with_their_parent
 
@@ -106,10 +106,7 @@ def test_without_new_velocities_it_stops(client: Client) -> None:
         client.say(0.2)
         return client.speed_m_s > 0.19
 
-    assert client.wait_for(driven)
-    said = len(client.odometry)
-    assert client.wait_for(lambda: client.speed_m_s == 0.0)
-    stopped_by_itself(client.odometry, said)
+    stops_by_itself(client.odometry, lambda: client.wait_for(driven))
 
 
 def test_nan_stops_it_and_nothing_makes_it_faster_than_it_is(client: Client) -> None:
