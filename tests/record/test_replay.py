@@ -316,7 +316,9 @@ def test_a_process_of_a_distributed_mission_is_replayed_with_what_it_heard(apart
 def test_a_process_that_gives_targets_to_the_robots_of_others_has_a_page(apart: Path) -> None:
     recording = Recording(apart / "beta.mcap")
     assert {target.robot_id for target in recording.content().targets} == {1, 2}
-    (robot,) = of_page(make_page(recording)).document["robots"]
+    document = of_page(make_page(recording)).document
+    assert document["summary"]["elsewhere"] == [1]
+    (robot,) = document["robots"]
     own = [each.target_id for each in recording.content().targets if each.robot_id == 2 and not each.outcome]
     assert [number for number, *_ in robot["targets"]["rows"]] == own
 

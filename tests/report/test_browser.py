@@ -6,6 +6,7 @@ It needs Chromium (on Debian: apt-get install chromium) and Playwright, which dr
 from __future__ import annotations
 
 import cmath
+import json
 import math
 import time
 from pathlib import Path
@@ -16,7 +17,7 @@ import pytest
 from soter.record.content import Content
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
-from tests.record.helpers import recorded
+from tests.record.helpers import recorded, rewrite
 from tests.report.chromium import NEEDED, moment, opened, until
 
 pytestmark = NEEDED
@@ -220,6 +221,23 @@ def test_the_table_can_be_narrowed(browser: Any, made: Made) -> None:
         wanted = [each for each in made.content.disengagements if (each.robot_id, each.module) == (2, "battery")]
         assert len(wanted) > 0
         assert page.locator("#rows tr").count() == len(wanted)
+
+
+def test_a_robot_that_the_supervisor_took_is_counted_and_found(browser: Any, made: Made, tmp_path: Path) -> None:
+    def edit(topic: str, data: bytes) -> bytes:
+        switch = json.loads(data)
+        if topic == "/switches" and switch["before"] == "AC" and switch["module"] == "obstacle":
+            return json.dumps({**switch, "module": "supervisor"}).encode()
+        return data
+
+    rewrite(made.path.with_name("run.mcap"), tmp_path / "run.mcap", edit)
+    path = tmp_path / "run.html"
+    path.write_text(make_page(Recording(tmp_path / "run.mcap")), encoding="utf-8")
+    taken = sum(each.module == "obstacle" for each in made.content.disengagements)
+    with opened(browser, path) as page:
+        assert f"supervisor {taken}" in page.inner_text("#figures")
+        page.select_option("#filter-module", "supervisor")
+        assert page.locator("#rows tr").count() == taken > 0
 
 
 def test_keys(browser: Any, made: Made) -> None:

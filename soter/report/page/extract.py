@@ -226,6 +226,7 @@ def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:
         "ac": str(recording.about.mission.get("ac", "mission")),
         "planner": str(recording.about.mission.get("planner", "")),
         "seed": summary.seed,
+        "elsewhere": [peer.robot_id for peer in recording.about.peers],
         "startedUtc": summary.started_utc,
         "virtualTime": summary.virtual_time,
         "status": summary.status,

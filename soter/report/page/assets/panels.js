@@ -95,6 +95,11 @@
     document.getElementById("notices").replaceChildren(...found.map((text) => element("p", { class: "notice", role: "note" }, text)));
   }
 
+  // Who takes robots from their ACs: the modules, and whoever else has, such as the supervisor.
+  function takers(run) {
+    return [...new Set([...run.drivers.slice(1).map((each) => each.name), ...run.disengagements.map((each) => each.module)])];
+  }
+
   function figure(name, value, details, extra = null) {
     return element("div", { class: "figure" }, element("p", { class: "name" }, name), element("p", { class: "value" }, value),
       extra, element("p", { class: "details" }, ...[details].flat()));
@@ -109,8 +114,8 @@
     run.drivers.forEach((each, at) => {
       if (spent[at]) bar.append(element("i", { style: `--dot: ${style.shade(each.colour)}; flex-grow: ${spent[at] / whole}`, title: `${each.name} ${percent1(spent[at] / whole)}` }));
     });
-    const counted = run.drivers.slice(1).map((each) => (
-      element("span", { class: "chip" }, dot(style.shade(each.colour)), `${each.name} ${(summary.disengagements[each.name] || 0).toLocaleString("en")}`)
+    const counted = takers(run).map((name) => (
+      element("span", { class: "chip" }, dot(style.shade(colourOf(run, name))), `${name} ${(summary.disengagements[name] || 0).toLocaleString("en")}`)
     ));
     const hours = (run.robots.length * (run.lastS - run.firstS)) / 3600;
     const taken = run.disengagements.length;
@@ -136,6 +141,7 @@
       ["mission", summary.mission || "made in code"],
       ["backend", summary.engine && summary.engine !== summary.backend ? `${summary.backend}, engine ${summary.engine}` : summary.backend],
       ["seed", String(summary.seed)],
+      ...(summary.elsewhere.length ? [["elsewhere", `robot ${summary.elsewhere.join(", ")}, supervised by another process`]] : []),
       ["started", summary.startedUtc],
       ["ended", run.goesOn ? "not yet" : summary.status || "not known: it did not get to say so"],
       ["ticks", `${summary.ticks.toLocaleString("en")} of ${thinned.tickS} s, ${summary.droppedTicks.toLocaleString("en")} dropped`],
@@ -241,7 +247,7 @@
       this.robot = document.getElementById("filter-robot");
       this.module = document.getElementById("filter-module");
       this.robot.append(element("option", { value: "" }, "all"), ...run.robots.map((each) => element("option", { value: each.id }, String(each.id))));
-      this.module.append(element("option", { value: "" }, "all"), ...run.drivers.slice(1).map((each) => element("option", { value: each.name }, each.name)));
+      this.module.append(element("option", { value: "" }, "all"));
       for (const each of [this.robot, this.module]) each.addEventListener("change", () => this.fill());
       this.fill();
     }
@@ -255,6 +261,8 @@
 
     // Rows are only ever added, so that whoever reads the table is left in peace.
     grown() {
+      const named = this.module.length - 1;
+      this.module.append(...takers(this.run).slice(named).map((name) => element("option", { value: name }, name)));
       this.list = this.run.disengagements.filter((each) => (
         (!this.robot.value || String(each.robot) === this.robot.value) && (!this.module.value || each.module === this.module.value)
       ));
