@@ -5,11 +5,13 @@ Messages are read by the names of their fields, so that any library's classes wi
 
 from __future__ import annotations
 
-from math import atan2, cos, pi, remainder, sin
-from typing import Any, NamedTuple
+from math import atan2, cos, nan, pi, remainder, sin
+from typing import Any, Final, NamedTuple
 
 Pose = tuple[float, float, float]
 """East and north in metres, heading in radians counter-clockwise from east."""
+
+_SHORT: Final = 1e-6
 
 
 class Motion(NamedTuple):
@@ -59,7 +61,7 @@ def read_odometry(message: Any, origin: Pose) -> Motion:
     """Return what a nav_msgs/Odometry says.
 
     Twists are in the frame of the robot's body, as nav_msgs has it; the position in that of its odometry, which reads
-    0, 0, 0 at `origin`.
+    0, 0, 0 at `origin`. What it does not say is no number.
     """
     position, turned = message.pose.pose.position, message.pose.pose.orientation
     twist = message.twist.twist
@@ -68,6 +70,9 @@ def read_odometry(message: Any, origin: Pose) -> Motion:
         2.0 * (turned.w * turned.z + turned.x * turned.y),
         turned.w * turned.w + turned.x * turned.x - turned.y * turned.y - turned.z * turned.z,
     )
+    if turned.w * turned.w + turned.x * turned.x + turned.y * turned.y + turned.z * turned.z < _SHORT:
+        # Of length 0 is what nobody has filled in.
+        yaw = nan
     c, s = cos(origin[2]), sin(origin[2])
     heading = remainder(origin[2] + yaw, 2.0 * pi)
     return Motion(

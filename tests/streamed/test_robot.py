@@ -45,7 +45,7 @@ class Fake(StreamedRobot):
         self.orders.append(order)
         self._take_report(GateReport(order.session, order.seq, order.controller, order.renewed_s is not None).encode())
 
-    def hear(self, stamp_s: float, x_m: float = 0.0, percentage: float = 0.5) -> None:
+    def hear(self, stamp_s: float, x_m: float = 0.0, percentage: float = 0.5, w: float = 1.0) -> None:
         """Hear odometry, and of the battery."""
         stamp = SimpleNamespace(sec=math.floor(stamp_s), nanosec=round(stamp_s % 1.0 * 1e9))
         zero = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -55,7 +55,7 @@ class Fake(StreamedRobot):
                 header=SimpleNamespace(stamp=stamp),
                 pose=SimpleNamespace(
                     pose=SimpleNamespace(
-                        position=SimpleNamespace(**{**zero, "x": x_m}), orientation=SimpleNamespace(**zero, w=1.0)
+                        position=SimpleNamespace(**{**zero, "x": x_m}), orientation=SimpleNamespace(**zero, w=w)
                     )
                 ),
                 twist=SimpleNamespace(
@@ -148,6 +148,15 @@ def test_what_makes_no_sense_is_counted_and_said_once(robot: Fake, caplog: pytes
     assert len(caplog.records) == 3
     state = robot.read_state()
     assert (state.x_m, state.battery) == (0.0, 0.5)
+
+
+def test_an_orientation_that_nobody_filled_in_is_none(robot: Fake) -> None:
+    robot.host.now_s += 0.03
+    robot.hear(500.03, x_m=0.1, w=0.0)
+    assert robot.read_state().x_m == 0.0
+    assert robot.dropped == {"odometry that is not finite": 1}
+    robot.hear(500.03, x_m=0.1, w=0.5)
+    assert robot.read_state().x_m == 0.1
 
 
 def test_an_ac_that_is_somebody_elses_is_not_spoken_for() -> None:
