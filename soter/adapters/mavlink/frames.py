@@ -7,7 +7,7 @@ adapter go through this module.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, radians
+from math import cos, pi, radians, remainder
 from typing import Final, NamedTuple
 
 _M_PER_DEG: Final = 0.011131884502145034 * 1e7
@@ -64,7 +64,8 @@ class Frame:
         if workspace is None:
             return Frame(up_m=-plane_m)
         return Frame(
-            (ekf.lon_deg - workspace.lon_deg) * _M_PER_DEG * cos(radians(workspace.lat_deg)),
+            # The shorter way round the earth.
+            remainder(ekf.lon_deg - workspace.lon_deg, 360.0) * _M_PER_DEG * cos(radians(workspace.lat_deg)),
             (ekf.lat_deg - workspace.lat_deg) * _M_PER_DEG,
             ekf.alt_m - workspace.alt_m - plane_m,
         )

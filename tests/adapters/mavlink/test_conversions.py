@@ -53,6 +53,12 @@ def test_an_ekf_that_woke_up_elsewhere_is_shifted() -> None:
     assert frame.from_ned(*frame.to_ned(*place)) == pytest.approx(place)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_date_line_may_pass_between_the_workspace_and_an_ekf(side: float) -> None:
+    frame = Frame.between(GeoPoint(-17.0, side * 179.9999, 0.0), GeoPoint(-17.0, side * -179.9999, 0.0), 0.0)
+    assert frame.east_m == pytest.approx(side * 22.26 * math.cos(math.radians(17.0)), abs=0.01)
+
+
 def test_copters_fly_in_a_plane_above_the_ground() -> None:
     frame = Frame.between(None, GeoPoint(47.0, 8.0, 500.0), 1.5)
     assert frame.to_ned(0.0, 0.0, 0.0) == (0.0, 0.0, -1.5)
