@@ -39,6 +39,9 @@ from soter.workspace import Workspace
 from soter.workspace_xml import parse_workspace
 
 MAX_RECORD_BYTES: Final = 1 << 28
+_DRAWN_TICKS: Final = 5
+"""A picture shows every so many ticks of a track."""
+
 _TICK: Final = messages.schema_name(RobotTick)
 _EVENTS: Final = {messages.schema_name(kind): msgspec.json.Decoder(kind) for kind in EVENTS}
 
@@ -194,9 +197,9 @@ class Recording:
             content.add(tick, every_ticks)
         return content
 
-    def tracks(self, every_ticks: int = 5) -> RunTracks:
+    def tracks(self) -> RunTracks:
         """Return what a picture of the run is drawn from."""
-        content = self.content(every_ticks)
+        content = self.content(_DRAWN_TICKS)
         workspace = self.workspace()
         tracks = {
             robot_id: Track(robot_id, series.time_s, series.x_m, series.y_m, series.battery, array("b", series.driver))

@@ -81,7 +81,6 @@ class DecisionModule:
             else math.nan
         )
         self._horizon_reach = module.model.bound(module.horizon_s(timing)) if module.model is not None else math.inf
-        self._safer_margin = module.edge_margin()
 
     def decide(self, situation: Situation) -> bool:
         """Judge the situation, as is done every Delta; return whether the mode changed."""

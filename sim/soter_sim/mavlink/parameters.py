@@ -10,8 +10,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.kinds import Kind
 
-NAME_LENGTH: Final = 16
-
 
 @dataclass(frozen=True, slots=True)
 class Parameter:

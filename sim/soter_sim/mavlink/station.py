@@ -26,9 +26,6 @@ _REFUSED: Final = 129
 _NO_SUCH_OPERATION: Final = 7
 _FILE_PAYLOAD: Final = 251
 
-Read = Callable[[Autopilot, Message], Place | Velocity]
-"""Reads a target out of a message."""
-
 
 class Station:
     """What an autopilot hears and says.

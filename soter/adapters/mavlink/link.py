@@ -71,9 +71,6 @@ class Link(ABC):
         strangers: system ids of other autopilots that were heard, to say so.
     """
 
-    signs: bool = False
-    """Whether messages are signed."""
-
     def __init__(self, clock: Clock, system: int) -> None:
         self.clock: Final = clock
         self.system: Final = system

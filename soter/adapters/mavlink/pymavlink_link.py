@@ -64,7 +64,6 @@ class PymavlinkLink(Link):
         self, clock: Clock, address: Address, system: int, components: Sequence[int], key: bytes | None = None
     ) -> None:
         super().__init__(clock, system)
-        self.signs = key is not None
         self._address: Final = address
         self._key: Final = key
         self._voice: Final = components[0]
