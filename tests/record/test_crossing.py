@@ -240,8 +240,8 @@ def test_an_interrupt_while_the_run_waits_for_its_writer_loses_nothing(
     assert run.result.status == "interrupted"
     assert run.recording is not None
     assert run.recording.failure == ""
-    # The tick that was interrupted is recorded, but was not counted.
-    assert numbers(path) == list(range(done[0] + 1))
+    # The tick that was interrupted is recorded, too, if it had come to be.
+    assert numbers(path) in (list(range(done[0])), list(range(done[0] + 1)))
 
 
 # --- the end of the pipe -----------------------------------------------------------------------------------

@@ -240,6 +240,16 @@ def test_a_robot_that_the_supervisor_took_is_counted_and_found(browser: Any, mad
         assert page.locator("#rows tr").count() == taken > 0
 
 
+def test_the_playback_is_reached_without_passing_every_row(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        page.keyboard.press("Tab")
+        page.keyboard.press("Tab")
+        page.keyboard.press("Enter")
+        until(page, "document.activeElement.id === 'play'")
+        page.keyboard.press("Space")
+        assert page.evaluate("soter.player.playing")
+
+
 def test_keys(browser: Any, made: Made) -> None:
     first, second = (each.time_s for each in made.content.disengagements[:2])
     with opened(browser, made.path) as page:
