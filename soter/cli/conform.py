@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from soter.cli.outputs import Output, StandardOutput
     from soter.conformance import Clause, Outcome, Record
+    from soter.conformance.bench import Figure
 
 EXAMPLES = """Examples:
 
@@ -136,11 +137,16 @@ def _line(outcome: Outcome) -> Text:
         return line.append(
             f"{outcome.clause.contract}\n{'':12}{outcome.reason}" if verdict == "FAIL" else outcome.reason
         )
-    return line.append(", ".join(_figure(each.name, each.value, each.bound) for each in outcome.figures), "dim")
+    return line.append(", ".join(map(_figure, outcome.figures)), "dim")
 
 
-def _figure(name: str, value: float, bound: float | None) -> str:
-    return f"{name} {value:.3g}" if bound is None else f"{name} {value:.3g} of {bound:.3g}"
+def _figure(figure: Figure) -> str:
+    value, bound = figure.value, figure.bound
+    if bound is None:
+        return f"{figure.name} {value:.3g}"
+    # Why what is beyond its bound has passed all the same.
+    unsure = f" (measured to {figure.resolution:.2g})" if value > bound and figure.resolution else ""
+    return f"{figure.name} {value:.3g} of {bound:.3g}{unsure}"
 
 
 def _print_list(console: Console, clauses: list[Clause]) -> None:
@@ -154,12 +160,19 @@ def _print_verdict(console: Console, record: Record) -> None:
     from rich.text import Text
 
     from soter.conformance import KIT_VERSION, Overall, Verdict
+    from soter.conformance.record import overall
 
     counts = ", ".join(f"{record.count(each)} {each.value}" for each in Verdict)
     console.print(f"\n{record.adapter}: {len(record.outcomes)} clauses of kit {KIT_VERSION}: {counts}")
-    missing = sorted({each.reason for each in record.outcomes if each.verdict is Verdict.NOT_TESTED})
-    for reason in missing:
-        console.print(f"  not tested: {reason}", soft_wrap=True)
+    in_process = record.subject is not None and record.subject.in_process
+    missing: dict[str, list[Outcome]] = {}
+    for each in record.outcomes:
+        if each.verdict is Verdict.NOT_TESTED:
+            missing.setdefault(each.reason, []).append(each)
+    for reason, outcomes in sorted(missing.items()):
+        needed = record.overall is Overall.FAILS and overall(outcomes, in_process=in_process) is Overall.FAILS
+        what = "not tested, and may not be left out" if needed else "not tested"
+        console.print(f"  {what}: {reason} ({len(outcomes)} clause{'s' * (len(outcomes) > 1)})", soft_wrap=True)
     console.print(Text(record.overall.value, "bold red" if record.overall is Overall.FAILS else "bold green"))
 
 

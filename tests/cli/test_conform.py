@@ -10,6 +10,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from soter.cli import app
+from soter.cli.conform import _print_verdict
+from soter.cli.console import make_console
+from soter.conformance import Outcome, Verdict, select
+from soter.conformance.record import make_record
 
 
 def conform(*words: str) -> Result:
@@ -35,6 +39,26 @@ def test_it_judges_a_selection_and_writes_the_record(tmp_path: Path) -> None:
     assert len(content["sha256"]) == 64
     suite = ET.parse(junit).getroot()  # noqa: S314 - written above
     assert (suite.get("tests"), suite.get("failures"), suite.get("skipped")) == ("6", "0", "1")
+
+
+def test_it_says_what_was_not_tested_and_which_of_that_may_not_be_left_out() -> None:
+    done = conform("kinematic", "--only", "link")
+    assert done.exit_code == 0
+    assert "\n  not tested: hook not given: cut (5 clauses)\n" in done.output
+    reason = "hook not given: delay"
+    outcomes = [Outcome(each, Verdict.NOT_TESTED, reason, (), 0.0) for each in select(["link.delay"])]
+    console = make_console(stderr=False)
+    with console.capture() as captured:
+        _print_verdict(console, make_record("mine", None, outcomes, complete=True))
+    assert captured.get().endswith(
+        "\n  not tested, and may not be left out: hook not given: delay (1 clause)\nDOES NOT CONFORM\n"
+    )
+
+
+def test_a_figure_beyond_its_bound_shows_how_exactly_it_was_measured() -> None:
+    done = conform("kinematic", "--only", "goal.timeout", "--only", "goto.v_max")
+    assert "timeout_s 2.3 of 2.27 (measured to 0.1), " in done.output
+    assert "v_max_m_s 0.22 of 0.22\n" in done.output
 
 
 def test_the_same_run_has_the_same_hash() -> None:
