@@ -72,6 +72,7 @@ def ablate(
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, json_output, refuse_clashes
         from soter.cli.overrides import load_with_engine, merge
+        from soter.registry import load_backend
         from soter.runner.ablate import Plan, variants
 
         given = {"backend": backend, "duration_s": duration, "targets": targets}
@@ -85,6 +86,12 @@ def ablate(
                 typer.echo(f"{variant.group}/{variant.name}")
             return
         loaded.read_workspace()
+        if not load_backend(loaded.backend, to_open=False).robot_class.declared.in_process:
+            raise loaded.refusal(
+                "backend",
+                f"it is '{loaded.backend}', allowed: a backend in virtual time, such as kinematic: parts of "
+                "the modules are taken from simulated robots only",
+            )
         refuse_clashes({"--json": json, "--markdown": markdown}, (mission, loaded.workspace))
         json_file = None if json is None else json_output(json)
         page = None if markdown is None else Output(markdown, "--markdown")

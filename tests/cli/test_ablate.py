@@ -170,6 +170,8 @@ def test_nothing_run_is_a_page_too() -> None:
         (("--set", "targets='grid'"), "targets: it is given twice"),
         (("--markdown", "/no/such/folder/page.md"), "--markdown: '/no/such/folder/page.md' cannot be written"),
         (("--json", "/no/such/folder/all.json"), "--json"),
+        (("--backend", "nowhere"), "unknown backend 'nowhere'"),
+        (("--backend", "mavlink"), "backend: it is 'mavlink', allowed: a backend in virtual time"),
     ],
 )
 def test_bad_input_runs_nothing(arguments: tuple[str, ...], message: str) -> None:
