@@ -289,6 +289,12 @@ class Bench:
         caps = self.caps
         return 3.0 * self.harness.room_m / caps.v_max_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
 
+    def orphaned_s(self) -> float:
+        """Return how long after the last renewal of its lease a robot at top speed may still move."""
+        caps = self.caps
+        brakes_s = caps.v_max_m_s / caps.brake_m_s2
+        return caps.lease_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + brakes_s + TICK_S
+
     def from_start(self, robot: Robot, target: Waypoint) -> float:
         """Return how far a target is from where a robot started."""
         return math.hypot(target.x_m - robot.spec.x_m, target.y_m - robot.spec.y_m)

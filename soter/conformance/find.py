@@ -73,10 +73,8 @@ def find_harness(name: str) -> Harness:
     if not declared.in_process:
         raise BackendError(
             f"backend '{name}' is on a wire and names no harness, so the kit does not know how to start its robots; "
-            "write a "
-            "subclass of soter.conformance.Harness and give it as 'module:Class', or name it in the backend's "
-            "attribute "
-            "`harness`"
+            "write a subclass of soter.conformance.Harness and give it as 'module:Class', or name it in the backend's "
+            "attribute `harness`"
         )
     return InProcessHarness(name, backend)
 

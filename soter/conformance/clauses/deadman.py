@@ -18,14 +18,7 @@ def silence(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, 0.9))
     called_s = bench.now_s
     caps = bench.caps
-    allowed_s = (
-        caps.lease_s
-        + caps.latency_s
-        + caps.jitter_s
-        + caps.setpoint_period_s
-        + caps.v_max_m_s / caps.brake_m_s2
-        + TICK_S
-    )
+    allowed_s = bench.orphaned_s()
     before = bench.look(robot)
     clock = bench.fleet.clock
     clock.sleep_until(called_s + allowed_s + caps.sample_age_s)
@@ -59,21 +52,13 @@ def goto(bench: Bench) -> None:
     """A goto does not renew the lease, however many are sent."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
-    caps = bench.caps
 
     def spam() -> bool:
         robot.goto(bench.place(robot, 0.9), Controller.AC)
         return False
 
-    allowed_s = (
-        caps.lease_s
-        + caps.latency_s
-        + caps.jitter_s
-        + caps.setpoint_period_s
-        + caps.v_max_m_s / caps.brake_m_s2
-        + 2 * TICK_S
-    )
-    bench.run(allowed_s + caps.sample_age_s, spam, renew=False)
+    allowed_s = bench.orphaned_s() + TICK_S
+    bench.run(allowed_s + bench.caps.sample_age_s, spam, renew=False)
     rest = bench.look(robot)
     bench.run(0.5, spam, renew=False)
     later = bench.look(robot)

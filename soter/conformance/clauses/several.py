@@ -6,6 +6,7 @@ import math
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S
 from soter.sdk import Controller, GoalStatus
 
 
@@ -74,16 +75,12 @@ def lease(bench: Bench) -> None:
     """Renewing one robot's lease keeps no other alive."""
     first, second = bench.open(2)
     bench.get_going(second, bench.place(second, 0.9))
-    caps = bench.caps
 
     def renew_first() -> bool:
         first.renew_lease()
         return False
 
-    stop_s = (
-        caps.lease_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.1
-    )
-    bench.run(stop_s + caps.sample_age_s, renew_first, renew=False)
+    bench.run(bench.orphaned_s() + TICK_S + bench.caps.sample_age_s, renew_first, renew=False)
     rest = bench.look(second)
     bench.run(0.5, renew_first, renew=False)
     later = bench.look(second)
