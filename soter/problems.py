@@ -154,10 +154,10 @@ def not_allowed(allowed: str) -> PydanticCustomError:
 
 
 _ALLOWED = {
-    "greater_than": "above {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "less_than": "below {lt:g}",
-    "less_than_equal": "at most {le:g}",
+    "greater_than": "above {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "below {lt}",
+    "less_than_equal": "at most {le}",
     "finite_number": "a finite number",
     "float_type": "a number",
     "float_parsing": "a number",
@@ -224,7 +224,9 @@ def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...]
     if kind == NOT_ALLOWED:
         return f"it is {value}, allowed: {context['allowed']}"
     if kind in _ALLOWED:
-        return f"it is {value}, allowed: {_ALLOWED[kind].format(**context)}"
+        # Limits of whole numbers are shown to the last digit.
+        shown = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()}
+        return f"it is {value}, allowed: {_ALLOWED[kind].format(**shown)}"
     return f"it is {value}: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 

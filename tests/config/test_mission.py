@@ -232,6 +232,10 @@ WRONG: list[tuple[str, str]] = [
     ("duration_s = inf\n", "m.toml:2: duration_s: it is inf, allowed: a finite number"),
     ("duration_s = 1e8\n", "m.toml:2: duration_s: it is 100000000.0, allowed: at most 1e+07"),
     ("seed = -1\n", "m.toml:2: seed: it is -1, allowed: at least 0"),
+    (
+        "seed = 9223372036854775808\n",
+        "m.toml:2: seed: it is 9223372036854775808, allowed: at most 9223372036854775807",
+    ),
     ("robots = 0\n", "m.toml:2: robots: it is 0, allowed: at least 1"),
     ("robots = 255\n", "m.toml:2: robots: it is 255, allowed: at most 254"),
     ("target_timeout_s = 0\n", "m.toml:2: target_timeout_s: it is 0, allowed: above 0"),
