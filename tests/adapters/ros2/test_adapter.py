@@ -105,14 +105,14 @@ def test_a_publisher_that_does_not_match_is_named(simulator: Simulator, open_fle
     node.create_publisher(String, "gate", COMMAND)
     node.create_publisher(Float64, "odom", COMMAND)
     topics = {"odom": "/elsewhere/odom", "gate": "/elsewhere/gate"}
-    text = refusal(open_fleet(simulator, ready=False, topics=topics, discovery_s=2.0))
+    text = refusal(open_fleet(simulator, ready=False, topics=topics, discovery_s=5.0))
     assert "/elsewhere/soter publishes /elsewhere/odom as std_msgs/msg/Float64, SOTER as nav_msgs/msg/Odometry" in text
     assert "/elsewhere/soter publishes /elsewhere/gate with a quality of service that does not match: " in text
     assert "transient local" in text.lower()
 
 
 def test_velocities_of_the_other_type_are_named(simulator: Simulator, open_fleet: Open) -> None:
-    text = refusal(open_fleet(simulator, ready=False, stamped=True, discovery_s=2.0))
+    text = refusal(open_fleet(simulator, ready=False, stamped=True))
     assert "/robot1/soter_mux subscribes to cmd_vel_sc as geometry_msgs/msg/Twist" in text
     assert "SOTER as geometry_msgs/msg/TwistStamped" in text
 
