@@ -156,6 +156,20 @@ def test_an_unknown_option_of_a_backend_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    ("key", "hint"), [("backends.kinematik", "did you mean 'kinematic'"), ("planners.ompl-bitster", "ompl-bitstar")]
+)
+def test_options_of_what_there_is_not_are_refused(key: str, hint: str) -> None:
+    with pytest.raises(ConfigError, match=rf"{key}.*{hint}"):
+        run_mission(load_mission(SURVEILLANCE, {**QUICK, f"{key}.speed": 3}))
+
+
+def test_options_of_a_backend_that_is_not_installed_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    run = run_mission(mission(duration_s=0.1, backends__unitree__speed=3))
+    assert run.result.status == "completed"
+    assert "backends.unitree is not used" in caplog.text
+
+
+@pytest.mark.parametrize(
     ("planner", "reason"),
     [("Raises", "RuntimeError"), ("Garbage", "garbage"), ("Outside", None)],
 )
