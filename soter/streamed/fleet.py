@@ -44,6 +44,7 @@ class StreamedFleet(Fleet, Generic[R, S]):
             self._shared: Final = stack.pop_all()
 
     def _close(self) -> None:
-        self._shared.close()
-        if self.simulator is not None:
-            self.simulator.close()
+        with ExitStack() as stack:
+            if self.simulator is not None:
+                stack.callback(self.simulator.close)
+            stack.callback(self._shared.close)

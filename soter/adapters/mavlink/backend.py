@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import ClassVar, Final
 
 from soter.adapters.mavlink.address import Address
@@ -52,11 +53,10 @@ class MavlinkFleet(Fleet):
         self._streamed: Final = truth
 
     def _close(self) -> None:
-        self._link.close()
-        if self._streamed is not None:
-            self._streamed.close()
-        if self.simulator is not None:
-            self.simulator.close()
+        with ExitStack() as stack:
+            for shared in (self.simulator, self._streamed, self._link):
+                if shared is not None:
+                    stack.callback(shared.close)
 
 
 class VehicleBackend(Backend):
