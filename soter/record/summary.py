@@ -24,7 +24,7 @@ class Summary:
         seed: of the mission.
         started_utc: when, in ISO 8601.
         virtual_time: whether time stood still while nobody slept.
-        duration_s: fleet time from the first recorded tick to the last.
+        duration_s: fleet time from the first recorded tick to the end of the last one.
         ticks: recorded.
         dropped_ticks: missing within, because the writer did not follow.
         robots: ids.
@@ -83,7 +83,7 @@ def summarise(recording: Recording, content: Content) -> Summary:
         seed=about.seed,
         started_utc=about.started_utc,
         virtual_time=about.virtual_time,
-        duration_s=round(content.last_s - content.first_s, 6),
+        duration_s=round(content.last_s - content.first_s + about.base_tick_s, 6) if content.ticks else 0.0,
         ticks=content.ticks,
         dropped_ticks=content.dropped_ticks,
         robots=tuple(content.series),

@@ -124,7 +124,7 @@ def test_violations_are_recorded_while_they_happen_and_at_the_end(tmp_path: Path
 
 def test_figures_of_a_recording(kinematic: Recorded) -> None:
     summary = summarise(kinematic.recording, kinematic.recording.content())
-    assert summary.duration_s == pytest.approx(299.95)
+    assert summary.duration_s == pytest.approx(300.0)
     assert summary.disengagements == {name: n for name, n in kinematic.run.result.disengagements.items() if n}
     assert summary.status == "completed"
     assert summary.ac_share == kinematic.run.result.ac_share
