@@ -83,7 +83,7 @@ class Replay:
     Attributes:
         settings: what was changed; empty for a replay of the run as it was.
         ticks: how many were compared.
-        duration_s: fleet time from the first to the last of them.
+        duration_s: fleet time from the first to the end of the last of them.
         truncated: the recording was cut off; compared was what there is.
         gap_s: fleet time of the first gap, beyond which nothing can be compared; None without one.
         flaws: records that were changed after they had been written.
@@ -136,7 +136,7 @@ def replay(recording: Recording, settings: Mapping[str, object] | None = None) -
     found = Replay(settings)
     cast = _Cast(recording, settings, found)
     next_tick = 0
-    began_s = 0.0
+    began_s = ended_s = 0.0
     for tick in recording.ticks():
         if not tick.robots:
             continue
@@ -145,10 +145,11 @@ def replay(recording: Recording, settings: Mapping[str, object] | None = None) -
             break
         began_s = tick.time_s if tick.tick == 0 else began_s
         next_tick += 1
-        found.ticks, found.duration_s = next_tick, tick.time_s - began_s
+        found.ticks, ended_s = next_tick, tick.time_s + recording.about.base_tick_s
+        found.duration_s = round(ended_s - began_s, 6)
         cast.play(tick)
     found.truncated = recording.truncated
-    cast.close(began_s + found.duration_s)
+    cast.close(ended_s)
     return found
 
 

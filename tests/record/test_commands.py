@@ -92,7 +92,7 @@ def test_what_was_asked_for_and_could_not_be_recorded_shows_in_the_exit_code() -
 def test_replay_of_a_run_as_it_was(kinematic: Recorded) -> None:
     done = ran("replay", kinematic.path)
     assert done.exit_code == 0
-    assert "6000 ticks, 300.0 s replayed" in done.stdout
+    assert "6000 ticks, 300 s replayed" in done.stdout
     assert "Every decision is what was recorded, bit by bit." in done.stdout
 
 
@@ -155,7 +155,7 @@ def test_what_is_no_recording_exits_with_2(tmp_path: Path, command: str) -> None
 def test_info_says_what_is_there(kinematic: Recorded) -> None:
     done = ran("info", kinematic.path)
     assert done.exit_code == 0
-    for words in ("whole", "on kinematic, virtual time, seed 4", "300.0 s, 6000 ticks", "completed", "robots",
+    for words in ("whole", "on kinematic, virtual time, seed 4", "300 s, 6000 ticks", "completed", "robots",
                   "violations      0", "soter-rta", "loss of robot 2"):  # fmt: skip
         assert words in done.stdout
     said = json.loads(ran("info", kinematic.path, "--json").stdout)
