@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import signal
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -17,6 +19,29 @@ OPTIONAL_LIBRARIES = ("pybullet", "ompl", "rclpy")
 def is_installed(library: str) -> bool:
     """Whether a library can be imported, without importing it."""
     return importlib.util.find_spec(library) is not None
+
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@pytest.fixture
+def own_signals() -> Iterator[None]:
+    """For a test that runs a program's `main` in this process: what it makes of signals ends with the test."""
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Blame a test that leaves signals to a handler of its own: another one would wait for Ctrl-C in vain."""
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
+    result = yield
+    for number, handler in before.items():
+        left = signal.getsignal(number)
+        assert left == handler, f"{item.nodeid} has left {number.name} to {left}"
+    return result
 
 
 def pytest_report_header() -> str:

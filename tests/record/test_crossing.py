@@ -217,9 +217,11 @@ def test_an_interrupt_while_the_run_waits_for_its_writer_loses_nothing(
             before = done[0]
             time.sleep(0.5)
         signal.pthread_kill(main, signal.SIGINT)
-        # By now it has left the write, or never will.
-        wait_until(left.is_set)
-        os.kill(pids[0], signal.SIGCONT)
+        try:
+            # By then it has left the write, or never will.
+            wait_until(left.is_set)
+        finally:
+            os.kill(pids[0], signal.SIGCONT)
 
     left = threading.Event()
     finish = Recorder.finish

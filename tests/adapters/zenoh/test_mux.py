@@ -160,6 +160,7 @@ def test_bad_options_end_it_before_anything_moves(
     assert complaint in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("own_signals")
 def test_what_is_in_a_file_about_the_session_counts(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
     from soter.adapters.zenoh.mux import main
 
