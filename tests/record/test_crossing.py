@@ -191,7 +191,7 @@ def test_what_happened_in_a_tick_that_raised_is_recorded(monkeypatch: pytest.Mon
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.usefixtures("held")
+@pytest.mark.usefixtures("held", "own_signals")
 def test_an_interrupt_while_the_run_waits_for_its_writer_loses_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -234,6 +234,8 @@ def test_an_interrupt_while_the_run_waits_for_its_writer_loses_nothing(
     monkeypatch.setattr(recorders, "TOGETHER", 64)
     monkeypatch.setattr("soter.runner.run.Recorder", Stopping)
     monkeypatch.setattr(Recorder, "finish", finished)
+    # Whoever starts the tests in the background has Ctrl-C ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     main = threading.get_ident()
     helper = threading.Thread(target=interrupt)
     helper.start()
