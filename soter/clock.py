@@ -126,7 +126,15 @@ class VehicleClock(Clock):
         while (left_s := time_s - self.now()) > 0.0:
             self._sleep(min(max(left_s / self._rate, _SHORTEST_SLEEP_S), _LONGEST_SLEEP_S))
 
-    def observe(self, robot_id: int, vehicle_stamp_s: float, received_steady_s: float, delay_s: float = 0.0) -> bool:
+    def observe(
+        self,
+        robot_id: int,
+        vehicle_stamp_s: float,
+        received_steady_s: float,
+        delay_s: float = 0.0,
+        *,
+        anew: bool = False,
+    ) -> bool:
         """Take note of a sample that a robot stamped. Called by whoever receives it, for every sample.
 
         Args:
@@ -134,6 +142,8 @@ class VehicleClock(Clock):
             vehicle_stamp_s: the vehicle's time of it; one that is not finite is ignored.
             received_steady_s: `steady_s()` when it was received.
             delay_s: how long it has travelled in host time, where that was measured, as by half a round trip.
+            anew: forget what was observed before: its clock is known to be another one. There is no moment in between
+                at which other threads would find that robot's clock unknown.
 
         Returns:
             Whether this sample shows that the vehicle has rebooted.
@@ -142,7 +152,7 @@ class VehicleClock(Clock):
             return False
         sent_steady_s = received_steady_s - delay_s
         with self._lock:
-            vehicle = self._vehicles.get(robot_id)
+            vehicle = None if anew else self._vehicles.get(robot_id)
             offset_s = self._fleet_s(sent_steady_s) - vehicle_stamp_s
             if vehicle is None:
                 self._vehicles[robot_id] = _Vehicle(vehicle_stamp_s, sent_steady_s, offset_s, self._window_s)

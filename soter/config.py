@@ -41,6 +41,7 @@ from soter.problems import (
     Problem,
     config_error,
     cut,
+    is_file,
     key_lines,
     line_of,
     pydantic_problems,
@@ -87,14 +88,14 @@ class Mission(Table):
     app: Literal["surveillance"] = "surveillance"
     workspace: Annotated[Path, Field(strict=False)]
     backend: Name = "pybullet"
-    duration_s: Annotated[float, Field(gt=0.0, le=1e7, allow_inf_nan=False)] = 600.0
+    duration_s: Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)] = 600.0
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     targets: Literal["grid", "uniform", "hostile"] = "grid"
     robots: RobotId | None = None
     ac: Name = "mission"
     planner: Name = "ompl-bitstar"
-    target_timeout_s: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)] = 120.0
-    base_tick_s: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = 0.05
+    target_timeout_s: Annotated[float, Field(ge=0.1, le=1e6, allow_inf_nan=False)] = 120.0
+    base_tick_s: Annotated[float, Field(ge=0.001, le=1.0, allow_inf_nan=False)] = 0.05
     battery: BatteryTable = BatteryTable()
     rta: RtaTable = RtaTable()
     isolation: IsolationTable = IsolationTable()
@@ -141,7 +142,7 @@ class Mission(Table):
         Raises:
             ConfigError: the workspace file is not allowed, or the mission wants what is not in it.
         """
-        if not self.workspace.is_file():
+        if not is_file(self.workspace):
             try:
                 read_limited(self.workspace, "workspace file")
             except ConfigError as failure:

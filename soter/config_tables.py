@@ -20,10 +20,11 @@ _TAKEN: Final = (*MODULES, "path", "supervisor")
 """Names that stand for something else in results."""
 
 MotionModel = Literal["speed", "speed-acceleration", "unicycle"]
-Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
+# Nothing is as small as a float can be: sums of such steps stand still, and quotients are infinite.
+Lasting = Annotated[float, Field(ge=0.1, le=1e9, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
-Period = Annotated[float, Field(gt=0.0, le=60.0, allow_inf_nan=False)]
-Charge = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
+Period = Annotated[float, Field(ge=0.001, le=60.0, allow_inf_nan=False)]
+Charge = Annotated[float, Field(ge=0.001, le=1.0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1)]
 RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
 RawTables = dict[str, dict[str, Any]]
@@ -86,7 +87,7 @@ class MotionTable(Table):
 class CollisionTable(MotionTable, DistanceTable):
     """Distance between the centres of two robots."""
 
-    delta_s: Period = 0.1
+    delta_s: Period = 0.05
     phi_safe_m: Metres = 0.3
     phi_safer_m: Metres = 0.5
 
@@ -106,8 +107,8 @@ class GeofenceTable(MotionTable, ModuleTable):
         phi_safer_inset_m: how far inside the fence phi_safer lies, on every side.
     """
 
-    delta_s: Period = 0.5
-    phi_safer_inset_m: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)] = 0.5
+    delta_s: Period = 0.05
+    phi_safer_inset_m: Annotated[float, Field(ge=0.001, le=1000.0, allow_inf_nan=False)] = 0.1
 
 
 class BatteryModuleTable(ModuleTable):
@@ -235,15 +236,22 @@ class BatteryTable(Table):
 
     Attributes:
         drive_s: from full to empty when driving.
-        idle_s: the same when standing still.
+        idle_s: the same when standing still; no less, since a robot that stands does not use more than one that drives.
         charge_s: from empty to full at the charger.
         initial: charge from 0 to 1 at the start, by robot id; whoever is not in it has one drawn from the seed.
     """
 
-    drive_s: Positive = 1800.0
-    idle_s: Positive = 7200.0
-    charge_s: Positive = 60.0
+    drive_s: Lasting = 1800.0
+    idle_s: Lasting = 7200.0
+    charge_s: Lasting = 60.0
     initial: Annotated[dict[RobotId, Charge] | None, BeforeValidator(_by_robot)] = None
+
+    @model_validator(mode="after")
+    def _waits_cheaply(self) -> Self:
+        if self.idle_s < self.drive_s:
+            allowed = f"at least drive_s, which is {self.drive_s:g}: standing still costs no more than driving"
+            raise wrong(("idle_s",), self.idle_s, allowed)
+        return self
 
 
 class IsolationTable(Table):
@@ -254,11 +262,17 @@ class IsolationTable(Table):
         silent_s: host time for which the mission may be silent before it counts as hung.
         real_time: whether the supervisor is scheduled in real time, before everything else that the host has to do;
             `auto` is wherever the kernel allows it.
+        sandbox: whether the kernel takes network, files and other processes from the mission, and from planners
+            everywhere; `auto` is as far as it can, `require` refuses to run where it cannot, see `soter.sandbox`.
+        read: files and folders that the mission may read besides its own, Python and what can be imported; relative to
+            the folder in which SOTER is started.
     """
 
     memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
     silent_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 2.0
     real_time: Literal["auto", "always", "never"] = "auto"
+    sandbox: Literal["auto", "require", "off"] = "auto"
+    read: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
 
 class ProcessTable(Table):
@@ -290,7 +304,7 @@ class DistributionTable(Table):
     via: Name = "zenoh"
     bus: dict[str, Any] = Field(default_factory=dict)
     prefix: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$")] = "soter"
-    wait_s: Annotated[float, Field(gt=0.0, le=86400.0, allow_inf_nan=False)] = 60.0
+    wait_s: Annotated[float, Field(ge=0.1, le=86400.0, allow_inf_nan=False)] = 60.0
 
     @model_validator(mode="after")
     def _everything_once(self) -> Self:

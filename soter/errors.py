@@ -7,6 +7,7 @@ SoterError
 |  |- UnknownBackend      no backend of that name
 |  |- BackendUnavailable  its library is not installed
 |  |- RobotUnavailable    no such robot there, it does not answer, or it refuses to get ready
+|  |- Intruder            somebody else moves the robot
 |  |- LifecycleError      a call before init() or after close()
 |  `- Unsupported         the robot cannot do that and says so
 |- IllFormedModule        a safety module whose proof obligations do not hold
@@ -55,6 +56,18 @@ class BackendUnavailable(BackendError):
 
 class RobotUnavailable(BackendError):
     """The robot is not there, does not answer in time, or refuses to get ready."""
+
+
+class Intruder(BackendError):
+    """Somebody else moves the robot, past whoever commands it; the message says where that was seen.
+
+    Recordings keep what a failure looks like, and so it is known by that.
+    """
+
+    MARK = "intruder: "
+
+    def __repr__(self) -> str:
+        return f"{self.MARK}{self}"
 
 
 class LifecycleError(BackendError):

@@ -98,6 +98,14 @@ def read_limited(path: Path, what: str) -> bytes:
     return data
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a regular file; there is none whose name no system takes."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def _beside(path: Path) -> list[str]:
     """Return the names of the files that may have been meant, sorted."""
     try:

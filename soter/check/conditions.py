@@ -45,10 +45,14 @@ def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float
         text = "by predicates: that they look two Delta ahead is the author's word"
         return Finding(module.name, condition, Verdict.ASSUMED, text, {"horizon_s": horizon_s})
     reach = module.model.bound(horizon_s)
-    figures = {"horizon_s": horizon_s, "reach": reach, "edge_margin": None if math.isnan(edge) else edge}
+    noise = 0.0 if module.phi_safe is None else module.phi_safe.noise(timing.noise_m)
+    figures = {
+        "horizon_s": horizon_s, "reach": reach, "noise": noise, "edge_margin": None if math.isnan(edge) else edge
+    }  # fmt: skip
     unit = "" if module.phi_safe is None else f" {module.phi_safe.unit}"
+    used = f"{unit} + noise = {noise:.3f}{unit}" if noise > 0.0 else unit
     if not isinstance(module.phi_safer, Region):
-        text = f"phi_safer is a predicate; the AC gets control only where the margin is at least R = {reach:.3f}{unit}"
+        text = f"phi_safer is a predicate; the AC gets control only where the margin is at least R = {reach:.3f}{used}"
         return Finding(module.name, condition, Verdict.PROVED, text, figures)
-    text = f"R({horizon_s:.3f} s) = {reach:.3f}{unit}, at most the margin at the edge of phi_safer, {edge:.3f}{unit}"
+    text = f"R({horizon_s:.3f} s) = {reach:.3f}{used}, at most the margin at the edge of phi_safer, {edge:.3f}{unit}"
     return Finding(module.name, condition, Verdict.PROVED, text, figures)

@@ -1,8 +1,8 @@
 """Run-time assurance: topics, nodes, declared safety modules, decision modules, ports, the supervisor."""
 
 from soter.rta.actuator import Actuator
-from soter.rta.assumptions import Assumption, AssumptionLog, Breach
-from soter.rta.decision import DecisionModule, Permission
+from soter.rta.assumptions import Assumption, AssumptionLog, Breach, Worst
+from soter.rta.decision import STARTS, DecisionModule, Permission
 from soter.rta.fleet import Supervisor
 from soter.rta.models import (
     Directed,
@@ -27,6 +27,7 @@ from soter.rta.topics import Node, Topic
 
 __all__ = [
     "PEER_SILENT_S",
+    "STARTS",
     "SUPERVISOR",
     "Actuator",
     "Assumption",
@@ -66,4 +67,5 @@ __all__ = [
     "Topic",
     "UnicycleBound",
     "Watch",
+    "Worst",
 ]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
+
+SPELL_S: Final = 2.0
+"""Fleet time: looks that find the same assumption broken belong to one spell while they are no farther apart."""
 
 
 class Assumption(Enum):
@@ -66,8 +70,8 @@ class Assumption(Enum):
         "A8",
         "The charge falls no faster than at driving power, and is reported as it is.",
         (
-            "Every charge is tested against the one before it. A charge that is off by the same amount all along "
-            "is not seen."
+            "Every charge is tested against the one before it, and must fall while the robot drives. A charge that is "
+            "off by the same amount all along is not seen."
         ),
     )
     WORKSPACE = (
@@ -93,7 +97,7 @@ class Assumption(Enum):
         "The AC has no other way to the actuator than its port.",
         (
             "A robot that reports its controller may not report another one than was put in charge, nor none, once "
-            "latency_s has passed."
+            "latency_s has passed; nor may others say velocities to a robot's base, where the adapter hears that."
         ),
     )
     START = (
@@ -115,6 +119,15 @@ class Assumption(Enum):
         "The time of every tick and the stamp of every sample are compared with those before, and with each other.",
     )
 
+    CONTRACT = (
+        "A16",
+        "A safe controller of the user's lets go within lets_go_s where the battery's module needs to drive.",
+        (
+            "The time for which a robot that has to charge stands while such a module has it. The return path is "
+            "driven after lets_go_s where it keeps the module's rule."
+        ),
+    )
+
     id: str
     statement: str
     monitor: str
@@ -130,6 +143,22 @@ class Assumption(Enum):
         return self.id
 
 
+class Worst(NamedTuple):
+    """The look at which an assumption failed by the most, of all excesses in one unit.
+
+    Attributes:
+        excess: by how much what was seen was more than is assumed.
+        unit: of that.
+        time_s: fleet time.
+        cause: what was seen then, in words.
+    """
+
+    excess: float
+    unit: str
+    time_s: float
+    cause: str
+
+
 class Breach(NamedTuple):
     """How often an assumption was seen not to hold for one robot.
 
@@ -137,11 +166,26 @@ class Breach(NamedTuple):
         times: looks at which it did not.
         first_s: fleet time of the first.
         cause: what was seen then, in words.
+        last_s: fleet time of the last.
+        worst: the worst look for each unit in which an excess was measured; empty where none could be.
     """
 
     times: int
     first_s: float
     cause: str
+    last_s: float
+    worst: tuple[Worst, ...] = ()
+
+    def joined(self, later: Breach) -> Breach:
+        """Return both as one."""
+        worst = self.worst
+        for new in later.worst:
+            old = next((each for each in worst if each.unit == new.unit), None)
+            if old is None:
+                worst = (*worst, new)
+            elif new.excess > old.excess:
+                worst = tuple(new if each is old else each for each in worst)
+        return Breach(self.times + later.times, self.first_s, self.cause, max(self.last_s, later.last_s), worst)
 
 
 class AssumptionLog:
@@ -149,17 +193,28 @@ class AssumptionLog:
 
     Attributes:
         breaches: by assumption, in the order of their first breach.
+        spells: by assumption, the latest looks of those, back to where there were none for `SPELL_S`.
     """
 
-    __slots__ = ("breaches",)
+    __slots__ = ("breaches", "spells")
 
     def __init__(self) -> None:
         self.breaches: dict[Assumption, Breach] = {}
+        self.spells: dict[Assumption, Breach] = {}
 
-    def note(self, assumption: Assumption, now_s: float, cause: str) -> None:
-        """Count one look at which the assumption did not hold; the first one's time and cause are kept."""
-        before = self.breaches.get(assumption)
-        if before is None:
-            self.breaches[assumption] = Breach(1, now_s, cause)
-        else:
-            self.breaches[assumption] = before._replace(times=before.times + 1)
+    def note(self, assumption: Assumption, now_s: float, cause: str, excess: float = math.nan, unit: str = "") -> None:
+        """Count one look at which the assumption did not hold; the first cause is kept, and the worst.
+
+        Args:
+            assumption: which.
+            now_s: fleet time.
+            cause: what was seen, in words.
+            excess: by how much that was more than is assumed; no number where it cannot be measured.
+            unit: of the excess.
+        """
+        worst = (Worst(excess, unit, now_s, cause),) if math.isfinite(excess) else ()
+        seen = Breach(1, now_s, cause, now_s, worst)
+        before, spell = self.breaches.get(assumption), self.spells.get(assumption)
+        self.breaches[assumption] = seen if before is None else before.joined(seen)
+        goes_on = spell is not None and now_s - spell.last_s <= SPELL_S
+        self.spells[assumption] = spell.joined(seen) if spell is not None and goes_on else seen

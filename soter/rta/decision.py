@@ -14,6 +14,9 @@ from soter.rta.module import Region, RTAModule, Timing, plain
 from soter.rta.monitors import ModuleMonitor
 from soter.rta.situation import Mode, Situation
 
+STARTS: Final = "start"
+"""The cause of a module that has been in SC since it was bound."""
+
 
 class Permission(Protocol):
     """Who else has a say in giving a robot back to its AC: the arbiter."""
@@ -26,8 +29,8 @@ class DecisionModule:
     """One declared module, bound to one robot. Starts in SC.
 
     Until it has given control to the AC for the first time, it does so wherever the AC could be trusted for a whole
-    horizon (margin >= R(H)), which is what P3 asks of phi_safer: phi_safer is a hysteresis for robots that have been
-    disengaged, such as "charged to 85 %", and a robot at its start has not been.
+    horizon (margin - noise >= R(H)), which is what P3 asks of phi_safer: phi_safer is a hysteresis for robots that
+    have been disengaged, such as "charged to 85 %", and a robot at its start has not been.
 
     Args:
         module: the declaration.
@@ -43,7 +46,7 @@ class DecisionModule:
         cause: why it is in SC, in words.
         margin: as last judged.
         reach: R(H), with the sample's own age in place of A_max, as last judged; 0 for a rule given by predicates.
-        since_s: fleet time of the last change of mode.
+        since_s: fleet time of the last change of mode, or of the first look; infinite before that.
         monitor: the spec monitor and metrics.
     """
 
@@ -60,10 +63,10 @@ class DecisionModule:
         self.every_ticks: Final = max(1, round(module.delta_s / base_tick_s))
         self.rank = 0
         self.mode = Mode.SC
-        self.cause = "start"
+        self.cause = STARTS
         self.margin = math.nan
         self.reach = 0.0
-        self.since_s = 0.0
+        self.since_s = math.inf
         self.delta_s: Final = module.delta_s
         self._permission = permission
         self._safer_alone = safer_alone
@@ -73,8 +76,10 @@ class DecisionModule:
         self._look_s = module.horizon_s(timing) - timing.sample_age_s
         self._phi_safe = module.phi_safe
         self._model = module.model
+        self._keep = module.keep
         self._noise = module.phi_safe.noise(timing.noise_m) if module.phi_safe is not None else 0.0
-        self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s)
+        unit = "" if module.phi_safe is None else module.phi_safe.unit
+        self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s, unit)
         self._fixed_reach = (
             module.model.bound(self._look_s)
             if module.model is not None and not module.model.depends_on_state
@@ -113,6 +118,8 @@ class DecisionModule:
         self.monitor.look(situation.now_s, self.margin, self.mode, self.mode)
 
     def _follow(self, situation: Situation) -> None:
+        if self.since_s == math.inf:
+            self.since_s = situation.now_s
         if not self._fit_for_ac(situation):
             self._judged_ok_since_s = math.nan
         elif math.isnan(self._judged_ok_since_s):
@@ -126,6 +133,12 @@ class DecisionModule:
         self.cause = cause
         self._judged_ok_since_s = math.nan
 
+    def take(self, now_s: float, cause: str) -> None:
+        """Take the robot from its AC though the margin allows it, because others need it to."""
+        if self.mode is Mode.AC:
+            self.monitor.to_sc += 1
+            self.force(now_s, cause)
+
     def _in_danger(self, situation: Situation) -> bool:
         phi_safe, model = self._phi_safe, self._model
         if phi_safe is None or model is None:
@@ -138,11 +151,16 @@ class DecisionModule:
             reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
         # Written so that a margin that is not a number counts as danger.
-        if margin - self._noise - reach >= 0.0:
+        if margin - self._noise - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach):
             return False
-        unit = phi_safe.unit
-        self.cause = f"margin {margin:.3f} {unit} < reach {reach + self._noise:.3f} {unit}"
+        unit, needed = phi_safe.unit, reach + self._noise
+        room = f", and {self._keep:.3f} {unit} for its safe controller" if margin >= needed else ""
+        self.cause = f"margin {margin:.3f} {unit} < reach {needed:.3f} {unit}{room}"
         return True
+
+    def _leaves_room(self, phi_safe: Region, situation: Situation, margin: float, reach: float) -> bool:
+        """Whether the safe controller could still move, wherever the AC may have taken the robot by then."""
+        return self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
 
     def _predicted_to_fail(self, situation: Situation) -> bool:
         predicate = self.module.ttf_2delta
@@ -160,7 +178,8 @@ class DecisionModule:
         reach = plain(model.reach(situation, self._look_s + situation.age_s))
         self.reach = reach
         sure = margin - self._noise
-        if not sure - reach >= 0.0 and not self._safer_alone:
+        trusted = sure - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach)
+        if not trusted and not self._safer_alone:
             return False
         if not self._was_engaged and sure >= self._horizon_reach:
             return True

@@ -86,8 +86,8 @@ class Supervisor:
                 samples.append(sample if self._still is None else self._still.bounded(now_s, sample))
             for robot in self._list:
                 held = _silence(now_s, peer, sample, robot.robot_id)
-                if held:
-                    robot.hold(Finding(Assumption.PEERS, held))
+                if held is not None:
+                    robot.hold(held)
         return samples
 
     def _distrust(self, found: Mapping[int, Finding]) -> None:
@@ -101,14 +101,16 @@ class Supervisor:
                     robot.distrust(finding)
 
 
-def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: int) -> str:
-    """Return in words why a robot may not move because of a peer's silence; empty if it may."""
+def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: int) -> Finding | None:
+    """Return why a robot may not move because of a peer's silence; None if it may."""
     if sample is None:
-        return f"robot {peer.robot_id}: not heard of yet"
+        return Finding(Assumption.PEERS, f"robot {peer.robot_id}: not heard of yet")
     silent_s = now_s - sample.stamp_s
     if silent_s > PEER_SILENT_S + _ROUNDING_S:
-        return f"robot {peer.robot_id}: not heard of for {silent_s:.3f} s"
+        cause = f"robot {peer.robot_id}: not heard of for {silent_s:.3f} s"
+        return Finding(Assumption.PEERS, cause, silent_s - PEER_SILENT_S, "s")
     unheard_s = now_s - peer.heard_of(robot_id)
     if unheard_s > PEER_SILENT_S + _ROUNDING_S:
-        return f"robot {peer.robot_id} is not known to have heard of this one for {unheard_s:.3f} s"
-    return ""
+        cause = f"robot {peer.robot_id} is not known to have heard of this one for {unheard_s:.3f} s"
+        return Finding(Assumption.PEERS, cause, unheard_s - PEER_SILENT_S, "s")
+    return None

@@ -82,6 +82,17 @@ class Region(ABC):
     def edge_margin(self, safer: Region) -> float:
         """Return the least margin that any situation of the region `safer` has in this one."""
 
+    def leaves_room(self, situation: Situation, margin: float, keep: float, fall: float) -> bool:
+        """Return whether a safe controller can still move after the margin has fallen.
+
+        Args:
+            situation: see `margin`.
+            margin: what `margin` returns for it.
+            keep: what the safe controller needs (`RTAModule.keep`).
+            fall: by how much the margin may fall, or be wrong, in all.
+        """
+        return margin - keep >= fall
+
     def noise(self, noise_m: float) -> float:
         """Return by how much the margin may be wrong when a position is wrong by `noise_m`."""
         return noise_m
@@ -105,6 +116,12 @@ class RTAModule:
         ttf_2delta: predicate "may fail within two Delta", instead of phi_safe and model. The proof is then the
             author's assumption, and only falsification stands behind it.
         dwell_s: how long phi_safer must hold before control goes back.
+        keep: margin that the safe controller needs to be able to move at all; control is taken, and given back, with
+            so much more than the AC could use up.
+        lets_go_s: the module's contract with those behind it: while one of them needs to drive, its safe controller has
+            the robot for no longer. Infinite for one that does what they need by itself.
+        peers_within_m: how far away a peer may be and still matter to the rule; a module never misses one that is
+            nearer. Everybody by default, which costs the square of the number of robots; 0 for a rule without peers.
     """
 
     name: str
@@ -116,6 +133,9 @@ class RTAModule:
     model: ReachModel | None = None
     ttf_2delta: Callable[[Situation], bool] | None = None
     dwell_s: float = 0.3
+    keep: float = 0.0
+    lets_go_s: float = math.inf
+    peers_within_m: float = math.inf
 
     def horizon_s(self, timing: Timing) -> float:
         """Return H = 2 Delta + L + A_max + J, the time that no controller may be able to use up.
@@ -150,6 +170,10 @@ class RTAModule:
             raise IllFormedModule(self.name, "P1a", f"delta_s is {self.delta_s}, allowed: above 0")
         if not 0.0 <= self.dwell_s < math.inf:
             raise IllFormedModule(self.name, "P1a", f"dwell_s is {self.dwell_s}, allowed: 0 or more")
+        if not self.lets_go_s >= 0.0:
+            raise IllFormedModule(self.name, "P2c", f"lets_go_s is {self.lets_go_s}, allowed: 0 or more")
+        if not self.peers_within_m >= 0.0:
+            raise IllFormedModule(self.name, "P1a", f"peers_within_m is {self.peers_within_m}, allowed: 0 or more")
         by_margin = self.phi_safe is not None and self.model is not None
         by_predicate = self.ttf_2delta is not None
         if by_margin == by_predicate:
@@ -186,30 +210,34 @@ class RTAModule:
     def _check_reach(self, phi_safe: Region, model: ReachModel, timing: Timing, base_tick_s: float) -> None:
         if not isinstance(self.phi_safer, Region):
             return
-        edge = phi_safe.edge_margin(self.phi_safer)
+        edge, noise = phi_safe.edge_margin(self.phi_safer), phi_safe.noise(timing.noise_m)
         horizon_s = self.horizon_s(timing)
         reach = model.bound(horizon_s)
-        if reach <= edge + _ROUNDING:
+        # Written so that what is not a number is refused.
+        if edge - noise - self.keep - reach >= -_ROUNDING:
             return
         unit = phi_safe.unit
+        needed = reach + noise + self.keep
         # Rounded up, because who takes this value must pass.
-        remedy = f"a phi_safer whose edge has a margin of {math.ceil(reach * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
+        remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
+        wrong = f" and be wrong by {noise:.3f} {unit}" if noise > 0.0 else ""
+        wrong += f" and {self.keep:.3f} {unit} is kept for the safe controller" if self.keep > 0.0 else ""
         by_lease = timing.silent_s(self.delta_s) > 2.0 * self.delta_s
         head = "the last look before the supervisor dies, the lease" if by_lease else "2 Delta"
-        fits_s = self._largest_delta_s(model, edge, timing, base_tick_s)
+        fits_s = self._largest_delta_s(model, edge - noise - self.keep, timing, base_tick_s)
         if fits_s is not None:
             remedy += f", or Delta = {fits_s:g} s,"
         raise IllFormedModule(
             self.name,
             "P3",
-            f"within {head} + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}, "
-            f"but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do",
+            f"within {head} + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}"
+            f"{wrong}, but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do",
         )
 
-    def _largest_delta_s(self, model: ReachModel, edge: float, timing: Timing, base_tick_s: float) -> float | None:
+    def _largest_delta_s(self, model: ReachModel, most: float, timing: Timing, base_tick_s: float) -> float | None:
         least = max(1, math.ceil(max(self.ac.period_s, self.sc.period_s) / base_tick_s - 1e-6))
         for ticks in range(round(self.delta_s / base_tick_s) - 1, least - 1, -1):
             fits_s = ticks * base_tick_s
-            if model.bound(replace(self, delta_s=fits_s).horizon_s(timing)) <= edge + _ROUNDING:
+            if model.bound(replace(self, delta_s=fits_s).horizon_s(timing)) <= most + _ROUNDING:
                 return fits_s
         return None

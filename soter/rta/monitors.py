@@ -20,10 +20,19 @@ _ROUNDING_S: Final = 1e-9
 
 
 class Finding(NamedTuple):
-    """An assumption that was seen not to hold, and what was seen."""
+    """An assumption that was seen not to hold, and what was seen.
+
+    Attributes:
+        assumption: which.
+        cause: what was seen, in words.
+        excess: by how much that was more than is assumed; no number where that cannot be measured.
+        unit: of the excess.
+    """
 
     assumption: Assumption
     cause: str
+    excess: float = math.nan
+    unit: str = ""
 
 
 class ModuleMonitor:
@@ -37,6 +46,7 @@ class ModuleMonitor:
         model: R(T), or None for a rule given by predicates; then only decisions are counted.
         noise: by how much the margin may be wrong.
         sample_age_s: by how much longer the time between two samples may be than that between two looks.
+        unit: of the margin.
 
     Attributes:
         looks: how often the margin was judged.
@@ -56,6 +66,7 @@ class ModuleMonitor:
         "_model",
         "_noise",
         "_sample_age_s",
+        "_unit",
         "broken",
         "first_broken_s",
         "found",
@@ -67,10 +78,13 @@ class ModuleMonitor:
         "to_sc",
     )
 
-    def __init__(self, model: ReachModel | None, noise: float = 0.0, sample_age_s: float = 0.0) -> None:
+    def __init__(
+        self, model: ReachModel | None, noise: float = 0.0, sample_age_s: float = 0.0, unit: str = "m"
+    ) -> None:
         self._model: Final = model
         self._noise: Final = noise
         self._sample_age_s: Final = sample_age_s
+        self._unit: Final = unit
         self._last_margin = math.nan
         self._last_s = math.nan
         self.looks = 0
@@ -106,13 +120,15 @@ class ModuleMonitor:
             self._note(now_s)
             if -math.inf < margin < -self._noise:
                 first = math.isnan(self._last_margin)
-                self.found = Finding(Assumption.START if first else Assumption.RECOVERY, f"margin {margin:.3f}")
-        elif math.inf > fall > model.bound(max(0.0, elapsed_s) + self._sample_age_s) + 2.0 * self._noise:
+                assumption = Assumption.START if first else Assumption.RECOVERY
+                self.found = Finding(assumption, f"margin {margin:.3f}", -margin, self._unit)
+        elif math.inf > fall > (most := model.bound(max(0.0, elapsed_s) + self._sample_age_s) + 2.0 * self._noise):
             self.surprises += 1
             self._note(now_s)
             if not model.of_pairs:
                 # The samples are tested on their own: where they are right, it is the world that has changed.
-                self.found = Finding(Assumption.WORKSPACE, f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s")
+                cause = f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s"
+                self.found = Finding(Assumption.WORKSPACE, cause, fall - most, self._unit)
         self._last_margin, self._last_s = margin, now_s
 
     def _note(self, now_s: float) -> None:
@@ -137,13 +153,15 @@ class SampleMonitor:
         age_s = now_s - sample.stamp_s
         most_s = self._timing.sample_age_s
         if age_s > most_s + _ROUNDING_S:
-            return Finding(Assumption.SAMPLE_AGE, f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s")
+            cause = f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s"
+            return Finding(Assumption.SAMPLE_AGE, cause, age_s - most_s, "s")
         if sample is before:
             return None
         if age_s < -AHEAD_S:
-            return Finding(Assumption.CLOCK, f"sample is stamped {-age_s:.3f} s ahead of the clock")
+            return Finding(Assumption.CLOCK, f"sample is stamped {-age_s:.3f} s ahead of the clock", -age_s, "s")
         if sample.stamp_s < before.stamp_s:
-            return Finding(Assumption.CLOCK, f"stamps went back by {before.stamp_s - sample.stamp_s:.3f} s")
+            back_s = before.stamp_s - sample.stamp_s
+            return Finding(Assumption.CLOCK, f"stamps went back by {back_s:.3f} s", back_s, "s")
         for model in self._models:
             if not model.admits(before, sample, self._timing.noise_m):
                 return self._outside(model, before, sample)
@@ -152,13 +170,15 @@ class SampleMonitor:
     def _outside(self, model: ReachModel, before: Sample, sample: Sample) -> Finding:
         cause = f"sample outside the reach set of {type(model).__name__}"
         if model.assumption is not Assumption.MOTION:
-            return Finding(model.assumption, cause)
+            return Finding(model.assumption, cause, *model.excess(before, sample, self._timing.noise_m))
         way_m, elapsed_s = _apart_m(before, sample), sample.stamp_s - before.stamp_s
         speed_m_s = max(_speed_m_s(before), _speed_m_s(sample))
         cause += f": {way_m:.3f} m in {elapsed_s:.3f} s at no more than {speed_m_s:.3f} m/s"
         # A robot that is too fast says so itself; one that is merely elsewhere has a wrong idea of where it is.
-        explained = way_m <= speed_m_s * elapsed_s + 2.0 * self._timing.noise_m + _ROUNDING_M
-        return Finding(Assumption.MOTION if explained else Assumption.POSITION_NOISE, cause)
+        unexplained_m = way_m - (speed_m_s * elapsed_s + 2.0 * self._timing.noise_m + _ROUNDING_M)
+        if unexplained_m > 0.0:
+            return Finding(Assumption.POSITION_NOISE, cause, unexplained_m, "m")
+        return Finding(Assumption.MOTION, cause, *model.excess(before, sample, self._timing.noise_m))
 
 
 class StopMonitor:
@@ -189,15 +209,18 @@ class StopMonitor:
 
     def look(self, now_s: float, sample: Sample) -> Finding | None:
         """Return what is wrong with a robot that ran on, or None."""
-        cause = self._lease.overrun(now_s, sample, self._noise_m)
-        if cause is not None:
-            return Finding(Assumption.LEASE, f"its lease was withheld, and it {cause}")
+        overrun = self._lease.overrun(now_s, sample, self._noise_m)
+        if overrun is not None:
+            cause, too_far_m = overrun
+            return Finding(Assumption.LEASE, f"its lease was withheld, and it {cause}", too_far_m, "m")
         start = self._told.start
-        cause = self._told.overrun(now_s, sample, self._noise_m)
-        if cause is None or start is None:
+        overrun = self._told.overrun(now_s, sample, self._noise_m)
+        if overrun is None or start is None:
             return None
+        cause, too_far_m = overrun
         brakes = _speed_m_s(sample) < _AT_SPEED * _speed_m_s(start)
-        return Finding(Assumption.BRAKING if brakes else Assumption.LATENCY, f"told to stop, it {cause}")
+        assumption = Assumption.BRAKING if brakes else Assumption.LATENCY
+        return Finding(assumption, f"told to stop, it {cause}", too_far_m, "m")
 
 
 class _Order:
@@ -217,7 +240,8 @@ class _Order:
         elif self.start is None:
             self.start, self._ordered_s = sample, now_s
 
-    def overrun(self, now_s: float, sample: Sample, noise_m: float) -> str | None:
+    def overrun(self, now_s: float, sample: Sample, noise_m: float) -> tuple[str, float] | None:
+        """Return in words how the robot ran on, and by how many metres too far; None if it did not."""
         start, model = self.start, self._model
         if start is None or model is None or sample is start:
             return None
@@ -229,7 +253,7 @@ class _Order:
         cause = f"got {way_m:.3f} m farther since {self._ordered_s:.3f} s, at most {most_m:.3f} m"
         # Judged anew from here: a robot that has come to rest after all must not count for ever.
         self.start, self._ordered_s = sample, now_s
-        return cause
+        return cause, way_m - most_m
 
 
 class PeerMonitor:
@@ -259,11 +283,13 @@ class PeerMonitor:
                 before[robot_id] = sample
                 if last is not None and not self._model.admits(last, sample, self._noise_m):
                     cause = f"robot {robot_id}: sample outside the reach set that is declared for peers"
-                    found[robot_id] = Finding(Assumption.PEERS, cause)
+                    excess = self._model.excess(last, sample, self._noise_m)
+                    found[robot_id] = Finding(Assumption.PEERS, cause, *excess)
                     continue
             silent_s = now_s - sample.stamp_s
             if silent_s > self._silent_s + _ROUNDING_S:
-                found[robot_id] = Finding(Assumption.PEERS, f"robot {robot_id}: not heard of for {silent_s:.3f} s")
+                cause = f"robot {robot_id}: not heard of for {silent_s:.3f} s"
+                found[robot_id] = Finding(Assumption.PEERS, cause, silent_s - self._silent_s, "s")
         return found
 
 

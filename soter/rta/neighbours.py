@@ -19,7 +19,7 @@ class Neighbours:
     """Sorts robots into square cells as wide as the radius, and takes a cell's and its eight neighbours' as peers.
 
     Args:
-        radius_m: robots nearer than this are always peers; some farther ones are too.
+        radius_m: robots nearer than this are always peers; some farther ones are too. If it is infinite, all are.
     """
 
     def __init__(self, radius_m: float) -> None:

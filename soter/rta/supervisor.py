@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple, Protocol
 
+from soter.errors import Intruder
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule
@@ -140,7 +141,6 @@ class RobotSupervisor:
         """Read the sample and test it against what the models allow."""
         situation = self.situation
         before = situation.own
-        self._alarm = ""
         self._held = self._peer_unsure = False
         if now_s < situation.now_s:
             self._clock_went_back(situation.now_s - now_s)
@@ -174,7 +174,7 @@ class RobotSupervisor:
             if module.mode is Mode.SC:
                 # What held since a time that is yet to come has not held for any time.
                 module.force(self.situation.now_s, module.cause)
-        self._raise_alarm(Assumption.CLOCK, f"fleet time went back by {by_s:.3f} s")
+        self._raise_alarm(Assumption.CLOCK, f"fleet time went back by {by_s:.3f} s", by_s, "s")
 
     def _look_for_owner(self, sample: Sample) -> None:
         """Compare who is in charge with what the robot says of it; where it is another, the lease is left to run out.
@@ -202,9 +202,9 @@ class RobotSupervisor:
         self._held = True
         self.distrust(finding)
 
-    def _raise_alarm(self, assumption: Assumption, cause: str) -> None:
+    def _raise_alarm(self, assumption: Assumption, cause: str, excess: float = math.nan, unit: str = "") -> None:
         """Note that an assumption has failed: the AC loses control for a while, whatever the margins are."""
-        self.log.note(assumption, self.situation.now_s, cause)
+        self.log.note(assumption, self.situation.now_s, cause, excess, unit)
         self._alarm = f"{assumption}: {cause}"
         self._alarmed_until_s = self.situation.now_s + ALARM_S
 
@@ -229,6 +229,7 @@ class RobotSupervisor:
                             Assumption.JITTER if late_s <= self._lateness_s + self._timing.lease_s
                             else Assumption.SCHEDULING,
                             f"'{module.name}' looked after {since_s:.3f} s, not {module.delta_s:g} s",
+                            late_s - self._timing.jitter_s, "s",
                         )  # fmt: skip
                     if module.decide(situation):
                         if module.mode is Mode.SC:
@@ -254,6 +255,8 @@ class RobotSupervisor:
             self._hand_over("", "no safety module is enabled")
         elif self._owed is not None:
             self._hand_over(*self._owed)
+        # What fails from here on, in acting, is the cause of what is decided at the next tick.
+        self._alarm = ""
 
     def _look_at(self, module: DecisionModule) -> None:
         """Take note of what a module's own monitor has found."""
@@ -269,10 +272,10 @@ class RobotSupervisor:
             return
         cause = f"'{module.name}': {found.cause}"
         if module.mode is Mode.AC:
-            self._raise_alarm(found.assumption, cause)
+            self._raise_alarm(found.assumption, cause, found.excess, found.unit)
         else:
             # The module has the robot already, and keeps it until phi_safer.
-            self.log.note(found.assumption, self.situation.now_s, cause)
+            self.log.note(found.assumption, self.situation.now_s, cause, found.excess, found.unit)
 
     def act(self) -> None:
         """Let the controller in charge take its step, send what it published, renew the lease."""
@@ -327,8 +330,11 @@ class RobotSupervisor:
             call()
             return True
         except Exception as failure:
-            logger.exception("robot %d: its interface failed", self.robot_id)
             self._refused = True
+            if repr(failure).startswith(Intruder.MARK):
+                self._raise_alarm(Assumption.AUTHORITY, repr(failure))
+                return False
+            logger.exception("robot %d: its interface failed", self.robot_id)
             self._raise_alarm(Assumption.LATENCY, f"interface failed: {failure!r}")
             return False
 
@@ -353,6 +359,9 @@ class RobotSupervisor:
         cause = first.cause if first is not None else ""
         if was is Mode.AC and not fired:
             name, cause = SUPERVISOR, self._alarm or self.ac_failure
+            if driver is not None and driver.mode is Mode.SC:
+                # Nothing has failed, and its margin would do: others need room.
+                name, cause = driver.name, driver.cause
         if self.mode is not was or before is not driver:
             # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
             if self.mode is was:

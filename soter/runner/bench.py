@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -18,16 +18,18 @@ from pydantic import ValidationError
 from soter.check import Breach, Obligation, Row, Trial
 from soter.config import Mission, load_mission
 from soter.errors import ConfigError
+from soter.faults import FaultyFleet
 from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
 from soter.rta import Assumption, DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
 from soter.rta.assumptions import Breach as AssumptionBreach
 from soter.runner.node_failures import failures_of_nodes
+from soter.runner.stand_in import stand_ins
 from soter.runner.user_rules import UserRules
 from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.declaration import enabled, timing_of
-from soter.stack.right_of_way import BATTERY
+from soter.stack.right_of_way import BATTERY, COLLISION
 from soter.stack.terrain import Terrain
 from soter.workspace import Box, RobotPlace, Workspace
 
@@ -42,7 +44,8 @@ ATTACK_S: Final = 24.0
 FAR_M: Final = 3.0
 INIT_TIMEOUT_S: Final = 1.0
 NEAREST_M, FARTHEST_M = 0.22, 1.2
-"""Where peers begin, as distances from the robot under test."""
+"""Where peers begin that are to collide, as distances from the first robot. How near a rule of a user's own lets them
+come, nobody knows."""
 
 _MOTION: Final = {Assumption.MOTION, Assumption.BRAKING, Assumption.LATENCY, Assumption.POSITION_NOISE}
 """Assumptions on which the models of modules rest."""
@@ -133,8 +136,7 @@ class ModuleBench:
         self.robots: Final = robots
         self.patience_s: Final = patience_s
         self._backend: Final = load_backend(BACKEND)
-        self._declared: Final = self._backend.robot_class.declared
-        self._terrain: Final = Terrain(workspace, self._declared.body_radius_m)
+        self._stand_ins: Final = stand_ins(mission, workspace, self._backend.robot_class.declared)
         self._charges: Final = BATTERY in enabled(mission)
         self._per_robot: Final = 3 + self._charges + 2 * SEGMENTS
         self.dimensions: Final = robots * self._per_robot
@@ -142,6 +144,7 @@ class ModuleBench:
         # Assembled once before anything is tried: a bad declaration is to fail here, with its own error.
         with self._open(self._specs([0.5] * self.dimensions)) as fleet:
             safety = assemble(mission, self.workspace, fleet.robots, lambda _: None)
+            self._terrain: Final = Terrain(workspace, max(robot.capabilities.body_radius_m for robot in fleet.robots))
             self.module: Final[RTAModule] = _module(safety, fleet.robots[0].id, name)
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
@@ -157,18 +160,22 @@ class ModuleBench:
     @contextmanager
     def _open(self, specs: Sequence[RobotSpec]) -> Iterator[Fleet]:
         config = self._backend.config_model(workspace=self.workspace)
-        with self._backend().open(config, specs) as fleet:
+        mission = self._mission
+        with ExitStack() as stack:
+            fleet = stack.enter_context(self._backend().open(config, specs))
+            if self._stand_ins:
+                fleet = stack.enter_context(FaultyFleet(fleet, self._stand_ins, mission.seed, mission.base_tick_s))
             for robot in fleet.robots:
                 robot.init(INIT_TIMEOUT_S)
             yield fleet
 
     def _specs(self, vector: Sequence[float]) -> list[RobotSpec]:
-        """Return where the robots begin: the first anywhere, the others near it."""
+        """Return where the robots begin: anywhere, but near the first where the module is the one about collisions."""
         specs: list[RobotSpec] = []
         battery = self._mission.battery
         for index, place in enumerate(self.workspace.robots):
             first, second, turn = vector[index * self._per_robot : index * self._per_robot + 3]
-            if specs:
+            if specs and self.name == COLLISION:
                 away_m = NEAREST_M + second * (FARTHEST_M - NEAREST_M)
                 x_m = specs[0].x_m + away_m * math.cos(math.tau * first)
                 y_m = specs[0].y_m + away_m * math.sin(math.tau * first)

@@ -11,9 +11,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soter.faults import FaultyFleet
 from soter.record.tracks import RunTracks, Track
 from soter.rta import Mode, ModuleMonitor, RobotSupervisor, SwitchRecord
-from soter.runner.result import BreachFigures, ModuleFigures, TargetCounts, TickTimes
+from soter.runner.result import BreachFigures, FaultFigures, ModuleFigures, TargetCounts, TickTimes, WorstFigures
+from soter.runner.standstill import Standstills
+from soter.sdk import Fleet
 from soter.stack.events import Outcome, Place
 from soter.workspace import Workspace
 
@@ -50,9 +53,11 @@ class Metrics:
     Args:
         workspace: for the tracks.
         modules: names of the enabled modules.
-
-            rule.
+        robot_ids: of all robots.
         safer_inset_m: for the picture.
+
+    Attributes:
+        standstills: robots that get nowhere.
     """
 
     def __init__(
@@ -76,9 +81,10 @@ class Metrics:
         self.targets: dict[int, Place] = {}
         self.no_progress_s = 0.0
         self._progress_s = 0.0
-        self._begun_s = 0.0
+        self._begun_s = self._end_s = 0.0
         self._now_s = 0.0
         self._stalls = {robot_id: Stall() for robot_id in robot_ids}
+        self.standstills: Final = Standstills(robot_ids)
         self._driver_index: dict[str | None, int] = {None: 0}
         self._driver_index.update({name: index for index, name in enumerate(modules, start=1)})
         self._ac_ticks = 0
@@ -149,13 +155,21 @@ class Metrics:
             track.y_m.append(own.y_m)
             track.battery.append(math.nan if own.battery is None else own.battery)
             track.driver.append(self._driver_index[None if robot.driver is None else robot.driver.name])
-            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charging(robot_id))
+            charges = charging(robot_id)
+            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charges)
+            self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
 
     # --- at the end ------------------------------------------------------------------------------------------
 
     def finish(self, duration_s: float) -> None:
         """Close what is still open at the end of the run."""
-        self.no_progress_s = max(self.no_progress_s, self._begun_s + duration_s - self._progress_s)
+        self._end_s = self._begun_s + duration_s
+        self.no_progress_s = max(self.no_progress_s, self._end_s - self._progress_s)
+
+    @property
+    def end_s(self) -> float:
+        """Fleet time of the end of the run, once it is finished."""
+        return self._end_s
 
     @property
     def ac_share(self) -> float:
@@ -218,12 +232,30 @@ def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, Bre
     """Return which assumptions did not hold, by robot; robots for which all did are left out."""
     return {
         robot.robot_id: {
-            assumption.id: BreachFigures(times=breach.times, first_s=round(breach.first_s, 6), cause=breach.cause)
+            assumption.id: BreachFigures(
+                times=breach.times, first_s=round(breach.first_s, 6), cause=breach.cause,
+                last_s=round(breach.last_s, 6),
+                worst=tuple(
+                    WorstFigures(excess=round(each.excess, 6), unit=each.unit, time_s=round(each.time_s, 6),
+                                 cause=each.cause)
+                    for each in breach.worst
+                ),
+            )
             for assumption, breach in robot.log.breaches.items()
         }
         for robot in robots
         if robot.log.breaches
-    }
+    }  # fmt: skip
+
+
+def fault_figures(fleet: Fleet) -> tuple[FaultFigures, ...]:
+    """Return what was injected into a fleet, and how much that has spoilt."""
+    if not isinstance(fleet, FaultyFleet):
+        return ()
+    return tuple(
+        FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
+        for fault in fleet.report()
+    )
 
 
 def percentiles(times: NDArray[np.floating[Any]]) -> TickTimes:

@@ -14,6 +14,7 @@ from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.record.transition import in_words
 from soter.rta import ControlReport, Report
 from soter.runner.ac_side import Scene
+from soter.runner.boxes import box_of
 from soter.runner.correspondence import Correspondence
 from soter.runner.part import Part
 from soter.stack.away import AwayTaskPlanner, AwayTasks
@@ -61,7 +62,7 @@ class MissionSide:
         # Without robots there are no paths to plan.
         self._plans: Final = None if part is not None and not part.robots else PlanService(
             mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}),
-            source=mission.source, virtual_time=virtual_time,
+            source=mission.source, virtual_time=virtual_time, box=box_of(mission),
         )  # fmt: skip
         self.failures: dict[int | None, str] = {}
         self._clock: Clock | None = None

@@ -103,7 +103,7 @@ class RecordedPeer:
         return Finding(_ASSUMPTIONS[said.assumption], said.cause) if said.assumption in _ASSUMPTIONS else None
 
 
-class RecordedRobot(Robot):
+class RecordedRobot(Robot, overrides=("capabilities",)):
     """The promises of a recorded robot; it takes no orders.
 
     Args:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 from typing import Final
 
-from soter.child import Child, ChildDied
+from soter.child import Child, ChildDied, NotBoxed
 from soter.config import Mission
 from soter.errors import BackendUnavailable, ConfigError, RunFailed
 from soter.link import Garbage, PeerSeen, Refused, SupervisorEnd, TargetGiven, Turn
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import Scene
+from soter.runner.boxes import box_of
 from soter.runner.mission_process import MissionSpec
 from soter.runner.words import Words
 from soter.stack.events import Outcome
@@ -65,7 +66,8 @@ class RemoteSide:
         self._words: Final = Words("mission")
         spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS, process)
         # At a tick there is no time to wait for how a process has ended.
-        self._child: Final = Child(PROCESS, spec, output_fd=self._words.output_fd, patience_s=0.0)
+        box = box_of(mission, process)
+        self._child: Final = Child(PROCESS, spec, output_fd=self._words.output_fd, patience_s=0.0, box=box)
         self._words.started()
         self._end: Final = SupervisorEnd(self._child, limits.silent_s)
 
@@ -74,16 +76,23 @@ class RemoteSide:
         """The id of the mission's process."""
         return self._child.pid
 
+    @property
+    def sandbox(self) -> dict[str, str]:
+        """What is taken from the mission's process, and by what; empty where it is not boxed in."""
+        return {} if self._child.in_force is None else self._child.in_force.in_words()
+
     def ready(self) -> None:
         """Wait until the ACs are there.
 
         Raises:
-            ConfigError: the mission asks for what is not allowed.
+            ConfigError: the mission asks for what is not allowed, or the kernel cannot box it in as it is to be.
             BackendUnavailable: a library is missing.
             RunFailed: the mission's process does not start.
         """
         try:
             first = self._end.await_start(START_LIMIT_S)
+        except NotBoxed as failure:
+            raise ConfigError(f"the mission cannot be boxed in: {failure}", key="isolation.sandbox") from failure
         except (ChildDied, Garbage) as failure:
             raise RunFailed(f"the mission's process could not be started ({failure})") from failure
         if first is None:
@@ -91,6 +100,8 @@ class RemoteSide:
                 f"the mission's process has not started within {START_LIMIT_S:g} s; is the host overloaded?"
             )
         if not isinstance(first, Refused):
+            if self._child.in_force is not None and self._child.in_force.missing:
+                logger.warning("the mission is boxed in only in part: %s", self._child.in_force.missing)
             return
         if first.kind == "config":
             error = ConfigError(first.message)  # which has its place in it already

@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from soter.clock import VirtualClock
 from soter.config import make_mission
@@ -160,6 +160,7 @@ class _Cast:
         about = recording.about
         mission = make_mission(about.mission, about.source or str(recording.path), settings)
         self._found: Final = found
+        self._path: Final = recording.path
         self._switches: list[SwitchRecord] = []
         self._actuators: dict[int, RecordedActuator] = {}
         self._spells: dict[int, Spell] = {}
@@ -170,7 +171,7 @@ class _Cast:
             starts = {each.robot_id: sample_of(each.initial, each.robot_id) for each in about.robots}
             elsewhere = [capabilities_of(each) for each in about.peers]
         except ValueError as failure:
-            raise BadRecording(f"{recording.path}: {failure}") from failure
+            raise self._bad(failure) from failure
 
         def tap(robot_id: int, actuator: RobotActuator) -> RecordedActuator:
             self._actuators[robot_id] = RecordedActuator(actuator, starts[robot_id], obeys=not settings)
@@ -180,10 +181,16 @@ class _Cast:
             if str(refusal) not in found.ill_formed:
                 found.ill_formed.append(str(refusal))
 
-        self._safety: Final[SafetySide] = assemble(
-            mission, recording.workspace(), robots, lambda _: None, [self], tap=tap,
-            on_ill_formed=refused if settings else None, remote=tuple(self._peers.values()), remote_promises=elsewhere,
-        )  # fmt: skip
+        workspace = recording.workspace()
+        try:
+            self._safety: Final[SafetySide] = assemble(
+                mission, workspace, robots, lambda _: None, [self], tap=tap,
+                on_ill_formed=refused if settings else None, remote=tuple(self._peers.values()),
+                remote_promises=elsewhere,
+            )  # fmt: skip
+        except ValueError as failure:
+            # Its robots promise what none can.
+            raise self._bad(failure) from failure
         if settings:
             for supervisor in self._safety.supervisor.robots.values():
                 supervisor.expect_no_obedience()
@@ -198,10 +205,10 @@ class _Cast:
         for event in tick.events:
             if isinstance(event, Peer):
                 self._judge(event)
-                self._peers[event.robot_id].load(event)
+                self._load(self._peers, event)
         for robot_id, record in tick.robots.items():
             self._judge(record)
-            self._actuators[robot_id].load(record)
+            self._load(self._actuators, record)
             if record.ac_drove:
                 ports[robot_id].goto(_ANYWHERE)
         supervisor.tick(tick.time_s)
@@ -220,6 +227,15 @@ class _Cast:
         for spell in self._spells.values():
             self._found.spells.append(spell._replace(end_s=time_s))
         self._found.spells.sort(key=lambda each: (each.start_s, each.robot_id))
+
+    def _load(self, parts: Mapping[int, Any], record: RobotTick | Peer) -> None:
+        try:
+            parts[record.robot_id].load(record)
+        except (KeyError, ValueError) as failure:
+            raise self._bad(failure) from failure
+
+    def _bad(self, failure: Exception) -> BadRecording:
+        return BadRecording(f"{self._path}: it cannot be replayed: {failure}")
 
     def _judge(self, record: RobotTick | Peer) -> None:
         wrong = flaw(record)

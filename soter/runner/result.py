@@ -65,6 +65,23 @@ class ModuleFigures(BaseModel):
     surprises: int
 
 
+class WorstFigures(BaseModel):
+    """The look at which an assumption failed by the most.
+
+    Attributes:
+        excess: by how much what was seen was more than is assumed.
+        unit: of that.
+        time_s: fleet time.
+        cause: what was seen then.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    excess: float
+    unit: str
+    time_s: float
+    cause: str
+
+
 class BreachFigures(BaseModel):
     """How often one assumption of the safety argument was seen not to hold for one robot.
 
@@ -72,12 +89,33 @@ class BreachFigures(BaseModel):
         times: looks at which it did not.
         first_s: fleet time of the first.
         cause: what was seen then.
+        last_s: fleet time of the last; None in results of older versions.
+        worst: the worst look for each unit of an excess; empty where none could be measured.
     """
 
     model_config = ConfigDict(frozen=True)
     times: int
     first_s: float
     cause: str
+    last_s: float | None = None
+    worst: tuple[WorstFigures, ...] = ()
+
+
+class StallFigures(BaseModel):
+    """A robot that was without its AC, and not charging, from some time until the end of the run, for long.
+
+    Attributes:
+        since_s: fleet time from which on.
+        lasted_s: until the end.
+        module: whose safe controller had it at the end.
+        cause: why, in words.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    since_s: float
+    lasted_s: float
+    module: str
+    cause: str = ""
 
 
 class FaultFigures(BaseModel):
@@ -116,6 +154,10 @@ class RunResult(BaseModel):
         targets: how targets ended.
         targets_reached: the same as `targets.reached`.
         longest_stall_s: longest time that a robot with a target, and not charging, stayed within 0.1 m.
+        longest_without_ac_s: longest time that a robot was without its AC, and not charging.
+        permanent_stalls: by robot, those that were so from some time until the end of the run, for at least 300 s; but
+            for robots whose AC has failed for good.
+        never_moved: robots that in more than a minute never got farther than 0.05 m from where they began.
         no_progress_s: longest time in which no robot's target ended.
         min_margin: least margin by rule, from truth, in metres or parts of a charge.
         paths_replaced: plans for which the protected planner's certified way was used instead.
@@ -130,11 +172,14 @@ class RunResult(BaseModel):
             there are none.
         peer_tick_us: host time that hearing and telling other processes took at a tick, in microseconds, likewise.
         real_time: whether ticks were scheduled in real time, before everything else that the host had to do.
+        sandbox: what the kernel has taken from the mission's process, and by what, or that it has not, and why; empty
+            with `isolation.sandbox = "off"`; None in virtual time, where the mission has no process of its own.
         missed_ticks: ticks that came later than the robots' declared jitter.
         deterministic: the same seed gives the same run; False where host time had a say.
         trace_sha256: over all states and decisions.
         faults: what was injected, by the mission's `[[fault]]` tables.
         assumptions: by robot, and by number (see `soter.rta.Assumption`), those that were seen not to hold.
+        accepted_unproved: what was run although it is not proved, by `--accept-unproved`; empty if nothing was.
         ac: who the ACs were.
         process: which process of a distributed mission this was, whose figures are those of its own robots; empty for
             a mission in one process.
@@ -174,6 +219,7 @@ class RunResult(BaseModel):
     missed_ticks: int
     tick_late_ms: TickTimes | None = None
     real_time: bool = False
+    sandbox: dict[str, str] | None = None
     truth_ended_s: float | None = None
     deterministic: bool
     nondeterminism: str
@@ -181,6 +227,10 @@ class RunResult(BaseModel):
     failed_robots: dict[int, str]
     faults: tuple[FaultFigures, ...] = ()
     assumptions: dict[int, dict[str, BreachFigures]] = {}
+    longest_without_ac_s: float = 0.0
+    permanent_stalls: dict[int, StallFigures] = {}
+    never_moved: tuple[int, ...] = ()
+    accepted_unproved: tuple[str, ...] = ()
     ac: str = "mission"
     process: str = ""
     peer_age_ms: TickTimes | None = None
@@ -190,3 +240,18 @@ class RunResult(BaseModel):
     def violated(self) -> bool:
         """Whether ground truth counted a violation."""
         return self.violations is not None and any(self.violations.values())
+
+    @property
+    def troubles(self) -> list[str]:
+        """What went wrong without breaking a rule, a text each; `soter run --strict` wants none."""
+        failed = [
+            f"assumption {number} failed for robot {robot} "
+            f"({'once' if breach.times == 1 else f'{breach.times} times'}, first after {breach.first_s:g} s)"
+            for robot, breaches in self.assumptions.items()
+            for number, breach in breaches.items()
+        ]
+        stalled = [
+            f"robot {robot} stalled for good after {stall.since_s:g} s, with the safe controller of '{stall.module}'"
+            for robot, stall in self.permanent_stalls.items()
+        ]
+        return [*failed, *stalled, *(f"robot {robot} never moved" for robot in self.never_moved)]

@@ -17,18 +17,19 @@ from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
 from soter.runner.ac_side import AcSide, Scene, TargetLog
+from soter.runner.admission import admitted
 from soter.runner.aside import Aside
 from soter.runner.done import Run
-from soter.runner.metrics import Metrics, breach_figures, counts, module_figures
+from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.part import Part, refuse_in_one_process
 from soter.runner.planner_run import run_planner
 from soter.runner.progress import Progress, robot_progress
 from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
-from soter.runner.result import FaultFigures, NeedlessCounts, RunResult
+from soter.runner.result import NeedlessCounts, RunResult
 from soter.runner.sides import make_ac_side
-from soter.runner.specs import read_options, robot_specs
+from soter.runner.specs import promises, read_options, robot_specs
 from soter.runner.speedup import refused_at
 from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
@@ -70,7 +71,9 @@ def run_mission(
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
     study: Study | None = None,
+    accept_unproved: bool = False,
     record: Path | None = None,
+    sign: Path | None = None,
     on_recording: Callable[[Path], None] | None = None,
     process: str | None = None,
     say: Said = logger.warning,
@@ -82,9 +85,13 @@ def run_mission(
         on_progress: called every `progress_every_s` of host time.
         progress_every_s: see there.
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
-        study: what is changed of the modules that no mission may change; on simulated robots only.
-        record: where to record it, or None. What cannot be recorded is said in what is returned.
-        on_recording: called before the first tick with that file, once it says what is run.
+        study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
+            is part of the question: it is run.
+        accept_unproved: whether to run what is not proved; the result says what that was.
+        record: where to record it, or None. A recording that is there is replaced when the new one is complete. What
+            cannot be recorded is said in what is returned.
+        sign: the private key that the recording is signed with, or None; see `soter.record.signing`.
+        on_recording: called before the first tick with the file that is written, once it says what is run.
         process: which process of a distributed mission this is; None for a mission in one process.
         say: told which other processes are waited for.
 
@@ -92,7 +99,7 @@ def run_mission(
         What happened. Whatever ends the run, its robots are stopped by then.
 
     Raises:
-        ConfigError: bad input; nothing has moved.
+        ConfigError: bad input, or a module that is not proved; nothing has moved.
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
     """
@@ -108,16 +115,24 @@ def run_mission(
     config = read_options(backend_class, mission, workspace)
     specs = robot_specs(mission, workspace)
     faults = read_faults(mission, [spec.id for spec in specs])
+    promises(backend_class, config, mission, workspace)  # refuses bodies that do not fit
     if part is None:
         refuse_in_one_process(mission, backend_class)
     else:
         specs = [spec for spec in specs if spec.id in part.robots]
+    # Questions to the modules are about what is not proved.
+    unproved = admitted(
+        mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
+        unproved=accept_unproved or study is not None,
+    )  # fmt: skip
     with ExitStack() as stack:
         declared = backend_class.robot_class.declared
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
         # Closed after everything else: it takes its time, in which no robot may move.
-        recorder = None if record is None else stack.enter_context(Recorder(record, waits=declared.in_process))
+        recorder = (
+            None if record is None else stack.enter_context(Recorder(record, waits=declared.in_process, sign=sign))
+        )
         side: AcSide
         if declared.in_process:
             side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
@@ -136,14 +151,14 @@ def run_mission(
         for robot in fleet.robots:
             robot.init(INIT_TIMEOUT_S)
         try:
-            loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder, together)
+            loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder, together, unproved)
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
         if together is None or together.wait(fleet.robots, say, stop or _never):
             loop.begin(workspace)
-            if record is not None and on_recording is not None:
-                on_recording(record)
+            if recorder is not None and on_recording is not None:
+                on_recording(recorder.writing)
             status, failure_text = loop.run(on_progress, progress_every_s, stop)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
@@ -168,7 +183,9 @@ class _Loop:
         study: Study,
         recorder: Recorder | None,
         together: Together | None = None,
+        unproved: tuple[str, ...] = (),
     ) -> None:
+        self.unproved: Final = unproved
         self.mission: Final = mission
         self.fleet: Final = fleet
         self.side: Final = side
@@ -223,7 +240,8 @@ class _Loop:
         try:
             recorder.begin(
                 self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults,
-                {} if self.together is None else self.together.promises,
+                {} if self.together is None else self.together.promises, self.metrics.standstills.stalls,
+                self.unproved,
             )  # fmt: skip
         except OSError as failure:
             why = failure.strerror or failure
@@ -302,6 +320,8 @@ class _Loop:
                     on_progress(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
+            if lost := self.fleet.lost():
+                raise RunFailed(lost)
             if self.user_rules is not None:
                 self.user_rules.look(clock.now(), self.robots)
             if stop is not None and stop():
@@ -371,6 +391,10 @@ class _Loop:
             targets=targets,
             targets_reached=targets.reached,
             longest_stall_s=round(metrics.longest_stall_s, 2),
+            accepted_unproved=self.unproved,
+            longest_without_ac_s=round(metrics.standstills.longest_s, 2),
+            permanent_stalls=metrics.standstills.permanent(metrics.end_s),
+            never_moved=metrics.standstills.never_moved(duration_s),
             no_progress_s=round(metrics.no_progress_s, 2),
             min_margin=self._min_margin(report),
             paths_replaced=self.side.paths_replaced,
@@ -380,19 +404,11 @@ class _Loop:
             missed_ticks=metrics.missed_ticks(self.jitter_s),
             tick_late_ms=metrics.tick_lateness() if self.wall_clock else None,
             real_time=self.real_time,
+            sandbox=self.side.sandbox if isinstance(self.side, RemoteSide) else None,
             deterministic=not self.side.incidents and status == "completed",
             nondeterminism="; ".join(self.side.incidents),
             trace_sha256=self.trace.hexdigest(),
-            faults=_fault_figures(self.fleet),
+            faults=fault_figures(self.fleet),
             assumptions=breach_figures(self.robots),
             failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},
         )
-
-
-def _fault_figures(fleet: Fleet) -> tuple[FaultFigures, ...]:
-    if not isinstance(fleet, FaultyFleet):
-        return ()
-    return tuple(
-        FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
-        for fault in fleet.report()
-    )

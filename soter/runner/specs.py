@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from soter.config import Mission, validate_options
 from soter.errors import ConfigError, nearest
-from soter.faults import read_faults
+from soter.faults import FaultTable, read_faults
 from soter.faults.robot import widened
+from soter.faults.telemetry import BatteryOptions
 from soter.registry import backend_names
-from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec
+from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec, RuleLimits
 from soter.stack.planners.names import check_name
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
+
+_ROUNDING = 1e-9
 
 
 def robot_specs(mission: Mission, workspace: Workspace) -> list[RobotSpec]:
@@ -29,21 +35,26 @@ def robot_specs(mission: Mission, workspace: Workspace) -> list[RobotSpec]:
 
 
 def read_options(backend: type[Backend], mission: Mission, workspace: Workspace) -> BackendConfig:
-    """Return the mission's options of a backend, checked by its model.
+    """Return the mission's options of a backend, checked by its model, with what truth needs of the mission.
+
+    Truth judges by the tables of modules that are off, too: runs with them and without are judged alike.
 
     Raises:
         ConfigError: an option that the backend does not have or allow; the message names its key. Or a table of
             options for a backend or a planner that there is not.
     """
     _refuse_misspelt_tables(mission)
-    return validate_options(
+    limits = RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m)
+    config = validate_options(
         backend.config_model,
         mission.backends.get(mission.backend, {}),
         mission.source,
         f"backends.{mission.backend}",
-        {"workspace": workspace, "seed": mission.seed},
+        {"workspace": workspace, "seed": mission.seed, "limits": limits},
         mission.overridden,
     )
+    radius_m = backend.promises(config).body_radius_m
+    return config.model_copy(update={"limits": replace(limits, body_radius_m=radius_m)})
 
 
 def promises(
@@ -52,18 +63,113 @@ def promises(
     """Return what the robots of a mission promise, by id, under the faults that they are said to have.
 
     Raises:
-        ConfigError: a fault that is not allowed.
+        ConfigError: a tick at which samples are older than promised; a fault that is not allowed, or after which no
+            battery ever seems full enough; or bodies of that size do not fit where the mission wants them.
     """
     declared = backend.promises(config)
+    _check_tick(mission, declared)
     ids = [place.id for place in workspace.robots]
     faults = read_faults(mission, ids)
-    return {
+    _check_charge(mission, ids, faults)
+    promised = {
         robot_id: widened(
             declared,
             [each.made_for(robot_id, mission.seed, mission.base_tick_s) for each in faults if each.hits(robot_id)],
         )
         for robot_id in ids
     }
+    check_bodies(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
+    return promised
+
+
+def _check_tick(mission: Mission, declared: Capabilities) -> None:
+    """Check that robots in virtual time, which move in whole periods of theirs, have a new sample for every tick.
+
+    Raises:
+        ConfigError: names the tick and those that would do.
+    """
+    tick_s, period_s = mission.base_tick_s, declared.setpoint_period_s
+    ticks = max(1, round(tick_s / period_s))
+    whole = math.isclose(ticks * period_s, tick_s, rel_tol=1e-9)
+    if declared.in_process and not whole and declared.sample_age_s < period_s:
+        raise mission.refusal(
+            "base_tick_s",
+            f"it is {tick_s:g}, but these robots move in periods of {period_s:g} s, so that samples would be up to "
+            f"{period_s:g} s old and not {declared.sample_age_s:g} s as promised; allowed: a multiple of {period_s:g}; "
+            f"the nearest is {ticks * period_s:g}",
+        )
+
+
+def _check_charge(mission: Mission, ids: Sequence[int], faults: Sequence[FaultTable]) -> None:
+    """Check that a full battery is reported as enough for the AC, by robots that are declared to report too little.
+
+    Raises:
+        ConfigError: names the charge that is asked for, and the most that a robot ever reports for long enough.
+    """
+    battery = mission.rta.battery
+    if "battery" not in mission.rta.order:
+        return
+    needed_s = battery.dwell_s + battery.delta_s
+    for robot_id in ids:
+        always = [
+            table.options.offset
+            for table in faults
+            if table.hits(robot_id) and isinstance(table.options, BatteryOptions) and table.options.declared
+            if table.options.pause_s < needed_s
+        ]
+        most = 1.0 + sum(always)
+        if always and battery.phi_safer > most + _ROUNDING:
+            raise mission.refusal(
+                "rta.battery.phi_safer",
+                f"it is {battery.phi_safer:g}, but under its declared faults robot {robot_id} reports {most:g} with a "
+                f"full battery, and would never be given back; allowed: at most {most:g}",
+            )
+
+
+def check_bodies(mission: Mission, workspace: Workspace, radius_m: Mapping[int, float]) -> None:
+    """Check that bodies fit: beside each other at the separation, at their starts, and on their stations.
+
+    Args:
+        mission: its `rta` table.
+        workspace: where.
+        radius_m: the radius that each robot promises, by id.
+
+    Raises:
+        ConfigError: names the key or the robot, the numbers, and what would do.
+    """
+    order, phi_safe_m = mission.rta.order, mission.rta.collision.phi_safe_m
+    one_m, other_m = sorted((0.0, *radius_m.values()))[-2:]
+    if "collision" in order and len(radius_m) > 1 and phi_safe_m < one_m + other_m - _ROUNDING:
+        raise mission.refusal(
+            "rta.collision.phi_safe_m",
+            f"it is {phi_safe_m:g}, but two bodies of the radii {one_m:g} m and {other_m:g} m overlap at less "
+            f"than {one_m + other_m:g} m; allowed: at least {one_m + other_m:g}, below phi_safer_m",
+        )
+    least_m = mission.rta.obstacle.phi_safer_m if "obstacle" in order else 0.0
+    for place in workspace.robots:
+        spots = {"start": (place.x_m, place.y_m), "station": place.charger.centre}
+        for name, (x_m, y_m) in spots.items():
+            clearance_m = workspace.clearance_m(x_m, y_m, radius_m[place.id])
+            if clearance_m < least_m - _ROUNDING:
+                raise mission.refusal(
+                    "workspace",
+                    f"the body of robot {place.id}, of a radius of {radius_m[place.id]:g} m, is {clearance_m:.3f} m "
+                    f"from a box at its {name}, ({x_m:g}, {y_m:g}); allowed: at least {least_m:g} m",
+                )
+    for index, one in enumerate(workspace.robots):
+        for other in workspace.robots[:index]:
+            needed_m = max(phi_safe_m if "collision" in order else 0.0, radius_m[one.id] + radius_m[other.id])
+            apart = {
+                "starts": math.hypot(one.x_m - other.x_m, one.y_m - other.y_m),
+                "stations": math.dist(one.charger.centre, other.charger.centre),
+            }
+            for name, apart_m in apart.items():
+                if apart_m < needed_m - _ROUNDING:
+                    raise mission.refusal(
+                        "workspace",
+                        f"the {name} of robots {other.id} and {one.id} are {apart_m:.3f} m apart; allowed: at least "
+                        f"{needed_m:g} m, for bodies of the radii {radius_m[other.id]:g} m and {radius_m[one.id]:g} m",
+                    )
 
 
 def _refuse_misspelt_tables(mission: Mission) -> None:

@@ -35,7 +35,7 @@ def declare_all(mission: Mission, workspace: Workspace, promised: Mapping[int, C
         IllFormedModule: a robot does not promise what the model of a module needs.
     """
     terrain = Terrain(workspace, max(each.body_radius_m for each in promised.values()))
-    peers = PeerBounds.of([*promised.values()])
+    peers = PeerBounds.of([*promised.values()], mission.base_tick_s)
     made = {}
     for robot_id, capabilities in promised.items():
         waypoint: Topic[Any] = Topic(WAYPOINT)

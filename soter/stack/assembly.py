@@ -11,6 +11,7 @@ from soter.config import Mission
 from soter.errors import IllFormedModule
 from soter.rta import (
     PEER_SILENT_S,
+    STARTS,
     Actuator,
     DecisionModule,
     Mode,
@@ -30,6 +31,8 @@ from soter.rta import (
 from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
+from soter.stack.charge_monitor import ChargeMonitor
+from soter.stack.contracts import ContractMonitor
 from soter.stack.declaration import PeerBounds, declare, enabled, timing_of
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
@@ -38,6 +41,9 @@ from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
 NEIGHBOUR_M: Final = 2.5
+
+_BEGINS_S: Final = 2.0
+"""For so long after its first look a robot has not fired its battery's module only because all begin in SC."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +108,7 @@ def assemble(
     promises = [*(robot.capabilities for robot in robots), *remote_promises]
     apart = COLLISION in enabled(mission)
     low = {peer.robot_id: peer.needs_charge for peer in remote}
-    right_of_way = RightOfWay(
-        mission.rta.collision.phi_safer_m if apart else 0.0, lambda robot_id: robot_id in low and low[robot_id]()
-    )
-    peers = PeerBounds.of(promises)
+    peers = PeerBounds.of(promises, mission.base_tick_s)
     terrain = Terrain(workspace, max(each.body_radius_m for each in promises))
     ports: dict[int, Port[Waypoint, RobotState]] = {}
     recoveries: dict[int, RecoveryPlanner] = {}
@@ -113,6 +116,13 @@ def assemble(
     modules: dict[int, tuple[RTAModule, ...]] = {}
     own: dict[int, tuple[RTAModule, ...]] = {}
     docks: dict[int, Dock] = {}
+    right_of_way = RightOfWay(
+        mission.rta.collision.phi_safer_m if apart else 0.0,
+        lambda robot_id: robot_id in low and low[robot_id](),
+        lambda robot_id: recoveries[robot_id].apart_m(peers.sample_age_s),
+        lambda robot_id, x_m, y_m: docks[robot_id].path.legs(x_m, y_m),
+        lambda bound: docks[bound.robot_id].docked(bound.situation),
+    )
     supervisors: list[RobotSupervisor] = []
     for robot in robots:
         port: Port[Waypoint, RobotState] = Port(robot.id, listener)
@@ -148,20 +158,31 @@ def assemble(
         ports[robot.id], recoveries[robot.id], docks[robot.id] = port, declared.recovery, declared.dock
         forwarders[robot.id], modules[robot.id], own[robot.id] = forwarder, declared.modules, declared.own
 
+    contracts, charges = ContractMonitor(), ChargeMonitor()
+
     def before_decisions(now_s: float, bound: Mapping[int, RobotSupervisor]) -> None:
         for robot_id, supervisor in bound.items():
-            docks[robot_id].wants_charge = any(
-                module.name == BATTERY and module.mode is Mode.SC for module in supervisor.modules
-            )
+            dock, own = docks[robot_id], supervisor.situation.own
+            dock.path.track(own.x_m, own.y_m)
+            battery = next((module for module in supervisor.modules if module.name == BATTERY), None)
+            if battery is not None:
+                in_sc = battery.mode is Mode.SC
+                # All modules begin in SC; for a while that does not mean that the battery's has fired.
+                dock.begins = in_sc and battery.cause == STARTS and not now_s - battery.since_s > _BEGINS_S
+                dock.wants_charge = in_sc and not dock.begins
+        contracts.look(now_s, bound, docks)
+        charges.look(now_s, bound, docks)
         right_of_way.update(now_s, bound)
 
     watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_SILENT_S)
     still_s = _still_s(promises, mission.base_tick_s)
     # Robots that are not heard, of a pair one or both, may be nearer to each other than their samples are.
     unheard_m = peers.v_max_m_s * (PEER_SILENT_S + still_s)
+    # A user's rule may be about peers that matter to no shipped one.
+    theirs_m = max((module.peers_within_m for each in own.values() for module in each), default=0.0)
     supervisor = Supervisor(
         supervisors, mission.base_tick_s,
-        max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + max(1.0, unheard_m)), before_decisions,
+        max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + max(1.0, unheard_m), theirs_m), before_decisions,
         watched if apart else None,
         StillPeers(still_s) if apart else None,
         remote if apart else (),

@@ -7,16 +7,20 @@ from dataclasses import dataclass
 from typing import Final
 
 from soter.errors import IllFormedModule
-from soter.rta import Region, RTAModule, Situation, SpeedAccelerationBound, SpeedBound, Threat, Timing, Topic
+from soter.rta import PairBound, Region, RTAModule, Situation, SpeedAccelerationBound, SpeedBound, Threat, Timing, Topic
 from soter.sdk import Waypoint
-from soter.stack.battery import Dock
+from soter.stack.battery import Dock, GoHome
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
-from soter.stack.right_of_way import RightOfWay
-from soter.stack.safe_controller import Retreat
+from soter.stack.retreat import PATIENT_S, Retreat
+from soter.stack.right_of_way import Path, RightOfWay
+from soter.stack.terrain import Point
 
 RETREAT_M: Final = 0.75
 """How far from every peer robots retreat; 0.25 m beyond phi_safer where that is more."""
+
+FIRST_PATIENT_S: Final = 6.0
+"""The first in the order waits so long for the others to leave its path, then it makes room for them."""
 
 _ROUNDING: Final = 1e-9
 
@@ -73,7 +77,7 @@ class Separation(Region):
         return noise_m + self.peer_noise_m
 
 
-def check_halves(module: RTAModule, timing: Timing, leg_m: float) -> None:
+def check_halves(module: RTAModule, timing: Timing, leg_m: float, peer_latency_s: float | None = None) -> None:
     """Check under which conditions each of two robots may use up half of the gap between them (P2a).
 
     A safe controller limits its legs along the line to the peer as it is seen now. That line turns while both move;
@@ -84,6 +88,7 @@ def check_halves(module: RTAModule, timing: Timing, leg_m: float) -> None:
         module: the collision module of one robot.
         timing: what that robot adds to every horizon.
         leg_m: the longest leg of its safe controllers.
+        peer_latency_s: the least latency of any robot, in place of this one's.
 
     Raises:
         IllFormedModule: names the numbers and a value that would do.
@@ -103,8 +108,16 @@ def check_halves(module: RTAModule, timing: Timing, leg_m: float) -> None:
     if not isinstance(own, SpeedBound | SpeedAccelerationBound):
         raise IllFormedModule(module.name, "P2a", f"a {type(own).__name__} has no top speed that could be checked")
     braking_s = own.v_max_m_s / own.brake_m_s2
-    early_s = timing.ahead_s(module.delta_s) - module.delta_s
-    needed_s = braking_s / 2.0 - math.sqrt(braking_s * (timing.tick_s + timing.latency_s) / 2.0)
+    ahead_s = timing.ahead_s(module.delta_s)
+    early_s = ahead_s - module.delta_s
+    # A peer comes nearer at its own speed; it has set aside what that takes of a half within its own latency.
+    peer_m_s = max(phi_safe.peer_v_max_m_s, own.v_max_m_s)
+    least_s = timing.latency_s if peer_latency_s is None else peer_latency_s
+    aside_m = peer_m_s * (timing.tick_s + least_s) / 2.0
+    if isinstance(model, PairBound):
+        # Of the gap that is asked for the AC's robot, the slower one, has less than half to itself.
+        aside_m += (peer_m_s - own.v_max_m_s) * (ahead_s + timing.latency_s + timing.jitter_s) / 2.0
+    needed_s = peer_m_s / (2.0 * own.brake_m_s2) - math.sqrt(aside_m / own.brake_m_s2)
     if early_s < needed_s - _ROUNDING:
         raise IllFormedModule(
             module.name,
@@ -116,15 +129,19 @@ def check_halves(module: RTAModule, timing: Timing, leg_m: float) -> None:
 
 
 class BackAway(Retreat):
-    """The first in the order holds, so that the others know where it is; the others retreat; a docked robot holds.
+    """The first in the order holds, so that the others know where it is; the others retreat.
+
+    A robot that has to charge goes on along its return path wherever its legs are certified, and the others get out of
+    that path, robots that are on their way to charge as well if they come later in the order. A docked robot holds.
 
     Args:
         period_s: how often it looks.
         waypoint: where it publishes.
         recovery: makes and certifies its legs.
         refuges: finds where to go.
-        right_of_way: who is first.
-        dock: where this robot charges.
+        home: drives the return path.
+        dock: says whether the robot has to.
+        right_of_way: who is first, and whose path is to be left.
         safer_m: the distance from which the collision module gives robots back.
     """
 
@@ -134,19 +151,47 @@ class BackAway(Retreat):
         waypoint: Topic[Waypoint],
         recovery: RecoveryPlanner,
         refuges: RefugeFinder,
-        right_of_way: RightOfWay,
+        home: GoHome,
         dock: Dock,
+        right_of_way: RightOfWay,
         safer_m: float = 0.0,
     ) -> None:
-        super().__init__("back-away", period_s, waypoint, recovery, refuges, max(RETREAT_M, safer_m + 0.25))
+        super().__init__(
+            "back-away", period_s, waypoint, recovery, refuges, max(RETREAT_M, safer_m + 0.25), home, dock
+        )  # fmt: skip
         self._right_of_way: Final = right_of_way
-        self._dock: Final = dock
 
     def motion(self, situation: Situation) -> Waypoint | None:
-        stays = self._right_of_way.first(situation.robot_id) or self._dock.charging(situation)
-        if stays:
+        rule = self._right_of_way
+        if self._dock.charging(situation):
+            return self._home.leg_home(situation)
+        path = rule.path_to_leave(situation.robot_id)
+        self.leave, self.aside = path, path is not None or self._dock.wants_charge
+        if path is not None:
+            return self._leave(situation, path)
+        if rule.first(situation.robot_id) and not self._dock.wants_charge:
             return self.recovery.hold(situation)
         return super().motion(situation)
+
+    def patience_s(self, situation: Situation) -> float:
+        # Whoever has to leave the path of the first may be able to do so past where that stands only.
+        return FIRST_PATIENT_S if self._right_of_way.first(situation.robot_id) else PATIENT_S
+
+    def blocked(self, situation: Situation) -> bool:
+        return not self._right_of_way.path_is_clear(situation.robot_id)
+
+    def _leave(self, situation: Situation, path: Path) -> Waypoint | None:
+        """Return the next leg out of a path that another robot needs; home, if that leads away from it."""
+        own = situation.own
+        if self._dock.wants_charge:
+            leg = self._leg_home(situation)
+            needs_m = math.dist((own.x_m, own.y_m), path.start)
+            if leg is not None and math.dist((leg.x_m, leg.y_m), path.start) > needs_m:
+                return leg
+        return self.retreat(situation)
+
+    def way(self, situation: Situation) -> list[Point]:
+        return self._refuges.way(situation, self._peer_m)
 
     def without_refuge(self, situation: Situation) -> Waypoint | None:
         own = situation.own

@@ -9,22 +9,24 @@ from typing import Any, Final, Self
 
 from soter.config import Mission
 from soter.config_tables import MotionModel
-from soter.errors import IllFormedModule
-from soter.rta import DischargeBound, Motion, RTAModule, Situation, SpeedBound, Timing, Topic
-from soter.sdk import Capabilities, Link, RobotState
+from soter.rta import DischargeBound, Motion, RTAModule, SpeedBound, Timing, Topic
+from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
 from soter.stack.geofence import Fence
+from soter.stack.infrastructure import check_infrastructure
 from soter.stack.obstacle import Clearance
 from soter.stack.reach import Limits, reach_between, reach_into
-from soter.stack.recovery import RecoveryPlanner, RecoveryRules
+from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
 from soter.stack.refuge import RefugeFinder
-from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
-from soter.stack.safe_controller import WAYPOINT, Retreat
-from soter.stack.terrain import Point, Terrain
+from soter.stack.retreat import Retreat
+from soter.stack.return_path import ReturnPath
+from soter.stack.right_of_way import BATTERY, COLLISION, TURN_S, RightOfWay
+from soter.stack.safe_controller import WAYPOINT
+from soter.stack.terrain import Terrain, grown
 from soter.stack.user_modules import ModuleKit, declare_own
-from soter.workspace import Workspace
+from soter.workspace import Box, RobotPlace, Workspace
 
 OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"
@@ -35,6 +37,9 @@ HOME_CLEARANCE_M: Final = 0.15
 _SLACK_M: Final = 0.02
 _REFUGE_PEER_M: Final = 0.5
 
+WAITING: Final = 2.0
+"""Waiting costs so many times what standing does, but no more than driving: who waits makes room for others."""
+
 
 @dataclass(frozen=True, slots=True)
 class PeerBounds:
@@ -44,21 +49,30 @@ class PeerBounds:
         v_max_m_s: top speed.
         brake_m_s2: deceleration.
         noise_m: error of a reported position.
+        sample_age_s: age of a sample.
+        latency_s: the least until any of them acts on a command.
+        extent_m: how far a leg of a safe controller may take any of them.
         limits: whatever else bounds their motion.
     """
 
     v_max_m_s: float
     brake_m_s2: float
     noise_m: float
+    sample_age_s: float
+    latency_s: float
+    extent_m: float
     limits: Limits
 
     @classmethod
-    def of(cls, fleet: Sequence[Capabilities]) -> Self:
-        """Return the bounds of a fleet."""
+    def of(cls, fleet: Sequence[Capabilities], base_tick_s: float) -> Self:
+        """Return the bounds of a fleet that is ticked every `base_tick_s`."""
         return cls(
             max(each.v_max_m_s for each in fleet),
             min(each.brake_m_s2 for each in fleet),
             max(each.position_noise_m for each in fleet),
+            max(each.sample_age_s for each in fleet),
+            min(each.latency_s for each in fleet),
+            max(extent_m(each, base_tick_s) for each in fleet),
             Limits.of(*fleet),
         )
 
@@ -71,8 +85,10 @@ class Declared:
         modules: in order of their right to drive.
         recovery: makes and certifies the legs.
         refuges: finds where to retreat to.
-        dock: the way home.
-        start: where the robot starts.
+        dock: the return path.
+        place: where the robot starts and charges.
+        others: the same of the other robots.
+        peers: what those are assumed to respect.
         timing: what the robot adds to every horizon.
         own: the user's modules, those that are off included: their rules can be judged all the same.
     """
@@ -81,7 +97,9 @@ class Declared:
     recovery: RecoveryPlanner
     refuges: RefugeFinder
     dock: Dock
-    start: Point
+    place: RobotPlace
+    others: tuple[RobotPlace, ...]
+    peers: PeerBounds
     timing: Timing
     own: tuple[RTAModule, ...] = ()
 
@@ -92,34 +110,23 @@ class Declared:
             IllFormedModule: names the first module that fails, the condition, the numbers and a value that would do.
         """
         for module in self.modules:
-            module.check(self.timing, base_tick_s)
+            self.check_module(module, base_tick_s)
             if module.name == BATTERY:
-                self.dock.check_way_from(*self.start)
-                self._check_station()
-            if module.name == COLLISION:
-                check_halves(module, self.timing, self.recovery.leg_m(self.timing.sample_age_s))
+                check_infrastructure(
+                    self.place, self.others, self.dock.path, self.refuges, self.recovery, self.peers.sample_age_s,
+                    self.timing.noise_m,
+                )  # fmt: skip
 
-    def _check_station(self) -> None:
-        """Check that no module with a better right to drive turns away a robot that stands at its station."""
-        x_m, y_m = self.dock.place
-        there = RobotState(0, 0.0, 0.0, x_m, y_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
-        situation = Situation(0, there, 0.0)
-        for module in self.modules:
-            if module.name == BATTERY:
-                return
-            if module.phi_safe is None or module.model is None:
-                continue
-            margin = module.phi_safe.margin(situation) - module.phi_safe.noise(self.timing.noise_m)
-            reach = module.model.reach(situation, module.horizon_s(self.timing))
-            if not margin >= reach:
-                raise IllFormedModule(
-                    BATTERY,
-                    "P2b",
-                    f"the charging station at ({x_m:g}, {y_m:g}) cannot be stood on: module '{module.name}' drives a "
-                    f"robot away from there, whose margin is {margin:.3f} {module.phi_safe.unit} and may fall by "
-                    f"{reach:.3f}; a station with a margin of {math.ceil(reach * 1000.0 - 1e-6) / 1000.0:.3f} "
-                    f"{module.phi_safe.unit}, or a shorter Delta, would do",
-                )
+    def check_module(self, module: RTAModule, base_tick_s: float) -> None:
+        """Check one module by itself against the robot's promises, the roads home left out.
+
+        Raises:
+            IllFormedModule: names the condition, the numbers and a value that would do.
+        """
+        module.check(self.timing, base_tick_s)
+        if module.name == COLLISION:
+            leg_m = self.recovery.leg_m(self.timing.sample_age_s)
+            check_halves(module, self.timing, leg_m, self.peers.latency_s)
 
 
 def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
@@ -160,17 +167,25 @@ def declare(
         right_of_way: the fleet's arbiter.
     """
     rta, tick_s = mission.rta, mission.base_tick_s
-    recovery = RecoveryPlanner(
-        terrain, capabilities, _rules(mission), mission.base_tick_s, peers.noise_m, peers.v_max_m_s
-    )
+    rules = _rules(mission)
+    # Safe controllers keep what the rule asks for beyond the body clear of boxes as if it were part of the body.
+    beyond_m = rta.obstacle.phi_safe_m if rules.boxes else 0.0
+    room = Terrain(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
+    recovery = RecoveryPlanner(room, capabilities, rules, tick_s, peers.noise_m, peers.v_max_m_s, peers.extent_m)
     place = next(place for place in workspace.robots if place.id == robot_id)
-    dock = Dock(
-        terrain,
-        place.charger,
-        _home_clearance_m(mission, capabilities),
+    # Every station is reached with every other one occupied.
+    apart_m = recovery.apart_m(peers.sample_age_s) if rules.pairs else 0.0
+    occupied = [grown(Box(*each.charger.centre, *each.charger.centre), apart_m) for each in workspace.robots]
+    path = ReturnPath(
+        room,
+        recovery,
+        place.charger.centre,
+        _home_clearance_m(mission, capabilities) - beyond_m,
         _inset_m(mission, capabilities),
-        _cost_per_m(mission, capabilities),
+        [edges for each, edges in zip(workspace.robots, occupied, strict=True) if apart_m and each.id != robot_id],
     )
+    dock = Dock(place.charger, path, _cost_per_m(mission, capabilities))
+    home = GoHome(tick_s, waypoint, recovery, dock)
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     limits = Limits.of(capabilities)
     motions: dict[MotionModel, Motion] = {"speed": speed}
@@ -181,25 +196,44 @@ def declare(
             motions[model] = limits.motion(module, model)
         return motions[model]
 
+    timing = timing_of(capabilities, tick_s)
     unsure_m = _unsure_m(capabilities)
+    keep_m = _keep_m(mission, recovery, timing)
+    # A refuge is where every static rule lets go: in phi_safer, and where the AC is trusted as well.
+    clear_m = speed.bound(_horizon_s(rta.obstacle.delta_s, timing)) + keep_m
+    inside_m = speed.bound(_horizon_s(rta.geofence.delta_s, timing))
+    # What the AC may use up, and what the safe controller needs: phi_safer is no nearer than where both are left. A
+    # phi_safer that does not even leave the first is ill-formed.
+    trusted_m, safer_m = clear_m - keep_m + capabilities.position_noise_m, rta.obstacle.phi_safer_m
+    if rules.boxes and safer_m - rta.obstacle.phi_safe_m >= trusted_m:
+        safer_m = max(safer_m, rta.obstacle.phi_safe_m + trusted_m + keep_m)
     refuges = RefugeFinder(
-        terrain,
+        room,
         recovery,
         # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
-        rta.geofence.phi_safer_inset_m + unsure_m if GEOFENCE in enabled(mission) else -math.inf,
-        rta.obstacle.phi_safer_m + unsure_m,
+        max(rta.geofence.phi_safer_inset_m, inside_m) + unsure_m if rules.fence else -math.inf,
+        safer_m - beyond_m + unsure_m if rules.boxes else safer_m,
     )
-    inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
-    clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M)
+    inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M, home, dock)
+    clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M, home, dock)
     fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
     apart = Separation(rta.collision.phi_safe_m, peers.v_max_m_s, peers.noise_m)
-    clearance = Clearance(terrain, rta.obstacle.phi_safe_m)
+    clearance = Clearance(terrain, rta.obstacle.phi_safe_m, recovery.path_m, rules.fence)
     drive_per_s = 1.0 / mission.battery.drive_s
+    own_modules = {}
+    for name, own in mission.rta.module.items():
+        kit = ModuleKit(
+            name, robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery, refuges, dock,
+            home, speed, timing, tick_s,
+        )  # fmt: skip
+        own_modules[name] = declare_own(mission, own, kit, waypoint)
+    # Each of the user's modules may keep a robot from going home for so long.
+    contracts_s = sum(own_modules[name].lets_go_s for name in enabled(mission) if name in own_modules)
     table = {
         COLLISION: lambda: RTAModule(
             COLLISION,
             ac,
-            BackAway(tick_s, waypoint, recovery, refuges, right_of_way, dock, rta.collision.phi_safer_m),
+            BackAway(tick_s, waypoint, recovery, refuges, home, dock, right_of_way, rta.collision.phi_safer_m),
             rta.collision.delta_s,
             apart,
             replace(apart, least_m=rta.collision.phi_safer_m),
@@ -214,9 +248,10 @@ def declare(
             clear,
             rta.obstacle.delta_s,
             clearance,
-            replace(clearance, least_m=rta.obstacle.phi_safer_m),
+            replace(clearance, least_m=safer_m),
             reach_into(clearance, motion(OBSTACLE, rta.obstacle.model)),
             dwell_s=rta.obstacle.dwell_s,
+            keep=keep_m,
         ),
         GEOFENCE: lambda: RTAModule(
             GEOFENCE,
@@ -231,24 +266,20 @@ def declare(
         BATTERY: lambda: RTAModule(
             BATTERY,
             ac,
-            GoHome(tick_s, waypoint, recovery, dock),
+            home,
             rta.battery.delta_s,
-            ChargeForTheWayHome(dock, rta.battery.reserve_factor * dock.longest_m * dock.cost_per_m),
+            ChargeForTheWayHome(dock),
             Charged(rta.battery.phi_safer),
-            DischargeBound(drive_per_s, capabilities.v_max_m_s, dock.cost_per_m, jump=dock.longest_m * dock.cost_per_m),
+            DischargeBound(
+                drive_per_s, capabilities.v_max_m_s, dock.cost_per_m, 2.0 * recovery.path_m * dock.cost_per_m
+            ),
             dwell_s=rta.battery.dwell_s,
+            keep=_reserve(mission, workspace, dock, capabilities, contracts_s),
         ),
     }
-    timing = timing_of(capabilities, tick_s)
-    own_modules = {}
-    for name, own in mission.rta.module.items():
-        kit = ModuleKit(
-            name, robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery, refuges, speed, timing,
-            tick_s,
-        )  # fmt: skip
-        own_modules[name] = declare_own(mission, own, kit, waypoint)
     declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in enabled(mission))
-    return Declared(declared, recovery, refuges, dock, (place.x_m, place.y_m), timing, tuple(own_modules.values()))
+    others = tuple(each for each in workspace.robots if each.id != robot_id)
+    return Declared(declared, recovery, refuges, dock, place, others, peers, timing, tuple(own_modules.values()))
 
 
 def _rules(mission: Mission) -> RecoveryRules:
@@ -282,6 +313,36 @@ def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
     return speed.bound(look_s) + _unsure_m(capabilities)
+
+
+def _horizon_s(delta_s: float, timing: Timing) -> float:
+    return timing.ahead_s(delta_s) + timing.latency_s + timing.sample_age_s + timing.jitter_s
+
+
+def _keep_m(mission: Mission, recovery: RecoveryPlanner, timing: Timing) -> float:
+    """Return what the obstacle module keeps so that a robot that was stopped is where paths are.
+
+    A module that fires leaves what the unused part of its horizon would have cost; a model that looks at the present
+    speed leaves nothing.
+    """
+    obstacle = mission.rta.obstacle
+    if not recovery.rules.boxes:
+        return 0.0
+    unused_s = timing.ahead_s(obstacle.delta_s) - obstacle.delta_s if obstacle.model == "speed" else 0.0
+    return max(0.0, recovery.path_m - recovery.v_max_m_s * unused_s)
+
+
+def _reserve(
+    mission: Mission, workspace: Workspace, dock: Dock, capabilities: Capabilities, contracts_s: float
+) -> float:
+    """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts."""
+    battery, v = mission.battery, capabilities.v_max_m_s
+    others = len(workspace.robots) - 1 if COLLISION in enabled(mission) else 0
+    each_s = dock.longest_m / v + TURN_S
+    # Whoever waits also has to make room now and then.
+    waiting = WAITING * others * each_s / min(battery.idle_s, WAITING * battery.drive_s)
+    kept = contracts_s / battery.drive_s
+    return mission.rta.battery.reserve_factor * dock.longest_m * dock.cost_per_m + waiting + kept
 
 
 def _unsure_m(capabilities: Capabilities) -> float:

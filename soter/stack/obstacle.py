@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from soter.rta import Region, Situation, Threat
@@ -15,14 +16,31 @@ class Clearance(Region):
     Attributes:
         terrain: the boxes.
         least_m: clearance at the edge of the region.
+        path_m: clearance of return paths, and their distance from the fence.
+        fenced: whether there is a fence to be kept.
     """
 
     terrain: Terrain
     least_m: float = 0.0
+    path_m: float = 0.0
+    fenced: bool = False
 
     def margin(self, situation: Situation) -> float:
         own = situation.own
         return self.terrain.clearance_m(own.x_m, own.y_m) - self.least_m
+
+    def leaves_room(self, situation: Situation, margin: float, keep: float, fall: float) -> bool:
+        own, terrain = situation.own, self.terrain
+        x, y = own.x_m, own.y_m
+        fence_m = terrain.fence_m(x, y) if self.fenced else math.inf
+        if fence_m < self.path_m:
+            # Near the fence the robot first drives inwards, so that there must be room for its body there, too.
+            margin = min(margin, terrain.clearance_m(*terrain.inside(x, y, self.path_m)) - self.least_m)
+        if margin - keep >= fall:
+            return True
+        # Beside one box in the open it drives straight away from that, from wherever the AC has taken it.
+        others = sorted(clearance for clearance, _, _ in terrain.walls(x, y))[1:2]
+        return min([fence_m, *(clearance - self.least_m for clearance in others)]) >= 2.0 * self.path_m + fall
 
     def threats(self, situation: Situation) -> list[Threat]:
         own = situation.own

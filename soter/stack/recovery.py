@@ -2,8 +2,8 @@
 
 A motion is a turn in place and a straight leg of at most the length that the robot may cover before its safe
 controller looks again, stopping included. The leg, inflated by the robot's tracking error, is tested against every
-enabled rule; whatever is driving, all rules hold at its end and all along. A static margin that is negative already may
-only rise.
+enabled rule; whatever is driving, all rules hold at its end and all along. From a place where the tracking error does
+not fit, a leg may only lead away from what is too near, in every direction that the robot may really take.
 """
 
 from __future__ import annotations
@@ -21,9 +21,14 @@ PAIR_NEAR_M: Final = 0.6
 """Peers nearer than this limit every motion of a safe controller; a larger separation needs a larger distance."""
 
 SEPARATION_M: Final = 0.3
+LEAST_LEG_M: Final = 0.04
+"""No leg is planned shorter: a slow robot, which may be blind for a few millimetres only, would take it for arrived."""
+
+CORNER_M: Final = 0.02
+"""A robot this near to a corner of its path has passed it."""
+
 _ARRIVED_M: Final = 0.02
 _CLIMB_M: Final = 0.005
-_ROUNDING_M: Final = 1e-9
 _MOVING_M_S: Final = 0.02
 _ALIGNED_RAD: Final = 0.35
 _ALIGNED_COS: Final = math.cos(_ALIGNED_RAD)
@@ -48,6 +53,25 @@ class RecoveryRules:
     separation_m: float = SEPARATION_M
 
 
+def extent_m(capabilities: Capabilities, period_s: float) -> float:
+    """Return how far a leg may take a robot, off its end or its line included.
+
+    Args:
+        capabilities: of the robot.
+        period_s: how often its safe controller looks.
+    """
+    blind_s = period_s + capabilities.latency_s + capabilities.sample_age_s
+    return _leg_m(capabilities.v_max_m_s, blind_s, _stop_m(capabilities)) + capabilities.tube_m
+
+
+def _stop_m(capabilities: Capabilities) -> float:
+    return capabilities.v_max_m_s * capabilities.v_max_m_s / (2.0 * capabilities.brake_m_s2)
+
+
+def _leg_m(v_max_m_s: float, blind_s: float, stop_m: float) -> float:
+    return max(v_max_m_s * blind_s + stop_m, LEAST_LEG_M)
+
+
 class RecoveryPlanner:
     """Certifies motions for one robot, and makes the next leg towards a place.
 
@@ -58,6 +82,16 @@ class RecoveryPlanner:
         period_s: how often a safe controller looks (T_sc).
         peer_noise_m: error of the positions that peers report, at most.
         peer_v_max_m_s: top speed that peers are assumed to respect, where it is higher than this robot's own.
+        peer_extent_m: how far a leg may take a peer, see `extent_m`, where that is more than this robot's own.
+
+    Attributes:
+        terrain: see above.
+        rules: see above.
+        v_max_m_s: top speed of the robot.
+        certified_m: what the end of a leg keeps from fence and boxes.
+        path_m: what paths keep from fence and boxes, so that every leg of theirs is certified from wherever the robot
+            is by then: off a corner, off the line, and seen where it is not.
+        no_certified_motion: ticks at which neither any motion nor holding kept every rule.
     """
 
     def __init__(
@@ -68,39 +102,55 @@ class RecoveryPlanner:
         period_s: float,
         peer_noise_m: float = 0.0,
         peer_v_max_m_s: float = 0.0,
+        peer_extent_m: float = 0.0,
     ) -> None:
         self.terrain: Final = terrain
         self.rules: Final = rules
-        self._v_max = capabilities.v_max_m_s
+        self.v_max_m_s: Final = capabilities.v_max_m_s
         self._peer_v_max = max(capabilities.v_max_m_s, peer_v_max_m_s)
         self._tracking_m = capabilities.tube_m
         self._tube = capabilities.tube_m + capabilities.position_noise_m
         self._pair_noise = capabilities.position_noise_m + peer_noise_m
         self._blind_s = period_s + capabilities.latency_s
-        self._stop_m = self._v_max * self._v_max / (2.0 * capabilities.brake_m_s2)
-        self._drift_m_s = self._v_max * _ALIGNED_SIN
-        # Two robots that do not limit their legs for each other must not be able to meet within one leg of both.
-        self._pair_near_m = max(PAIR_NEAR_M, rules.separation_m + 2.0 * self.leg_m(capabilities.sample_age_s))
+        self._stop_m = _stop_m(capabilities)
+        self._drift_m_s = self.v_max_m_s * _ALIGNED_SIN
+        self.certified_m: Final = self._tube + self._drift_m_s * capabilities.sample_age_s
+        self.path_m: Final = self.certified_m + self._tube + CORNER_M
+        # Two robots that do not limit their legs for each other must not be able to meet within one leg of both. The
+        # peer's, which may be the longer one, counts in full: it may have been certified from farther away.
+        own_m = extent_m(capabilities, period_s)
+        self._pair_near_m = max(PAIR_NEAR_M, rules.separation_m + own_m + max(own_m, peer_extent_m))
         self._reverses = capabilities.reverses
         self.no_certified_motion = 0
-        """Ticks at which neither any motion nor holding kept every rule."""
 
     def leg_m(self, age_s: float) -> float:
         """Return the length of a leg, which is as far as the robot may go before its safe controller looks again.
 
-        It includes stopping, so that a robot whose supervisor dies comes to rest inside what was certified.
+        It includes stopping, so that a robot whose supervisor dies comes to rest inside what was certified. Longer than
+        that is as safe, since all of it is certified.
 
         Args:
             age_s: age of the sample that the leg starts from.
         """
-        return self._v_max * (self._blind_s + age_s) + self._stop_m
+        return _leg_m(self.v_max_m_s, self._blind_s + age_s, self._stop_m)
+
+    def apart_m(self, age_s: float) -> float:
+        """Return the distance of a robot at rest beside which legs of a path are certified, whatever their direction.
+
+        They may be short ones: there is a corner's tolerance left of half of the gap.
+
+        Args:
+            age_s: the largest age of a sample.
+        """
+        blind_m = self._peer_v_max * (self._blind_s + 2.0 * age_s)
+        return self.rules.separation_m + self._pair_noise + 2.0 * (blind_m + self._tracking_m + CORNER_M)
 
     # --- certificates ----------------------------------------------------------------------------------------
 
     def certify(self, situation: Situation, bx_m: float, by_m: float) -> float:
         """Return the worst margin of the straight leg from the robot to b, in metres; negative if it is not allowed.
 
-        A static margin that is negative at the start counts as zero if the leg makes it rise all the way.
+        What is too near already counts as zero if the leg leads away from it.
         """
         own = situation.own
         ax, ay = own.x_m, own.y_m
@@ -109,16 +159,11 @@ class RecoveryPlanner:
         # A robot that moves while its sample ages may have done so at a slant to the leg.
         tube = self._tube + self._drift_m_s * situation.age_s
         if rules.fence:
-            # Concave along a line: the least margin is at one of its ends.
-            start, end = terrain.fence_m(ax, ay), terrain.fence_m(bx_m, by_m)
-            worst = 0.0 if start < tube and start < end < tube else end - tube
+            worst = self._fence_spare_m(ax, ay, bx_m, by_m, tube)
         if rules.boxes:
-            start = terrain.clearance_m(ax, ay)
-            least = start - math.hypot(bx_m - ax, by_m - ay) - tube
+            least = terrain.clearance_m(ax, ay) - math.hypot(bx_m - ax, by_m - ay) - tube
             if least < 0.0:
-                least = terrain.segment_clearance_m(ax, ay, bx_m, by_m) - tube
-                if least < 0.0 and start < tube and self._leaves_boxes(ax, ay, bx_m, by_m):
-                    least = 0.0
+                least = terrain.leg_clearance_m(ax, ay, bx_m, by_m, tube, _ALIGNED_SIN) - tube
             if least < worst:
                 worst = least
         if rules.pairs and situation.peers:
@@ -141,16 +186,20 @@ class RecoveryPlanner:
                 worst = min(worst, gap)
         return worst
 
-    def _leaves_boxes(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        """Whether the leg leads away from boxes: the clearance rises at its start and is nowhere less than there.
-
-        The distance to one box is convex along the leg, so that rising at the start would do; that to several is not.
-        """
-        clearance = self.terrain.clearance_m
-        start = clearance(ax, ay)
-        nearby = clearance(ax + 0.05 * (bx - ax), ay + 0.05 * (by - ay))
-        least = self.terrain.segment_clearance_m(ax, ay, bx, by)
-        return nearby > start and clearance(bx, by) > nearby and least >= start - _ROUNDING_M
+    def _fence_spare_m(self, ax: float, ay: float, bx: float, by: float, tube: float) -> float:
+        """Return by how much a leg keeps more than `tube` from the fence; 0 where it leads away from what is nearer."""
+        terrain = self.terrain
+        width_m, depth_m = terrain.width_m, terrain.depth_m
+        end = terrain.fence_m(bx, by)
+        if terrain.fence_m(ax, ay) >= tube:
+            # The distance is concave along a line: least at one of its ends.
+            return end - tube
+        rise = _ALIGNED_SIN * math.hypot(bx - ax, by - ay)
+        worst = math.inf
+        for start_m, end_m in ((ax, bx), (width_m - ax, width_m - bx), (ay, by), (depth_m - ay, depth_m - by)):
+            leads_away = start_m < tube and end_m - start_m >= rise > 0.0
+            worst = min(worst, 0.0 if leads_away else min(start_m, end_m) - tube)
+        return worst
 
     def _pair_spare_m(self, situation: Situation, dx: float, dy: float) -> float:
         """Return by how much the motion stays below each robot's half of the gap, along the line to each near peer.
@@ -160,7 +209,7 @@ class RecoveryPlanner:
         """
         own = situation.own
         spare = math.inf
-        separation = self.rules.separation_m
+        separation, length = self.rules.separation_m, math.sqrt(dx * dx + dy * dy)
         for peer in situation.peers:
             px, py = peer.x_m - own.x_m, peer.y_m - own.y_m
             distance = math.sqrt(px * px + py * py)
@@ -171,11 +220,14 @@ class RecoveryPlanner:
                 return -1.0
             along = (dx * px + dy * py) / distance
             gap = distance - self._pair_noise - separation
-            half = gap / 2.0 - self._peer_v_max * (self._blind_s + age_s) - self._tracking_m
-            if along <= 0.0:
-                # Away, or at rest: always at least as good as anything else.
-                half = max(half, 0.0)
-            left = half - along
+            half = gap / 2.0 - self._peer_v_max * (self._blind_s + age_s)
+            if along <= -_ALIGNED_SIN * length:
+                # Away, however the robot strays from the leg, or at rest: always at least as good as anything else.
+                left = max(half, 0.0)
+            else:
+                # Towards the peer it may run beyond the end of the leg, across it may only stray to the side.
+                aside = 1.0 if along > 0.0 else math.sqrt(length * length - along * along) / length
+                left = half - max(along, 0.0) - self._tracking_m * aside
             if left < spare:
                 spare = left
         return spare
@@ -206,7 +258,15 @@ class RecoveryPlanner:
             if self.certify(situation, bx, by) >= 0.0:
                 return self._leg(own, bx, by, ux, uy)
             length *= 0.5
+        if self._squeezed(own):
+            return self.climb(situation)
         return self.hold(situation)
+
+    def _squeezed(self, own: Sample) -> bool:
+        """Whether the robot is nearer to fence or boxes than paths are, so that it may not be able to follow one."""
+        if self.rules.fence and self.terrain.fence_m(own.x_m, own.y_m) < self.path_m:
+            return True
+        return self.rules.boxes and self.terrain.clearance_m(own.x_m, own.y_m) < self.path_m
 
     def away(self, situation: Situation, score_x: float, score_y: float) -> Waypoint | None:
         """Return the certified leg that gets farthest along a direction, or None to hold."""
@@ -226,7 +286,7 @@ class RecoveryPlanner:
 
         def height(x_m: float, y_m: float) -> float:
             fence_m = terrain.fence_m(x_m, y_m) if self.rules.fence else math.inf
-            return min(fence_m, terrain.clearance_m(x_m, y_m))
+            return min(fence_m, terrain.clearance_m(x_m, y_m) if self.rules.boxes else math.inf)
 
         best, chosen = height(own.x_m, own.y_m) + _CLIMB_M, None
         for ux, uy in _DIRECTIONS:
@@ -240,6 +300,12 @@ class RecoveryPlanner:
         own = situation.own
         needed = min(clearance_m, self.terrain.clearance_m(own.x_m, own.y_m)) - 1e-9
         return self.terrain.segment_clearance_m(own.x_m, own.y_m, bx_m, by_m) >= needed
+
+    def free(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> bool:
+        """Return whether a straight way keeps from boxes what paths do, less what a robot may be off a corner."""
+        if not self.rules.boxes:
+            return True
+        return self.terrain.segment_clearance_m(ax_m, ay_m, bx_m, by_m) >= self.path_m - CORNER_M
 
     def _go(self, situation: Situation, direction: Point | None, length_m: float) -> Waypoint | None:
         if direction is None:
@@ -262,7 +328,7 @@ class RecoveryPlanner:
             return None
         self.no_certified_motion += 1
         own = situation.own
-        length = self._v_max * self._blind_s + self._stop_m
+        length = self.v_max_m_s * self._blind_s + self._stop_m
         chosen: Waypoint | None = None
         for ux, uy in _DIRECTIONS:
             bx, by = own.x_m + ux * length, own.y_m + uy * length

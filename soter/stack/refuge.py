@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from typing import Final
 
 import numpy as np
 
 from soter.rta import Situation
 from soter.stack.recovery import RecoveryPlanner
+from soter.stack.right_of_way import Path, from_line
 from soter.stack.routes import Routes
 from soter.stack.terrain import Point, Terrain
 
-LOOK_M: Final = (1.0, 2.5)
+LOOK_M: Final = (1.0, 2.5, 6.0)
 TRIED: Final = 40
+FEW: Final = 4
+"""Of these so many are tried by a way around boxes and peers, which takes longer to find."""
+
 STEP_M: Final = 0.02
 STEPS: Final = 40
+_ROUNDING_M: Final = 1e-9
 PIVOT_M: Final = 0.1
 """A turn in place takes about as long as driving so far."""
 
@@ -31,17 +37,37 @@ class RefugeFinder:
 
     Attributes:
         static: which cells of the terrain are refuges as far as fence and boxes go.
+        leave: a path of another robot that a refuge must not lie on; None if there is none.
+        aside: any place will do where a robot can stand and move away from again, as others need room.
     """
 
     def __init__(self, terrain: Terrain, recovery: RecoveryPlanner, fence_m: float, clearance_m: float) -> None:
         self._terrain: Final = terrain
         self._recovery: Final = recovery
+        self._path_m: Final = recovery.path_m
         self.fence_m: Final = fence_m
         self.clearance_m: Final = clearance_m
+        self.leave: Path | None = None
+        self.aside = False
         self.static: Final = (terrain.cell_fence >= fence_m) & (terrain.cell_clearance >= clearance_m)
+        self._standable: Final = (terrain.cell_fence >= min(fence_m, self._path_m)) & (
+            terrain.cell_clearance >= min(clearance_m, self._path_m)
+        )
+
+    @property
+    def needs_m(self) -> tuple[float, float]:
+        """Distances from the fence and from boxes that are asked of a refuge at the moment."""
+        if self.aside:
+            return min(self.fence_m, self._path_m), min(self.clearance_m, self._path_m)
+        return self.fence_m, self.clearance_m
+
+    def peer_m(self, situation: Situation, peer_m: float) -> float:
+        """Return the distance from peers that is asked of a refuge at the moment, of `peer_m` at most."""
+        return min(peer_m, self._recovery.apart_m(situation.age_s)) if self.aside else peer_m
 
     def way(self, situation: Situation, peer_m: float) -> list[Point]:
         """Return the legs of a way to the nearest refuge at least `peer_m` from every peer; empty if there is none."""
+        peer_m = self.peer_m(situation, peer_m)
         ahead = self._along_heading(situation, peer_m)
         direct = self._straight_inside(situation, peer_m)
         if ahead is not None and (direct is None or _far(situation, ahead) < _far(situation, direct) + PIVOT_M):
@@ -51,30 +77,54 @@ class RefugeFinder:
         for look_m in LOOK_M:
             candidates = self._candidates(situation, look_m, peer_m)
             for x_m, y_m in candidates:
-                if self._recovery.sees(situation, x_m, y_m, self.clearance_m):
+                if self._free(situation, x_m, y_m):
                     return [(x_m, y_m)]
-            if candidates:
-                own = situation.own
-                routes = Routes(self._terrain, candidates[0], self.clearance_m, self.fence_m)
-                return routes.legs(own.x_m, own.y_m)
+            if legs := self._around(situation, candidates):
+                return legs
         return []
 
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
-        """Return whether a refuge is still far enough from every peer."""
+        """Return whether a refuge is still far enough from every peer, and off the path that is to be left."""
+        if self.leave is not None and self.leave.near(*place):
+            return False
+        peer_m = self.peer_m(situation, peer_m)
         return all(math.hypot(peer.x_m - place[0], peer.y_m - place[1]) >= peer_m for peer in situation.peers)
+
+    def _free(self, situation: Situation, x_m: float, y_m: float) -> bool:
+        """Whether a straight way there leads past all boxes, and past all peers if others need room."""
+        own = situation.own
+        if self.aside and any(
+            from_line(p.x_m, p.y_m, (own.x_m, own.y_m), (x_m, y_m)) < self._recovery.rules.separation_m
+            for p in situation.peers
+        ):
+            return False
+        return self._recovery.sees(situation, x_m, y_m, self.needs_m[1])
+
+    def _around(self, situation: Situation, candidates: list[Point]) -> list[Point]:
+        """Return a way to one of several places that leads around boxes; around peers, too, where others need room."""
+        own, recovery = situation.own, self._recovery
+        apart_m = recovery.apart_m(situation.age_s)
+        peers = [(p.x_m - apart_m, p.y_m - apart_m, p.x_m + apart_m, p.y_m + apart_m) for p in situation.peers]
+        for extra in (peers, ()) if peers and self.aside else ((),):
+            for place in candidates[:: TRIED // FEW] if self.aside else candidates[:1]:
+                routes = Routes(self._terrain, place, self._path_m, min(self._path_m, self.fence_m), extra)
+                if legs := routes.legs(own.x_m, own.y_m):
+                    return legs
+        return []
 
     def _along_heading(self, situation: Situation, peer_m: float) -> Point | None:
         """The nearest place straight behind or ahead: it costs no turn."""
         own, terrain = situation.own, self._terrain
+        fence_m, clearance_m = self.needs_m
         cos, sin = math.cos(own.heading_rad), math.sin(own.heading_rad)
         for step in range(1, STEPS):
             for length in (-step * STEP_M, step * STEP_M):
                 place = (own.x_m + length * cos, own.y_m + length * sin)
                 if (
-                    terrain.fence_m(*place) >= self.fence_m
-                    and terrain.clearance_m(*place) >= self.clearance_m
+                    terrain.fence_m(*place) >= fence_m
+                    and terrain.clearance_m(*place) >= clearance_m
                     and self.good(situation, place, peer_m)
-                    and self._recovery.sees(situation, *place, self.clearance_m)
+                    and self._free(situation, *place)
                 ):
                     return place
         return None
@@ -82,19 +132,18 @@ class RefugeFinder:
     def _straight_inside(self, situation: Situation, peer_m: float) -> Point | None:
         """The nearest point far enough from the fence, if it also fits boxes and peers: finer than cells are."""
         own, terrain = situation.own, self._terrain
-        inset = self.fence_m
-        place = (
-            min(max(own.x_m, inset), terrain.width_m - inset),
-            min(max(own.y_m, inset), terrain.depth_m - inset),
-        )
-        fits = terrain.clearance_m(*place) >= self.clearance_m and self.good(situation, place, peer_m)
-        return place if fits and self._recovery.sees(situation, *place, self.clearance_m) else None
+        inset, clearance_m = self.needs_m
+        place = terrain.inside(own.x_m, own.y_m, inset)
+        if terrain.fence_m(*place) < inset - _ROUNDING_M:
+            return None
+        fits = terrain.clearance_m(*place) >= clearance_m and self.good(situation, place, peer_m)
+        return place if fits and self._free(situation, *place) else None
 
     def _candidates(self, situation: Situation, look_m: float, peer_m: float) -> list[Point]:
         own, terrain = situation.own, self._terrain
         window = terrain.window(own.x_m, own.y_m, look_m)
         xs, ys = terrain.cell_x[window], terrain.cell_y[window]
-        fits = self.static[window].copy()
+        fits = (self._standable if self.aside else self.static)[window].copy()
         for peer in situation.peers:
             fits &= (xs - peer.x_m) ** 2 + (ys - peer.y_m) ** 2 >= peer_m * peer_m
         chosen = np.flatnonzero(fits)
@@ -102,8 +151,10 @@ class RefugeFinder:
             return []
         distance = (xs.ravel()[chosen] - own.x_m) ** 2 + (ys.ravel()[chosen] - own.y_m) ** 2
         # A stable sort, so that equally near cells are tried in one order everywhere.
-        nearest = chosen[np.argsort(distance, kind="stable")[:TRIED]]
-        return [(float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True)]
+        nearest = chosen[np.argsort(distance, kind="stable")]
+        places = ((float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True))
+        leave = self.leave
+        return list(islice((place for place in places if leave is None or not leave.near(*place)), TRIED))
 
 
 def _far(situation: Situation, place: Point) -> float:

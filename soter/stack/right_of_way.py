@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
-from soter.rta import Mode, RobotSupervisor, Situation
+from soter.rta import DecisionModule, Mode, RobotSupervisor, Situation
+from soter.stack.terrain import Point
 
 NEAR_M: Final = 0.6
 """Robots nearer than this meet; 0.1 m beyond phi_safer where that is more."""
@@ -24,6 +26,16 @@ CLEAR_M: Final = 0.70
 PATIENCE_S: Final = 4.0
 """After so long in SC a robot at phi_safer may go on whatever the order says."""
 
+SETTLED_S: Final = 1.0
+"""A robot needs its return path once the battery's module has had it for so long; all begin with all modules in SC."""
+
+LOOK_S: Final = 0.5
+"""Paths are looked for again so often; in between, only where the robot is on its path changes."""
+
+BESIDE_M: Final = 0.3
+"""A robot that has left a path may come back to it when it is so much farther away than it must be."""
+
+PROGRESS_M: Final = 0.1
 LOW_CHARGE: Final = 0.60
 COLLISION: Final = "collision"
 BATTERY: Final = "battery"
@@ -44,17 +56,71 @@ class Encounter:
     order: tuple[int, ...]
 
 
-class RightOfWay:
-    """The arbiter of re-engagement. One for a supervisor's robots; called by it before decisions are made.
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Where robots have to pass that are on their way to charge.
 
-    Supervisors that share peers come to the same order, up to the time it takes to hear of each other.
+    Attributes:
+        robot_id: the first of them in the order.
+        lines: what is left of their return paths, each from where the robot is.
+        apart_m: others keep so far from them.
+    """
+
+    robot_id: int
+    lines: tuple[tuple[Point, ...], ...]
+    apart_m: float
+
+    @property
+    def start(self) -> Point:
+        """Where the first robot is."""
+        return self.lines[0][0]
+
+    def near(self, x_m: float, y_m: float, beside_m: float = 0.0) -> bool:
+        """Return whether a place is nearer to a path than it may be, or no more than `beside_m` farther."""
+        apart_m = self.apart_m + beside_m
+        return any(from_line(x_m, y_m, one, other) < apart_m for line in self.lines for one, other in pairwise(line))
+
+
+@dataclass(slots=True)
+class _Homing:
+    """A robot on its way to charge: its path, when that was looked for, and how it gets along it."""
+
+    line: tuple[Point, ...]
+    looked_s: float
+    to_go_m: float
+    progress_s: float
+
+
+class RightOfWay:
+    """The arbiter of who drives on and who makes room. One for a supervisor's robots; called before decisions are made.
+
+    Robots that have to charge come first, in the order in which they began to: the first of them is left its return
+    path by all others, whoever drives them, the next by all but the first, and so on. One that does not get along goes
+    to the end. Supervisors that share peers come to the same order of encounters, up to the time it takes to hear of
+    each other; the paths of their robots they do not know.
 
     Args:
         safer_m: the distance from which the collision module gives robots back.
         needs_charge: whether a robot of another supervisor is on its way to charge, and low.
+        apart_m: how far from a robot's path others must be, so that every leg along it is certified.
+        legs: the return path of a robot from a place, as its corners.
+        docked: whether a robot stands on its station.
     """
 
-    def __init__(self, safer_m: float = 0.0, needs_charge: Callable[[int], bool] = lambda _: False) -> None:
+    def __init__(
+        self,
+        safer_m: float = 0.0,
+        needs_charge: Callable[[int], bool] = lambda _: False,
+        apart_m: Callable[[int], float] = lambda _: NEAR_M,
+        legs: Callable[[int, float, float], Sequence[Point]] = lambda *_: (),
+        docked: Callable[[RobotSupervisor], bool] = lambda _: False,
+    ) -> None:
+        self._apart_m: Final = apart_m
+        self._legs: Final = legs
+        self._docked: Final = docked
+        self._modules: dict[int, dict[str, DecisionModule]] = {}
+        self._homing: dict[int, _Homing] = {}
+        self._to_leave: dict[int, Path] = {}
         self._near_m: Final = max(NEAR_M, safer_m + 0.1)
         self._clear_m: Final = max(CLEAR_M, safer_m + 0.2)
         self._remote_needs_charge: Final = needs_charge
@@ -74,9 +140,11 @@ class RightOfWay:
                 dx, dy = peer.x_m - own.x_m, peer.y_m - own.y_m
                 if dx * dx + dy * dy < near_m * near_m:
                     met[min(robot_id, peer_id), max(robot_id, peer_id)] = now_s
-            for module in robot.modules:
-                if module.name == COLLISION:
-                    self._disengaged_s[robot_id] = module.since_s if module.mode is Mode.SC else now_s
+            collision = self._module(robot, COLLISION)
+            if collision is not None:
+                self._disengaged_s[robot_id] = collision.since_s if collision.mode is Mode.SC else now_s
+        if self._find_homing(now_s, robots) or self._to_leave:
+            self._make_room(now_s, robots)
         if met or self._encounters:
             for pair in [pair for pair, seen_s in met.items() if now_s - seen_s > MEMORY_S]:
                 del met[pair]
@@ -86,8 +154,18 @@ class RightOfWay:
         """Return the encounter that a robot is in, or None."""
         return self._encounters.get(robot_id)
 
+    def path_to_leave(self, robot_id: int) -> Path | None:
+        """Return the paths that a robot has to leave because others need them, or None."""
+        return self._to_leave.get(robot_id)
+
+    def path_is_clear(self, robot_id: int) -> bool:
+        """Return whether no robot has to leave the path of a robot any more."""
+        return all(path.robot_id != robot_id for path in self._to_leave.values())
+
     def first(self, robot_id: int) -> bool:
         """Return whether a robot goes before all others that it meets; True where it meets nobody."""
+        if robot_id in self._to_leave:
+            return False
         encounter = self._encounters.get(robot_id)
         return encounter is None or encounter.order[0] == robot_id
 
@@ -95,11 +173,56 @@ class RightOfWay:
         """Return whether a robot's collision module may release it; the others need no permission."""
         if module != COLLISION or self.first(situation.robot_id):
             return True
+        if situation.robot_id in self._to_leave:
+            return False
         if situation.now_s - self._disengaged_s.get(situation.robot_id, situation.now_s) >= PATIENCE_S:
             return True
         own = situation.own
         clear_m = self._clear_m
         return all(math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) > clear_m for peer in situation.peers)
+
+    def _find_homing(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> bool:
+        """Find out who is on the way to charge; return whether anybody is."""
+        homing = self._homing
+        for robot_id, robot in robots.items():
+            battery = self._module(robot, BATTERY)
+            wants = battery is not None and battery.mode is Mode.SC and now_s - battery.since_s > SETTLED_S
+            if not wants or self._docked(robot):
+                homing.pop(robot_id, None)
+                continue
+            own, known = robot.situation.own, homing.get(robot_id)
+            if known is not None and now_s - known.looked_s < LOOK_S:
+                continue
+            line = ((own.x_m, own.y_m), *self._legs(robot_id, own.x_m, own.y_m))
+            to_go_m = sum(math.dist(one, other) for one, other in pairwise(line))
+            if known is None:
+                homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
+                continue
+            known.line, known.looked_s = line, now_s
+            if to_go_m < known.to_go_m - PROGRESS_M:
+                known.to_go_m, known.progress_s = to_go_m, now_s
+            elif now_s - known.progress_s > TURN_S:
+                # To the end of the order, and judged anew.
+                del homing[robot_id]
+                homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
+        return bool(homing)
+
+    def _make_room(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
+        """Have every robot leave the paths of those that go before it."""
+        before, to_leave = self._to_leave, {}
+        order = list(self._homing.items())
+        for robot_id, robot in robots.items():
+            ahead = [known for known in order[: _rank(robot_id, order)] if len(known[1].line) > 1]
+            battery, collision = self._module(robot, BATTERY), self._module(robot, COLLISION)
+            charges = battery is not None and battery.mode is Mode.SC and self._docked(robot)
+            if not ahead or charges or collision is None:
+                continue
+            path = Path(ahead[0][0], tuple(known.line for _, known in ahead), self._apart_m(ahead[0][0]))
+            own = robot.situation.own
+            if path.near(own.x_m, own.y_m, BESIDE_M if robot_id in before else 0.0):
+                to_leave[robot_id] = path
+                collision.take(now_s, f"robot {path.robot_id} has to get past to its charging station")
+        self._to_leave = to_leave
 
     def _form(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         groups: dict[int, set[int]] = {}
@@ -114,12 +237,21 @@ class RightOfWay:
                 continue
             # A group that grows or shrinks goes on with the order of its oldest part.
             since_s = min((e.since_s for m in members if (e := self._encounters.get(m)) is not None), default=now_s)
-            ranked = sorted(members, key=lambda member: (not self._needs_charge(robots, member), member))
-            turn = int((now_s - since_s) / TURN_S) % len(ranked)
-            encounter = Encounter(members, since_s, tuple(ranked[turn:] + ranked[:turn]))
+            homing = [member for member in self._homing if member in members]
+            others = [member for member in members if member not in self._homing]
+            ranked = sorted(others, key=lambda member: (not self._needs_charge(robots, member), member))
+            turn = int((now_s - since_s) / TURN_S) % max(len(ranked), 1)
+            encounter = Encounter(members, since_s, (*homing, *ranked[turn:], *ranked[:turn]))
             for member in members:
                 encounters[member] = encounter
         self._encounters = encounters
+
+    def _module(self, robot: RobotSupervisor, name: str) -> DecisionModule | None:
+        """Return a decision module of a robot by name, or None if it is off."""
+        found = self._modules.get(robot.robot_id)
+        if found is None:
+            found = self._modules[robot.robot_id] = {module.name: module for module in robot.modules}
+        return found.get(name)
 
     def _needs_charge(self, robots: Mapping[int, RobotSupervisor], robot_id: int) -> bool:
         robot = robots.get(robot_id)
@@ -131,3 +263,17 @@ def needs_charge(robot: RobotSupervisor) -> bool:
     charge = robot.situation.own.battery
     low = charge is not None and charge < LOW_CHARGE
     return low and any(module.name == BATTERY and module.mode is Mode.SC for module in robot.modules)
+
+
+def _rank(robot_id: int, order: Sequence[tuple[int, _Homing]]) -> int:
+    """Return how many robots on their way to charge go before a robot: all, if it is none of them."""
+    return next((rank for rank, (other_id, _) in enumerate(order) if other_id == robot_id), len(order))
+
+
+def from_line(x: float, y: float, one: Point, other: Point) -> float:
+    """Return the distance of a point from a straight leg."""
+    dx, dy = other[0] - one[0], other[1] - one[1]
+    length_sq = dx * dx + dy * dy
+    along = ((x - one[0]) * dx + (y - one[1]) * dy) / length_sq if length_sq > 0.0 else 0.0
+    along = min(max(along, 0.0), 1.0)
+    return math.hypot(x - one[0] - along * dx, y - one[1] - along * dy)

@@ -94,9 +94,9 @@ class Roadmap:
 
 
 @lru_cache(maxsize=8)
-def _shared_roadmap(terrain: Terrain, clearance_m: float, inset_m: float) -> Roadmap:
-    """Return the roadmap without extra rectangles; the ways of all robots share it."""
-    return Roadmap(terrain, clearance_m, inset_m)
+def _shared_roadmap(terrain: Terrain, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()) -> Roadmap:
+    """Return a roadmap; ways to several places share it."""
+    return Roadmap(terrain, clearance_m, inset_m, extra)
 
 
 class Routes:
@@ -121,9 +121,7 @@ class Routes:
     ) -> None:
         self.place: Final = place
         self._terrain: Final = terrain
-        self.roadmap: Final = (
-            Roadmap(terrain, clearance_m, inset_m, extra) if extra else _shared_roadmap(terrain, clearance_m, inset_m)
-        )
+        self.roadmap: Final = _shared_roadmap(terrain, clearance_m, inset_m, tuple(extra))
         # Index 0 is the place, the corners follow.
         self.corners: Final = (place, *self.roadmap.corners)
         self.next: Final = [0] * len(self.corners)

@@ -57,6 +57,10 @@ class Terrain:
         """Return the distance of a point to the fence; negative outside."""
         return min(x_m, self.width_m - x_m, y_m, self.depth_m - y_m)
 
+    def inside(self, x_m: float, y_m: float, inset_m: float) -> Point:
+        """Return the nearest point that is `inset_m` inside the fence."""
+        return min(max(x_m, inset_m), self.width_m - inset_m), min(max(y_m, inset_m), self.depth_m - inset_m)
+
     def clearance_m(self, x_m: float, y_m: float) -> float:
         """Return the distance of a body at a point to the nearest box; negative where they overlap."""
         near = self._near.get((int(x_m), int(y_m)))
@@ -86,13 +90,46 @@ class Terrain:
             dy = low_y - y_m if south else y_m - high_y
             ux, uy = 1.0 if west else -1.0, 1.0 if south else -1.0
             if dx > 0.0 and dy > 0.0:
-                distance = math.sqrt(dx * dx + dy * dy)
+                distance = math.hypot(dx, dy)
                 found.append((distance - self.body_radius_m, ux * dx / distance, uy * dy / distance))
             elif dx >= dy:
                 found.append((dx - self.body_radius_m, ux, 0.0))
             else:
                 found.append((dy - self.body_radius_m, 0.0, uy))
         return found
+
+    def leg_clearance_m(
+        self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float
+    ) -> float:
+        """Return the least clearance of a body that drives from a to b, but for boxes that it leads away from.
+
+        The distance to a box is convex along a line: where it rises at the beginning it rises all the way. Of a box
+        that is nearer than `needed_m` at the beginning, `needed_m` is returned if every direction that the robot may
+        really move in leads away from it, and less if not.
+
+        Args:
+            ax_m: where the leg begins, east.
+            ay_m: the same, north.
+            bx_m: where it ends, east.
+            by_m: the same, north.
+            needed_m: clearance that a leg needs that does not lead away.
+            slope: least rise of the distance per metre of the leg: the sine of the angle by which the robot's motion
+                may differ from the leg's direction.
+        """
+        radius, least = self.body_radius_m, math.inf
+        dx, dy = bx_m - ax_m, by_m - ay_m
+        length = math.hypot(dx, dy)
+        for (distance_m, ux, uy), edges in zip(self.walls(ax_m, ay_m), self._edges, strict=True):
+            if distance_m - length >= least:
+                continue
+            if distance_m < needed_m:
+                # Walls point towards the box.
+                away = -(ux * dx + uy * dy) >= slope * length and length > 0.0
+                found = needed_m if away else min(distance_m, segment_to_box(ax_m, ay_m, bx_m, by_m, edges) - radius)
+            else:
+                found = segment_to_box(ax_m, ay_m, bx_m, by_m, edges) - radius
+            least = min(least, found)
+        return least
 
     def segment_clearance_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> float:
         """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact."""

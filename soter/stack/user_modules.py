@@ -16,8 +16,9 @@ from pydantic import BaseModel
 from soter.config import Mission, validate_options
 from soter.config_tables import UserModuleTable
 from soter.errors import ConfigError, IllFormedModule, nearest
-from soter.rta import Node, RTAModule, Situation, SpeedBound, Timing, Topic
+from soter.rta import Node, RTAModule, Sample, Situation, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities, Waypoint
+from soter.stack.battery import Dock, GoHome
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.safe_controller import WAYPOINT, SafeController
@@ -28,8 +29,12 @@ BLOCKED_S: Final = 5.0
 """A robot that has stood still for so long beside another is blocked by it."""
 
 RETREAT_M: Final = 0.75
+LETS_GO_S: Final = 30.0
+"""A module that says nothing else lets go after so long, while the battery's module needs to drive."""
+
 _MOVING_M_S: Final = 0.02
 _STEP_M: Final = 0.1
+_PARTS: Final = (0.5, 1.0)
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,8 @@ class ModuleKit:
         waypoint: where the module's safe controller publishes where to go, as far away as it likes, or None to hold.
         recovery: certified motions; what the safe controller publishes is driven by them in any case.
         refuges: finds places that are safer for every static rule.
+        dock: the robot's charging station.
+        home: drives the return path to it, by certified legs.
         model: the robot's speed bound, R(T) of any margin that is a distance to something at rest.
         timing: what the robot adds to every horizon.
         tick_s: the base tick, a period for nodes.
@@ -60,6 +67,8 @@ class ModuleKit:
     waypoint: Topic[Any]
     recovery: RecoveryPlanner
     refuges: RefugeFinder
+    dock: Dock
+    home: GoHome
     model: SpeedBound
     timing: Timing
     tick_s: float
@@ -75,15 +84,15 @@ class ModuleKit:
         Returns:
             The place, or where the robot is if there is none.
         """
-        own, refuges = situation.own, self.refuges
+        own, refuges, terrain = situation.own, self.refuges, self.recovery.terrain
         for turn in (side * step * math.pi / 8.0 for step in range(9) for side in (1, -1)):
             cos, sin = math.cos(own.heading_rad + turn), math.sin(own.heading_rad + turn)
             for step in range(1, math.ceil(math.hypot(self.terrain.width_m, self.terrain.depth_m) / _STEP_M)):
                 x_m, y_m = own.x_m + step * _STEP_M * cos, own.y_m + step * _STEP_M * sin
                 if (
                     fits(x_m, y_m)
-                    and self.terrain.fence_m(x_m, y_m) >= refuges.fence_m
-                    and self.terrain.clearance_m(x_m, y_m) >= refuges.clearance_m
+                    and terrain.fence_m(x_m, y_m) >= refuges.fence_m
+                    and terrain.clearance_m(x_m, y_m) >= refuges.clearance_m
                     and self.recovery.sees(situation, x_m, y_m, refuges.clearance_m)
                 ):
                     return x_m, y_m
@@ -123,18 +132,26 @@ class CertifiedController(SafeController):
     """Drives where another node wants to go, but only by legs that keep every rule of the mission's other modules.
 
     Whoever writes a safe controller thinks of one rule. The recovery planner thinks of the rest: a leg that would break
-    another one is shortened or not driven, so that a mistake in a module of the user's own costs that module's promise
-    only.
+    another one is shortened or not driven, and one on which the module's own rule would break is not driven either, so
+    that a mistake in a safe controller costs time only. It lets go as its contract says: where the robot stands, or the
+    battery's module needs to drive, the return path is driven after `lets_go_s`, where that keeps the module's rule.
 
     Args:
-        inner: the user's node.
-        wanted: where it publishes.
+        made: the user's declaration.
+        kit: what it was made from.
+        wanted: where its node publishes.
         waypoint: where the robot's controllers publish.
-        recovery: certifies legs.
     """
 
-    def __init__(self, inner: Node, wanted: Topic[Any], waypoint: Topic[Waypoint], recovery: RecoveryPlanner) -> None:
-        super().__init__(inner.name, inner.period_s, waypoint, recovery)
+    def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Waypoint]) -> None:
+        inner = made.sc
+        super().__init__(inner.name, inner.period_s, waypoint, kit.recovery)
+        self._rule: Final = made.phi_safe
+        self._lets_go_s: Final = made.lets_go_s
+        self._dock: Final = kit.dock
+        self._home: Final = kit.home
+        self._kept_since_s = 0.0
+        self._homewards = False
         self.publishes = inner.publishes  # type: ignore[assignment]  # a user's node may publish anything: P1b says so
         self.inner: Final = inner
         self._wanted: Final = wanted
@@ -149,6 +166,7 @@ class CertifiedController(SafeController):
         self._engaged = True
         self._moved_s = situation.now_s
         self._yields = False
+        self._kept_since_s, self._homewards = situation.now_s, False
         self.inner.engage(situation)
 
     def motion(self, situation: Situation) -> Waypoint | None:
@@ -157,13 +175,58 @@ class CertifiedController(SafeController):
             self.engage(situation)
         self.inner.step(situation)
         wanted = self._wanted.value
+        speed_m_s = wanted.speed_m_s if isinstance(wanted, Waypoint) else None
+        if self._has_to_let_go(situation) and (leg := self._leg_home(situation)) is not None:
+            return leg._replace(speed_m_s=speed_m_s)
         if wanted is None:
             return self.recovery.hold(situation)
         if not isinstance(wanted, Waypoint):
             raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
         wanted.check()
         leg = self._out_of_the_way(situation) or self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
-        return leg if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
+        if leg is None or not self._keeps_own_rule(situation, leg):
+            return self.recovery.hold(situation)
+        return leg._replace(speed_m_s=wanted.speed_m_s)
+
+    def _has_to_let_go(self, situation: Situation) -> bool:
+        """Whether the robot has stood, or the battery's module has waited, for as long as the contract allows."""
+        own, now_s = situation.own, situation.now_s
+        moves = math.hypot(own.vx_m_s, own.vy_m_s) > _MOVING_M_S
+        if not self._homewards and moves and not self._dock.wants_charge:
+            self._kept_since_s = now_s
+        if now_s - self._kept_since_s <= self._lets_go_s:
+            return False
+        if not self._homewards:
+            self._homewards = True
+            self._home.start_anew()
+        return True
+
+    def _leg_home(self, situation: Situation) -> Waypoint | None:
+        """Return the next leg of the return path, if the module's own margin allows it."""
+        leg = self._home.leg_home(situation)
+        return leg if leg is not None and self._keeps_own_rule(situation, leg) else None
+
+    def _keeps_own_rule(self, situation: Situation, leg: Waypoint) -> bool:
+        """Return whether the module's rule holds along a leg wherever the robot strays from it, or gets no worse.
+
+        The margin is looked at as if the robot were there already, and as slow or fast as it is now.
+        """
+        if self._rule is None:
+            return True
+        own, off_m = situation.own, self.recovery.certified_m
+        least = min(0.0, self._rule.margin(situation))
+        dx, dy = leg.x_m - own.x_m, leg.y_m - own.y_m
+        length_m = math.hypot(dx, dy) or 1.0
+        ux, uy = dx / length_m, dy / length_m
+        for part in _PARTS:
+            for ahead_m, left_m in ((0.0, 0.0), (0.0, off_m), (0.0, -off_m), (off_m, 0.0)):
+                x_m = own.x_m + part * dx + ahead_m * ux - left_m * uy
+                y_m = own.y_m + part * dy + ahead_m * uy + left_m * ux
+                there = Situation(situation.robot_id, _Moved(own, x_m, y_m), situation.now_s)
+                there.peers = situation.peers
+                if not self._rule.margin(there) >= least:
+                    return False
+        return True
 
     def _out_of_the_way(self, situation: Situation) -> Waypoint | None:
         """Return a leg away from a near peer with a lower id, if this robot has stood still for long; None otherwise.
@@ -183,6 +246,18 @@ class CertifiedController(SafeController):
         if math.hypot(away_x, away_y) > RETREAT_M:
             self._yields = False
         return self.recovery.away(situation, away_x, away_y) if self._yields else None
+
+
+class _Moved:
+    """A sample of a robot as if it were elsewhere."""
+
+    def __init__(self, own: Sample, x_m: float, y_m: float) -> None:
+        self._own: Final = own
+        self.x_m: Final = x_m
+        self.y_m: Final = y_m
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._own, name)
 
 
 def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
@@ -282,22 +357,26 @@ def declare_from(
     if not isinstance(made, RTAModule):
         raise refused(f"'{target}' returned a {type(made).__name__}, allowed: a soter.rta.RTAModule")
     # The user's safe controller publishes where it wants to go; what the robot gets is certified.
-    sc = CertifiedController(made.sc, kit.waypoint, waypoint, kit.recovery)
-    return replace(made, name=kit.name, sc=sc)
+    made = _under_contract(made)
+    return replace(made, name=kit.name, sc=CertifiedController(made, kit, kit.waypoint, waypoint))
+
+
+def _under_contract(made: RTAModule) -> RTAModule:
+    return made if math.isfinite(made.lets_go_s) else replace(made, lets_go_s=LETS_GO_S)
 
 
 def _bound(
     declared: RTAModule, target: str, kit: ModuleKit, waypoint: Topic[Any], refused: Callable[[str], ConfigError]
 ) -> RTAModule:
     """Return a declaration that was made beforehand, bound to one robot: a copy, since its controller has a state."""
-    copied = copy.deepcopy(declared)
+    copied = _under_contract(copy.deepcopy(declared))
     topics = [value for value in vars(copied.sc).values() if isinstance(value, Topic)]
     if len(topics) != 1:
         raise refused(
             f"'{target}' is a declaration whose safe controller has {len(topics)} topics among its attributes, "
             "allowed: one, which it publishes on; or name a function that takes a ModuleKit"
         )
-    return replace(copied, name=kit.name, sc=CertifiedController(copied.sc, topics[0], waypoint, kit.recovery))
+    return replace(copied, name=kit.name, sc=CertifiedController(copied, kit, topics[0], waypoint))
 
 
 def _options_model(

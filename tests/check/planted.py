@@ -5,6 +5,7 @@ Every bug is one that somebody might make.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -33,6 +34,15 @@ class EastOf(Region):
     def edge_margin(self, safer: Region) -> float:
         assert isinstance(safer, EastOf)
         return safer.least_m - self.least_m
+
+
+@dataclass(frozen=True)
+class EastOrSlow(EastOf):
+    """West of 1 m it is enough to be slow."""
+
+    def margin(self, situation: Situation) -> float:
+        own = situation.own
+        return max(own.x_m - self.least_m, 0.1 * (0.15 - math.hypot(own.vx_m_s, own.vy_m_s)))
 
 
 class Controller(Node):
@@ -90,8 +100,13 @@ def sc_leaves(kit: ModuleKit) -> RTAModule:
     return _made(kit, west)
 
 
-def sc_leaves_rarely(kit: ModuleKit) -> RTAModule:
-    return _made(kit, wrong_way_when_deep)
+def sc_speeds(kit: ModuleKit) -> RTAModule:
+    """Goes where it may be, and then faster than it may be there."""
+    return replace(_made(kit, west), phi_safe=EastOrSlow(), phi_safer=EastOrSlow(1.0 + REACH_M + 0.1))
+
+
+def sc_speeds_rarely(kit: ModuleKit) -> RTAModule:
+    return replace(sc_speeds(kit), sc=_made(kit, wrong_way_when_deep).sc)
 
 
 def sc_holds(kit: ModuleKit) -> RTAModule:

@@ -24,8 +24,9 @@ BUDGET = 20
 
 # What is planted, the obligation that it breaks, and how many trials may be needed to find it.
 PLANTED = [
-    ("sc_leaves", "P2a", 5),
-    ("sc_leaves_rarely", "P2a", 120),
+    ("sc_speeds", "P2a", 5),
+    ("sc_speeds_rarely", "P2a", 120),
+    ("sc_leaves", "P2b", 5),
     ("sc_holds", "P2b", 5),
     ("sc_stops_short", "P2b", 5),
     ("sc_fails_in_a_corner", "P2b", 40),
@@ -88,7 +89,7 @@ def test_what_the_author_only_claims_is_called_an_assumption() -> None:
 
 
 def test_a_breach_says_where_and_why() -> None:
-    assert "into its safe controller" in found("sc_leaves")[1].breach.text
+    assert "into its safe controller" in found("sc_speeds")[1].breach.text
     assert "while the AC was trusted" in found("never_looks")[1].breach.text
     assert "KeyError('no such table')" in found("sc_raises")[1].breach.text
     assert "is not given back" in found("sc_holds")[1].breach.text

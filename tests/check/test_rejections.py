@@ -15,7 +15,9 @@ from soter.adapters.pybullet import KinematicBackend
 from soter.check import Verdict, conditions
 from soter.config import load_mission
 from soter.errors import IllFormedModule
+from soter.registry import load_backend
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
+from soter.runner.admission import admitted
 from soter.runner.specs import read_options
 from soter.runner.speedup import declare_all, refused_at
 from soter.stack.collision import Separation, check_halves
@@ -49,12 +51,28 @@ def pair(brake_m_s2: float = 1.0) -> RTAModule:
     return RTAModule("collision", node, node, 0.1, safe, safer, PairBound(speed, speed))
 
 
-def station(x_m: float, y_m: float, box: Box) -> None:
-    """Check a robot that starts at (1, 1) of a room with one box, and charges around that place."""
+def station(
+    x_m: float, y_m: float, *boxes: Box, start: tuple[float, float] = (1.0, 1.0), half_m: float = 0.1,
+    beside: tuple[RobotPlace, ...] = (),
+) -> None:  # fmt: skip
+    """Check a robot that charges around a place, in a room with some boxes and with other robots' stations."""
     asked = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "kinematic"})
-    charger = Box(x_m - 0.1, y_m - 0.1, x_m + 0.1, y_m + 0.1)
-    workspace = Workspace(5.0, 5.0, (box,), (RobotPlace(1, 1.0, 1.0, charger),))
-    declare_all(asked, workspace, {1: PROMISED})[1].check(asked.base_tick_s)
+    charger = Box(x_m - half_m, y_m - half_m, x_m + half_m, y_m + half_m)
+    workspace = Workspace(5.0, 5.0, boxes, (RobotPlace(1, *start, charger), *beside))
+    declared = declare_all(asked, workspace, {robot.id: PROMISED for robot in workspace.robots})
+    declared[1].check(asked.base_tick_s)
+
+
+def users_rule(modules: list[str], *robots: RobotPlace) -> None:
+    """Admit robots that a module of the user's wants east of 1 m."""
+    own = {"declare": "tests.check.planted:right"}
+    asked = load_mission(
+        ROOT / "examples" / "surveillance.toml",
+        {"backend": "kinematic", "rta.modules": modules, "rta.module": {"own": own}},
+    )
+    workspace = Workspace(5.0, 5.0, (), robots)
+    backend = load_backend("kinematic")
+    admitted(asked, workspace, backend, read_options(backend, asked, workspace), ill_formed=False, unproved=True)
 
 
 def hasty() -> None:
@@ -79,6 +97,8 @@ OTHER.publishes = ("path",)
 DECLARED: dict[str, tuple[str, RTAModule]] = {
     "delta_s is 0.0": ("P1a", module(delta_s=0.0)),
     "dwell_s is -1.0": ("P1a", module(dwell_s=-1.0)),
+    "lets_go_s is -1.0": ("P2c", module(lets_go_s=-1.0)),
+    "peers_within_m is -1.0": ("P1a", module(peers_within_m=-1.0)),
     "and not both": ("P3", module(model=None)),
     "the SC 'slow' has a period of 1 s": ("P1a", module(sc=SLOW)),
     "no multiple of the base tick": ("P1a", module(delta_s=0.12)),
@@ -87,12 +107,25 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
 }
 # The others, which need more than a declaration.
 OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
+    "its rule does not hold where robot 1 starts, at (0.5, 1): the margin is -0.500 m": (
+        "A13", lambda: users_rule(["geofence"], RobotPlace(1, 0.5, 1.0, Box(0.8, 0.8, 1.2, 1.2))),
+    ),
+    "with each on its station the margin of phi_safer is": (
+        "P2b", lambda: users_rule(["battery"], RobotPlace(1, 2.0, 1.0, Box(0.8, 0.8, 1.2, 1.2))),
+    ),
     "more than a quarter of the separation": ("P2a", lambda: check_halves(pair(), Timing(), 0.2)),
     "so that the AC has to lose control": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(), 0.05)),
     "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), Timing(), 0.05)),
     "or backends.": ("P3", hasty),
-    "there is no way from (1, 1)": ("P2b", lambda: station(1.0, 3.0, Box(0.0, 1.9, 5.0, 2.1))),
-    "cannot be stood on": ("P2b", lambda: station(4.9, 1.0, Box(0.0, 1.9, 4.0, 2.1))),
+    "there is no path for robot 1 from its start at (1, 1)": (
+        "P2b", lambda: station(1.0, 3.0, Box(0.0, 1.9, 5.0, 2.1)),
+    ),
+    "0.015 m from a box": ("P2b", lambda: station(2.5, 1.12, Box(2.0, 0.0, 3.0, 1.0))),
+    "0.040 m wide": ("P2b", lambda: station(2.5, 2.5, half_m=0.02)),
+    "0.200 m apart": (
+        "P2b", lambda: station(2.5, 2.5, beside=(RobotPlace(2, 4.0, 4.0, Box(2.6, 2.4, 2.8, 2.6)),)),
+    ),
+    "no place can be reached": ("P2b", lambda: station(3.0, 0.175, Box(0.0, 0.35, 5.0, 0.6), start=(1.0, 0.175))),
     "which a robot does not promise": (
         "P3", lambda: limits(heading_noise_rad=None).motion("geofence", "unicycle"),
     ),

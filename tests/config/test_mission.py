@@ -15,6 +15,10 @@ from soter.errors import ConfigError
 
 ROOM = Path(__file__).parents[2] / "examples" / "surveillance.xml"
 HEAD = 'workspace = "room.xml"\n'
+CHEAP = (
+    "m.toml:3: battery.idle_s: it is 1799.0, allowed: at least drive_s, which is 1800: standing still costs no more "
+    "than driving"
+)
 
 
 def mission(text: str = "", overrides: dict[str, object] | None = None) -> Mission:
@@ -36,11 +40,11 @@ def test_defaults_are_those_of_the_design() -> None:
     assert made.battery.initial is None
     assert made.rta.enabled
     assert made.rta.modules == MODULES == ("collision", "obstacle", "geofence", "battery")
-    assert [getattr(made.rta, name).delta_s for name in MODULES] == [0.1, 0.05, 0.5, 1.0]
+    assert [getattr(made.rta, name).delta_s for name in MODULES] == [0.05, 0.05, 0.05, 1.0]
     assert {getattr(made.rta, name).dwell_s for name in MODULES} == {0.3}
     assert (made.rta.collision.phi_safe_m, made.rta.collision.phi_safer_m) == (0.3, 0.5)
     assert (made.rta.obstacle.phi_safe_m, made.rta.obstacle.phi_safer_m) == (0.0, 0.1)
-    assert made.rta.geofence.phi_safer_inset_m == 0.5
+    assert made.rta.geofence.phi_safer_inset_m == 0.1
     assert (made.rta.battery.phi_safer, made.rta.battery.reserve_factor) == (0.85, 4.0)
     assert (made.backends, made.planners) == ({}, {})
 
@@ -226,8 +230,8 @@ WRONG: list[tuple[str, str]] = [
         "m.toml:3: rta.modules: it is ['battery', 'battery'], allowed: each module once, 'battery' is there twice",
     ),
     # ranges
-    ("duration_s = 0\n", "m.toml:2: duration_s: it is 0, allowed: above 0"),
-    ("duration_s = -1.0\n", "m.toml:2: duration_s: it is -1.0, allowed: above 0"),
+    ("duration_s = 0\n", "m.toml:2: duration_s: it is 0, allowed: at least 0.001"),
+    ("duration_s = -1.0\n", "m.toml:2: duration_s: it is -1.0, allowed: at least 0.001"),
     ("duration_s = nan\n", "m.toml:2: duration_s: it is nan, allowed: a finite number"),
     ("duration_s = inf\n", "m.toml:2: duration_s: it is inf, allowed: a finite number"),
     ("duration_s = 1e8\n", "m.toml:2: duration_s: it is 100000000.0, allowed: at most 1e+07"),
@@ -238,18 +242,19 @@ WRONG: list[tuple[str, str]] = [
     ),
     ("robots = 0\n", "m.toml:2: robots: it is 0, allowed: at least 1"),
     ("robots = 255\n", "m.toml:2: robots: it is 255, allowed: at most 254"),
-    ("target_timeout_s = 0\n", "m.toml:2: target_timeout_s: it is 0, allowed: above 0"),
+    ("target_timeout_s = 0\n", "m.toml:2: target_timeout_s: it is 0, allowed: at least 0.1"),
     ("[isolation]\nsilent_s = 0.1\n", "m.toml:3: isolation.silent_s: it is 0.1, allowed: at least 0.5"),
     ("[isolation]\nmemory_mib = 1\n", "m.toml:3: isolation.memory_mib: it is 1, allowed: at least 64"),
     (
         "[isolation]\nreal_time = 1\n",
         "m.toml:3: isolation.real_time: it is 1, allowed: 'auto', 'always' or 'never'",
     ),
-    ("base_tick_s = 0.0\n", "m.toml:2: base_tick_s: it is 0.0, allowed: above 0"),
-    ("[battery]\ndrive_s = 0\n", "m.toml:3: battery.drive_s: it is 0, allowed: above 0"),
-    ("[battery]\nidle_s = -2\n", "m.toml:3: battery.idle_s: it is -2, allowed: above 0"),
+    ("base_tick_s = 0.0\n", "m.toml:2: base_tick_s: it is 0.0, allowed: at least 0.001"),
+    ("[battery]\ndrive_s = 0\n", "m.toml:3: battery.drive_s: it is 0, allowed: at least 0.1"),
+    ("[battery]\nidle_s = 1799.0\n", CHEAP),
+    ("[battery]\nidle_s = -2\n", "m.toml:3: battery.idle_s: it is -2, allowed: at least 0.1"),
     ("[battery]\ncharge_s = nan\n", "m.toml:3: battery.charge_s: it is nan, allowed: a finite number"),
-    ("[battery.initial]\n2 = 0\n", "m.toml:3: battery.initial.2: it is 0, allowed: above 0"),
+    ("[battery.initial]\n2 = 0\n", "m.toml:3: battery.initial.2: it is 0, allowed: at least 0.001"),
     ("[battery]\ninitial = [0.5, 1.5]\n", "m.toml:3: battery.initial.2: it is 1.5, allowed: at most 1"),
     ("[battery]\ninitial = 0.5\n", "m.toml:3: battery.initial: it is 0.5, allowed: a table"),
     (
@@ -270,11 +275,11 @@ WRONG: list[tuple[str, str]] = [
     ("[rta.obstacle]\ndwell_s = -0.1\n", "m.toml:3: rta.obstacle.dwell_s: it is -0.1, allowed: at least 0"),
     (
         "[rta.geofence]\nphi_safer_inset_m = 0.0\n",
-        "m.toml:3: rta.geofence.phi_safer_inset_m: it is 0.0, allowed: above 0",
+        "m.toml:3: rta.geofence.phi_safer_inset_m: it is 0.0, allowed: at least 0.001",
     ),
     ("[rta.battery]\nphi_safer = 85\n", "m.toml:3: rta.battery.phi_safer: it is 85, allowed: at most 1"),
     ("[rta.battery]\nreserve_factor = 0.5\n", "m.toml:3: rta.battery.reserve_factor: it is 0.5, allowed: at least 1"),
-    ("[rta.battery]\ndelta_s = 0\n", "m.toml:3: rta.battery.delta_s: it is 0, allowed: above 0"),
+    ("[rta.battery]\ndelta_s = 0\n", "m.toml:3: rta.battery.delta_s: it is 0, allowed: at least 0.001"),
     (
         "[rta.geofence]\ndelta_s = 0.52\n",
         (
@@ -294,7 +299,7 @@ WRONG: list[tuple[str, str]] = [
     (
         "base_tick_s = 0.1\n",
         (
-            "m.toml: rta.obstacle.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the "
+            "m.toml: rta.collision.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the "
             "nearest is 0.1"
         ),
     ),
@@ -471,3 +476,10 @@ def test_options_of_the_command_line_are_blamed_on_it(tmp_path: Path) -> None:
         f"  {path}:3: backends.kinematic.rate_hz: it is 0, allowed: above 0",
         "  command line: backends.kinematic.gui: it is 'yes, please', allowed: true or false",
     ]
+
+
+def test_a_workspace_whose_name_no_system_takes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(f'workspace = "{"x" * 300}"\n')
+    with pytest.raises(ConfigError, match="File name too long"):
+        load_mission(path).read_workspace()

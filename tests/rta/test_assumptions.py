@@ -4,13 +4,34 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
+from dataclasses import replace
+from itertools import accumulate
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from soter.rta import SUPERVISOR, Assumption, AssumptionLog, DischargeBound, Mode, PeerMonitor, SpeedBound, Timing
+from soter.errors import Intruder
+from soter.rta import (
+    SUPERVISOR,
+    Assumption,
+    AssumptionLog,
+    DischargeBound,
+    Mode,
+    PeerMonitor,
+    RobotSupervisor,
+    SpeedBound,
+    Timing,
+    Worst,
+)
+from soter.rta.assumptions import SPELL_S
 from soter.rta.fleet import Supervisor
 from soter.rta.supervisor import ALARM_S
+from soter.stack.battery import Dock
+from soter.stack.charge_monitor import ChargeMonitor
+from soter.stack.contracts import ContractMonitor
 from tests.rta.doubles import SPEED, TICK_S, At, Rig
 
 ALARM_TICKS = round(ALARM_S / TICK_S)
@@ -52,7 +73,7 @@ def recovers(rig: Rig) -> None:
 
 
 def test_the_numbers_are_stable_and_every_assumption_says_what_it_is_and_what_watches_it() -> None:
-    assert [each.id for each in Assumption] == [f"A{number}" for number in range(1, 16)]
+    assert [each.id for each in Assumption] == [f"A{number}" for number in range(1, 17)]
     for assumption in Assumption:
         assert Assumption[assumption.name] is assumption
         assert str(assumption) == assumption.id
@@ -67,7 +88,37 @@ def test_a_log_counts_and_keeps_the_first_cause() -> None:
     log.note(Assumption.MOTION, 4.0, "other")
     log.note(Assumption.BRAKING, 5.0, "second")
     assert list(log.breaches) == [Assumption.BRAKING, Assumption.MOTION]
-    assert log.breaches[Assumption.BRAKING] == (2, 3.0, "first")
+    assert log.breaches[Assumption.BRAKING] == (2, 3.0, "first", 5.0, ())
+
+
+LOOKS = st.lists(
+    st.tuples(
+        st.floats(0.05, 5.0),
+        st.one_of(st.floats(-1.0, 10.0), st.just(math.nan), st.just(math.inf)),
+        st.sampled_from(["m", "s"]),
+    ),
+    min_size=1,
+    max_size=30,
+)
+
+
+@given(LOOKS)
+def test_of_any_looks_the_log_keeps_number_first_last_and_the_worst_of_every_unit(
+    looks: list[tuple[float, float, str]],
+) -> None:
+    log, times_s = AssumptionLog(), list(accumulate(gap_s for gap_s, _, _ in looks))
+    for time_s, (_, excess, unit) in zip(times_s, looks, strict=True):
+        log.note(Assumption.RECOVERY, time_s, f"at {time_s}", excess, unit)
+    breach = log.breaches[Assumption.RECOVERY]
+    assert breach[:4] == (len(looks), times_s[0], f"at {times_s[0]}", times_s[-1])
+    measured = {unit: [each for _, each, its in looks if its == unit and math.isfinite(each)] for unit in ("m", "s")}
+    assert {each.unit: each.excess for each in breach.worst} == {
+        unit: max(found) for unit, found in measured.items() if found
+    }
+    assert all(each.cause == f"at {each.time_s}" for each in breach.worst)
+    began = max((at for at in range(1, len(looks)) if times_s[at] - times_s[at - 1] > SPELL_S), default=0)
+    spell = log.spells[Assumption.RECOVERY]
+    assert (spell.times, spell.first_s, spell.last_s) == (len(looks) - began, times_s[began], times_s[-1])
 
 
 # --- A1, A6: where the robot is ----------------------------------------------------------------------------
@@ -80,7 +131,10 @@ def test_a1_a_robot_that_is_faster_than_its_model() -> None:
         rig.tick()
     cause = found(rig, Assumption.MOTION)
     assert "outside the reach set of SpeedBound: 0.015 m in 0.050 s at no more than 0.300 m/s" in cause
-    assert rig.robot.log.breaches[Assumption.MOTION].times == 3
+    breach = rig.robot.log.breaches[Assumption.MOTION]
+    assert breach.times == 3
+    assert breach.worst[0].unit == "m"
+    assert breach.worst[0].excess == pytest.approx((0.3 - V_MAX) * TICK_S, abs=1e-6)
     recovers(rig)
 
 
@@ -195,6 +249,22 @@ def test_a10_a_robot_that_drives_on_without_a_lease() -> None:
     assert V_MAX * (step - 1) * TICK_S <= within_m < V_MAX * step * TICK_S
 
 
+def test_a12_somebody_else_moves_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = started()
+
+    def renew() -> None:
+        raise Intruder("it is driven past the mux")
+
+    with monkeypatch.context() as intruded:
+        intruded.setattr(rig.actuator, "renew", renew)
+        rig.tick(3)
+    assert list(rig.robot.log.breaches) == [Assumption.AUTHORITY]
+    assert rig.robot.mode is Mode.SC
+    # It was found in acting, and so is the cause of the next decision.
+    assert rig.watch.records[0].cause == "A12: intruder: it is driven past the mux"
+    recovers(rig)
+
+
 def test_a10_a_robot_that_stops_without_a_lease_is_no_breach() -> None:
     rig = started(timing=Timing(latency_s=0.05, lease_s=0.1))
     rig.actuator.failing.add("drive")
@@ -270,6 +340,26 @@ def test_a15_stamps_that_go_back() -> None:
     put(rig, x_m=12.0, stamp_s=rig.now_s - 0.3)
     rig.tick()
     assert "stamps went back by 0.250 s" in found(rig, Assumption.CLOCK)
+
+
+def test_a16_a_safe_controller_that_does_not_let_go() -> None:
+    own, dock = Rig("own", "battery"), SimpleNamespace(wants_charge=True, docked=lambda _: False)
+    robot, monitor = own.robot, ContractMonitor()
+    assert robot.driver is not None
+    robot.driver.module = replace(robot.driver.module, lets_go_s=30.0)  # type: ignore[misc]
+    for now_s in (0.0, 30.0):
+        monitor.look(now_s, {1: robot}, {1: cast("Dock", dock)})
+    assert robot.log.breaches == {}
+    monitor.look(31.0, {1: robot}, {1: cast("Dock", dock)})
+    breach = robot.log.breaches[Assumption.CONTRACT]
+    assert breach.cause == "'own' has kept the robot from charging for 31.0 s, at most 30 s"
+    assert [(worst.excess, worst.unit) for worst in breach.worst] == [(1.0, "s")]
+    # Once it need not charge any more, and wherever it moves, nothing is kept from it.
+    dock.wants_charge = False
+    monitor.look(32.0, {1: robot}, {1: cast("Dock", dock)})
+    dock.wants_charge = True
+    monitor.look(62.0, {1: robot}, {1: cast("Dock", dock)})
+    assert robot.log.breaches[Assumption.CONTRACT].times == 1
 
 
 @pytest.mark.parametrize(("missed", "assumption"), [(1, Assumption.JITTER), (5, Assumption.SCHEDULING)])
@@ -372,6 +462,28 @@ def test_a8_a_charge_that_falls_faster_than_the_model(battery: float | None, hol
         assert "reach set of DischargeBound" in found(rig, Assumption.DISCHARGE)
 
 
+def test_a8_a_charge_that_stands_while_the_robot_drives() -> None:
+    now_s, log, monitor = 0.0, AssumptionLog(), ChargeMonitor()
+    docks = {1: cast("Dock", SimpleNamespace(cost_per_m=0.01))}
+
+    def drives(metres: float, *, charge: float, speed_m_s: float = 0.2) -> bool:
+        nonlocal now_s
+        log.breaches.clear()
+        for _ in range(10):
+            now_s += metres / 0.2 / 10
+            own = SimpleNamespace(battery=charge, vx_m_s=speed_m_s, vy_m_s=0.0, stamp_s=now_s)
+            robot = SimpleNamespace(situation=SimpleNamespace(own=own), log=log)
+            monitor.look(now_s, {1: cast("RobotSupervisor", robot)}, docks)
+        return Assumption.DISCHARGE in log.breaches
+
+    assert not drives(4.9, charge=0.6)
+    assert drives(1.0, charge=0.6)
+    assert "the charge has not fallen from 0.60 in" in log.breaches[Assumption.DISCHARGE].cause
+    # In steps of whole percents it falls often enough, it may be charged, and a robot that stands proves nothing.
+    assert not any(drives(4.0, charge=charge) for charge in (0.59, 0.58, 0.9))
+    assert not drives(50.0, charge=0.9, speed_m_s=0.0)
+
+
 def test_a9_a_margin_that_falls_although_the_robot_has_not_moved() -> None:
     rig = started()
     rig.rules["a"].value = 9.0
@@ -395,7 +507,9 @@ def test_a13_a_robot_that_starts_outside() -> None:
     rig.rules["a"].value = -0.5
     rig.tick(5)
     assert rig.robot.mode is Mode.SC
-    assert rig.robot.log.breaches[Assumption.START] == (1, 0.0, "'a': margin -0.500")
+    breach = rig.robot.log.breaches[Assumption.START]
+    assert breach[:3] == (1, 0.0, "'a': margin -0.500")
+    assert breach.worst == (Worst(0.5, "m", 0.0, "'a': margin -0.500"),)
 
 
 def test_a14_a_margin_that_is_used_up_under_the_safe_controller() -> None:

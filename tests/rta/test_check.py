@@ -12,10 +12,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from soter.errors import IllFormedModule
-from soter.rta import RTAModule, Timing
+from soter.rta import DecisionModule, Mode, RTAModule, Situation, Timing
 from soter.stack.collision import Separation
 from soter.stack.geofence import Fence
-from tests.rta.doubles import PAIR, SPEED, TICK_S, Above, FakeNode, module
+from tests.rta.doubles import PAIR, SPEED, TICK_S, Above, At, FakeNode, module
 
 TIMING = Timing(latency_s=0.05)
 
@@ -117,15 +117,22 @@ def test_p3_names_the_numbers_and_a_value_that_would_do() -> None:
 
 @given(
     st.integers(1, 40), st.floats(0.0, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 0.1),
-    st.floats(0.0, 1.0), st.integers(1, 4),
+    st.floats(0.0, 0.2), st.floats(0.0, 1.0), st.integers(1, 4),
 )  # fmt: skip
 def test_p3_whatever_it_suggests_passes(
-    ticks: int, edge: float, latency_s: float, age_s: float, jitter_s: float, lease_s: float, period: int
+    ticks: int,
+    edge: float,
+    latency_s: float,
+    age_s: float,
+    jitter_s: float,
+    noise_m: float,
+    lease_s: float,
+    period: int,
 ) -> None:
     node = FakeNode("node", period_s=min(period, ticks) * TICK_S)
-    timing = Timing(latency_s, age_s, jitter_s, 0.0, lease_s, TICK_S)
+    timing = Timing(latency_s, age_s, jitter_s, noise_m, lease_s, TICK_S)
     made = module(delta_s=ticks * TICK_S, phi_safer=Above(edge), ac=node, sc=node)
-    assume(SPEED.bound(made.horizon_s(timing)) > edge + 1e-6)
+    assume(SPEED.bound(made.horizon_s(timing)) + noise_m > edge + 1e-6)
     error = refusal(made, timing)
     assert error.condition == "P3"
     replace(made, phi_safer=Above(number(r"a margin of ([\d.]+) m", error))).check(timing, TICK_S)
@@ -136,11 +143,42 @@ def test_p3_whatever_it_suggests_passes(
             assert refusal(replace(made, delta_s=shorter * TICK_S), timing).condition == "P3"
 
 
+@given(st.integers(1, 20), st.floats(0.0, 1.5), st.floats(0.0, 0.3), st.floats(0.0, 0.3))
+def test_p3_is_what_the_first_lemma_starts_from(ticks: int, edge: float, own_m: float, peers_m: float) -> None:
+    """At the edge of phi_safer the AC may go on driving if and only if P3 holds, noise of both robots included."""
+    apart = Separation(0.3, 0.22, peers_m)
+    made = module(delta_s=ticks * TICK_S, phi_safe=apart, phi_safer=replace(apart, least_m=0.3 + edge), model=PAIR)
+    timing = replace(TIMING, noise_m=own_m)
+    spare = edge - own_m - peers_m - PAIR.bound(made.horizon_s(timing))
+    assume(abs(spare) > 1e-6)
+    decision = DecisionModule(made, timing, TICK_S)
+    decision.mode = Mode.AC
+    situation = Situation(1, At(), 0.0)
+    situation.peers = (At(0.3 + edge, robot_id=2),)
+    fires = decision.decide(situation)
+    if spare < 0.0:
+        assert fires
+        error = refusal(made, timing)
+        wider = 0.3 + number(r"a margin of ([\d.]+) m", error)
+        replace(made, phi_safer=replace(apart, least_m=wider)).check(timing, TICK_S)
+    else:
+        assert not fires
+        made.check(timing, TICK_S)
+
+
 @pytest.mark.parametrize("name", ["latency_s", "sample_age_s", "jitter_s"])
 def test_p3_pays_for_latency_age_and_jitter(name: str) -> None:
     made = module(delta_s=0.1, phi_safer=Above(SPEED.bound(0.2)))
     made.check(Timing(), TICK_S)
     assert refusal(made, Timing(**{name: 0.01})).condition == "P3"
+
+
+def test_p3_pays_for_noise_and_says_so() -> None:
+    made = module(delta_s=0.1, phi_safer=Above(SPEED.bound(0.2) + 0.05))
+    made.check(Timing(noise_m=0.05), TICK_S)
+    error = refusal(made, Timing(noise_m=0.06))
+    assert error.condition == "P3"
+    assert "and be wrong by 0.060 m" in str(error)
 
 
 def test_p3_pays_for_a_lease_that_outlives_two_delta() -> None:

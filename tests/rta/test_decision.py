@@ -50,6 +50,15 @@ def disengaged(**values: Any) -> DecisionModule:
     return made
 
 
+@pytest.mark.parametrize("clock_s", [0.0, 1e6])
+def test_time_in_sc_counts_from_the_first_look_whatever_the_clock_says(clock_s: float) -> None:
+    made = decision()
+    assert made.since_s == math.inf
+    for now_s in (clock_s, clock_s + 0.1):
+        made.decide(situation(0.0, now_s))
+        assert (made.mode, made.since_s) == (Mode.SC, clock_s)
+
+
 # --- AC -> SC ----------------------------------------------------------------------------------------------
 
 

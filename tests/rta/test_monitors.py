@@ -82,9 +82,9 @@ def test_a_rule_given_by_predicates_has_decisions_only() -> None:
 def test_the_first_margin_that_is_negative_is_one_of_the_start_and_later_ones_are_of_the_recovery() -> None:
     made = monitor()
     made.look(0.0, -1.0, SC, SC)
-    assert made.found == Finding(Assumption.START, "margin -1.000")
-    made.look(0.1, -1.0, SC, SC)
-    assert made.found == Finding(Assumption.RECOVERY, "margin -1.000")
+    assert made.found == Finding(Assumption.START, "margin -1.000", 1.0, "m")
+    made.look(0.1, -1.5, SC, SC)
+    assert made.found == Finding(Assumption.RECOVERY, "margin -1.500", 1.5, "m")
 
 
 def test_noise_is_no_finding() -> None:

@@ -66,6 +66,13 @@ def test_a_mission_with_another_reach_model_keeps_every_rule(model: str) -> None
     assert result.assumptions == {}
 
 
+def test_a_declared_error_of_the_heading_is_no_alarm_of_a_model_that_looks_at_it() -> None:
+    chosen = {f"rta.{name}.model": "unicycle" for name in ("collision", "obstacle", "geofence")}
+    result = run({"kind": "bias", "heading_rad": 0.5}, duration_s=120.0, targets="hostile", **chosen)
+    assert (result.violations, result.assumptions) == (SAFE, {})
+    assert result.ac_share > 0.4
+
+
 def test_the_default_reach_model_is_that_of_a_top_speed() -> None:
     chosen = {f"rta.{name}.model": "speed" for name in ("collision", "obstacle", "geofence")}
     assert run(**chosen).trace_sha256 == run().trace_sha256

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import resource
+import select
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import zmq
 from mcap.reader import make_reader
 
 from soter.cli.run import _exit_code
@@ -23,8 +24,8 @@ from soter.errors import ConfigError, RunFailed
 from soter.runner import Run, run_mission
 from soter.runner.remote_side import NICENESS, RemoteSide
 from soter.sdk import RobotSpec
+from soter.sdk.wire import Simulator
 from soter_zmq.adapter import ZmqRobot
-from soter_zmq.simulator import Simulator, describe
 from tests.waiting import gone, wait_until
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -113,7 +114,7 @@ def judge(run: Run, words: str) -> None:
     result = run.result
     assert set(result.failed_robots) == {1, 2}
     assert all(words in cause for cause in result.failed_robots.values())
-    assert in_ac(run, 1.0, 1.5), "the robots were with their AC before it turned"
+    assert in_ac(run, 0.0, 2.5), "the robots were with their AC before it turned"
     assert not in_ac(run, 3.5, 4.0)
     assert result.duration_s == 4.0, "the SCs had the robots to the end"
     assert not result.violated
@@ -149,14 +150,15 @@ def test_the_mission_is_favoured_less_limited_and_taken_first() -> None:
     side = RemoteSide(asked, asked.read_workspace(), 0.1)
     try:
         side.ready()
-        pid = side.pid
+        # Around it there are the processes of its box, where there are namespaces.
+        pid = [side.pid, *children(side.pid)][-1]
         assert os.getpriority(os.PRIO_PROCESS, pid) == min(os.getpriority(os.PRIO_PROCESS, 0) + NICENESS, 19)
         assert Path(f"/proc/{pid}/oom_score_adj").read_text() == "1000\n"
         assert resource.prlimit(pid, resource.RLIMIT_AS)[0] < 2**40
-        assert os.getsid(pid) == pid != os.getsid(0)
+        assert os.getsid(pid) == side.pid != os.getsid(0)
     finally:
         side.close()
-    assert gone(pid)
+    wait_until(lambda: gone(pid))
     side.close()
 
 
@@ -189,20 +191,21 @@ class Truth:
     """Hears how fast the robots really are, whoever commands them."""
 
     def __init__(self, address: str) -> None:
-        self._context = zmq.Context()
-        self._socket = self._context.socket(zmq.SUB)
-        self._socket.setsockopt(zmq.CONFLATE, 1)
-        self._socket.setsockopt(zmq.SUBSCRIBE, b"")
-        self._socket.connect(address)
+        host, _, port = address.rpartition(":")
+        self._socket = socket.create_connection((host, int(port)), 5.0)
+        self._heard = b""
 
     def speed_m_s(self) -> float:
-        """The fastest robot's speed."""
-        assert self._socket.poll(5000), "the simulator is silent"
-        speeds: dict[str, tuple[float, float]] = json.loads(self._socket.recv())["speeds"]
+        """The fastest robot's speed, by the newest line that is there."""
+        while self._heard.count(b"\n") < 2 or select.select([self._socket], [], [], 0.0)[0]:
+            more = self._socket.recv(1 << 16)
+            assert more, "the simulator is gone"
+            self._heard = b"\n".join(self._heard.split(b"\n")[-3:]) + more
+        speeds: dict[str, tuple[float, float]] = json.loads(self._heard.split(b"\n")[-2])["speeds"]
         return max(abs(speed) for speed, _ in speeds.values())
 
     def close(self) -> None:
-        self._context.destroy(0)
+        self._socket.close()
 
 
 def children(pid: int) -> list[int]:
@@ -219,7 +222,7 @@ def simulator() -> Iterator[Simulator]:
     """Robots in a process of their own, which a run does not start and does not end."""
     workspace = mission().read_workspace()
     specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in workspace.robots]
-    started = Simulator(describe(workspace, specs))
+    started = Simulator("soter_zmq.robot", workspace, specs)
     yield started
     started.close()
 
@@ -232,7 +235,7 @@ def mission_file(folder: Path, simulator: Simulator) -> Path:
         f'[backends."{ZMQ}"]',
         f'truth = "{simulator.truth}"',
     ]
-    for robot_id, addresses in simulator.endpoints.items():
+    for robot_id, addresses in simulator.robots.items():
         lines.append(f'[backends."{ZMQ}".robots.{robot_id}]')
         lines += [f'{name} = "{address}"' for name, address in addresses.items()]
     path = folder / "mission.toml"

@@ -48,7 +48,7 @@ def test_processes_of_one_mission_agree_and_others_do_not() -> None:
     for overrides in same:
         assert part("alpha", **overrides).digest == digest, overrides
     another: list[dict[str, Any]] = [
-        {"rta__collision__delta_s": 0.05}, {"base_tick_s": 0.025}, {"rta__modules": ["collision"]},
+        {"rta__collision__delta_s": 0.1}, {"base_tick_s": 0.025}, {"rta__modules": ["collision"]},
         {"distribution__processes__alpha__robots": [2], "distribution__processes__beta__robots": [1]},
         {"fault": [{"kind": "delay", "commands_s": 0.01, "declared": True}]}, {"battery__drive_s": 900.0},
     ]  # fmt: skip

@@ -8,7 +8,10 @@ from collections.abc import Sequence
 from hypothesis import strategies as st
 
 from soter.rta import Sample, Situation
+from soter.stack.battery import Dock
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
+from soter.stack.return_path import ReturnPath
+from soter.stack.routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 from soter.workspace import Box, RobotPlace, Workspace
 from tests.rta.doubles import At
@@ -29,6 +32,8 @@ CASE = Workspace(
 TERRAIN = Terrain(CASE, RADIUS_M)
 EMPTY = Terrain(Workspace(5.0, 5.0, (), ()), RADIUS_M)
 
+COST_PER_M = 0.0025
+
 inside = st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0))
 
 
@@ -40,6 +45,19 @@ def boxes(count: int = 4) -> st.SearchStrategy[tuple[Box, ...]]:
 
 def planner(terrain: Terrain = TERRAIN, rules: RecoveryRules | None = None) -> RecoveryPlanner:
     return RecoveryPlanner(terrain, CAPABILITIES, rules or RecoveryRules(), TICK_S)
+
+
+def dock(
+    recovery: RecoveryPlanner | None = None,
+    station: Box = CASE.robots[0].charger,
+    occupied: Sequence[Rectangle] = (),
+    clearance_m: float = 0.15,
+    inset_m: float = 0.25,
+) -> Dock:
+    """A robot's station and its return path, which the test has to track."""
+    recovery = recovery or planner()
+    path = ReturnPath(recovery.terrain, recovery, station.centre, clearance_m, inset_m, occupied)
+    return Dock(station, path, COST_PER_M)
 
 
 def seen(own: Sample, peers: Sequence[Sample] = (), now_s: float = 0.0) -> Situation:

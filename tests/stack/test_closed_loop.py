@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Mapping
+from typing import Any
 
 import pytest
 
 from soter.rta import ControlReport, GoalReport
 from soter.sdk import Waypoint
 from soter.stack.kit import RobotPort
+from soter.workspace_xml import read_workspace
+from tests.project.source import ROOT
 from tests.stack.loop import AC, Loop, goto, where
 
 MODULES = ("collision", "obstacle", "geofence", "battery")
@@ -66,7 +69,7 @@ CASES = [(module, ac) for module in MODULES for ac in HOSTILE[module]]
 
 def loop(module: str, ac: AC, modules: tuple[str, ...]) -> Loop:
     # A battery that is empty after ten minutes of driving, so that it matters within five.
-    overrides = {"battery__drive_s": 600.0} if module == "battery" else {}
+    overrides: dict[str, Any] = {"battery__drive_s": 600.0} if module == "battery" else {}
     return Loop(ac, CHARGES.get(module, (1.0, 1.0)), rta__modules=list(modules), **overrides)
 
 
@@ -190,3 +193,14 @@ def test_two_runs_are_one() -> None:
         return [where(port) for port in made.ports.values()]
 
     assert positions() == positions()
+
+
+def test_robots_do_not_begin_by_driving_home_although_all_modules_begin_in_sc() -> None:
+    # Both start away from their stations, and turned away from them.
+    loop = Loop(lambda *_: None, workspace=read_workspace(ROOT / "examples" / "ros2_external_ac" / "hall.xml"))
+    truth = loop.fleet.truth
+    assert truth is not None
+    begun = {robot_id: truth.pose(robot_id) for robot_id in loop.ports}
+    loop.run(1.5)
+    assert all(port.engaged for port in loop.ports.values())
+    assert {robot_id: truth.pose(robot_id) for robot_id in loop.ports} == begun

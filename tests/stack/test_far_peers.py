@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import ClassVar
 
 import pytest
+from pydantic import BaseModel
 
 from soter.clock import VirtualClock
 from soter.config import load_mission
-from soter.rta import PEER_SILENT_S, Mode, SpeedBound
+from soter.errors import IllFormedModule
+from soter.rta import PEER_SILENT_S, Mode, PairBound, RTAModule, SpeedBound, Timing
 from soter.sdk import Capabilities, RobotSpec
 from soter.stack.assembly import SafetySide, assemble
+from soter.stack.collision import Separation
+from soter.stack.user_modules import ModuleKit
 from soter.workspace import Box, RobotPlace, Workspace
+from tests.rta.doubles import module
 from tests.sdk.fake import FakeRobot, capabilities
 from tests.stack.loop import MISSION, TICK_S
 
@@ -33,7 +40,7 @@ class FastRobot(FakeRobot):
         self.found = FAST
 
 
-def fleet(places: list[float]) -> tuple[VirtualClock, list[FastRobot], SafetySide]:
+def fleet(places: list[float], **further: object) -> tuple[VirtualClock, list[FastRobot], SafetySide]:
     """Put fast robots at rest on a line, and supervise them."""
     clock = VirtualClock()
     robots = [FastRobot(RobotSpec(number, x, 5.0, 0.0), clock) for number, x in enumerate(places, start=1)]
@@ -47,6 +54,7 @@ def fleet(places: list[float]) -> tuple[VirtualClock, list[FastRobot], SafetySid
     overrides = {
         "backend": "kinematic", "rta.modules": ["collision"], "rta.collision.delta_s": TICK_S,
         "rta.collision.phi_safe_m": SAFE_M, "rta.collision.phi_safer_m": SAFER_M,
+        **further,
     }  # fmt: skip
     return clock, robots, assemble(load_mission(MISSION, overrides), room, robots, lambda report: None)
 
@@ -60,7 +68,7 @@ def test_a_silent_robot_that_may_have_come_near_counts_among_many(gap_m: float) 
     for tick in range(round(2.0 / TICK_S)):
         now_s = clock.now()
         for robot in robots:
-            robot.vehicle_in_charge = robot._in_charge
+            robot.vehicle_in_charge = robot.in_charge
             if robot is not silent or now_s < 1.0:
                 robot.place(x_m=robot.spec.x_m, y_m=5.0)
         safety.supervisor.tick(now_s)
@@ -72,3 +80,41 @@ def test_a_silent_robot_that_may_have_come_near_counts_among_many(gap_m: float) 
             assert own.mode is Mode.SC, f"it may be {nearest_m:.2f} m away, {silent_s:.2f} s after its last word"
         clock.sleep_until((tick + 1) * TICK_S)
     assert own.mode is Mode.SC
+
+
+class LooksFar(BaseModel):
+    """How far the rule below looks; not at all said is everybody."""
+
+    far_m: float | None = None
+
+
+def keeps_far(kit: ModuleKit, options: LooksFar) -> RTAModule:
+    """Declare a module whose rule is about peers."""
+    apart = Separation(0.5, kit.capabilities.v_max_m_s)
+    made = RTAModule(
+        kit.name, kit.ac, kit.go_to(lambda s: (0.0, 0.0)), TICK_S, apart, replace(apart, least_m=20.0),
+        PairBound(kit.model, kit.model),
+    )  # fmt: skip
+    return made if options.far_m is None else replace(made, peers_within_m=options.far_m)
+
+
+@pytest.mark.parametrize("far_m", [None, 5.0, 30.0, 90.0])
+def test_a_users_module_among_many_sees_every_peer_that_matters_to_its_rule(far_m: float | None) -> None:
+    options = {} if far_m is None else {"far_m": far_m}
+    own = {"own": {"declare": f"{__name__}:keeps_far", "options": options}}
+    places = [5.0 + 19.0 * k for k in range(MANY)]
+    _, _, safety = fleet(places, **{"rta.module": own})
+    safety.supervisor.tick(0.0)
+    for robot_id, supervisor in safety.supervisor.robots.items():
+        near = {
+            other for other, x_m in enumerate(places, start=1)
+            if other != robot_id and abs(x_m - places[robot_id - 1]) <= (far_m or 1e9)
+        }  # fmt: skip
+        assert near <= {peer.robot_id for peer in supervisor.situation.peers}
+    if far_m == 5.0:
+        assert not safety.supervisor.robots[1].situation.peers, "what is finite keeps the cost linear"
+
+
+def test_a_distance_that_is_none_is_refused() -> None:
+    with pytest.raises(IllFormedModule, match="peers_within_m is nan, allowed: 0 or more"):
+        module(peers_within_m=math.nan).check(Timing(), TICK_S)

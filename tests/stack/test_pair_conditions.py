@@ -12,8 +12,13 @@ from hypothesis import strategies as st
 
 from soter.errors import IllFormedModule
 from soter.rta import PairBound, RTAModule, SpeedBound, Timing
+from soter.sdk import Capabilities
 from soter.stack.collision import Separation, check_halves
+from soter.stack.declaration import PeerBounds
+from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from tests.rta.doubles import FakeNode
+from tests.sdk.fake import CAPABILITIES
+from tests.stack.ground import EMPTY, TICK_S, robots, seen
 
 
 def module(delta_s: float = 0.1, least_m: float = 0.3, brake_m_s2: float = 1.0) -> RTAModule:
@@ -68,6 +73,43 @@ def test_whatever_passes_leaves_a_braking_robot_what_it_needs(
     speed_m_s = share * v_max
     peer_m, own_m = v_max * speed_m_s / brake, speed_m_s**2 / (2.0 * brake)
     assert (peer_m - own_m) / 2.0 <= speed_m_s * delta_s + v_max * late_s / 2.0 + 1e-9
+
+
+kinds = st.builds(
+    lambda v_max, brake, latency_s, tube_m: replace(
+        CAPABILITIES, v_max_m_s=v_max, brake_m_s2=brake, latency_s=latency_s, tube_m=tube_m
+    ),
+    st.floats(0.05, 1.0), st.floats(0.2, 2.0), st.floats(0.0, 1.0), st.floats(0.0, 0.1),
+)  # fmt: skip
+shares = st.floats(0.0, 1.0)
+
+
+@given(kinds, kinds, st.floats(0.0, 0.3), st.lists(st.tuples(st.booleans(), shares, shares), max_size=40))
+def test_legs_of_robots_with_unlike_promises_never_lead_two_of_them_together(
+    first: Capabilities, second: Capabilities, further_m: float, course: list[tuple[bool, float, float]]
+) -> None:
+    """Lemma 4 on one line: wherever both are when either decides, both may drive to the ends of their legs."""
+    fleet, least_m = (first, second), 1.0
+    peers = PeerBounds.of(fleet, TICK_S)
+    rules = RecoveryRules(fence=False, boxes=False, separation_m=least_m)
+    planners = [
+        RecoveryPlanner(EMPTY, each, rules, TICK_S, peers.noise_m, peers.v_max_m_s, peers.extent_m) for each in fleet
+    ]
+    # They start where neither has to limit its first leg, or nearly so.
+    at = [0.0, least_m + sum(planner.leg_m(0.0) for planner in planners) + further_m]
+    ends, ways = [*at], (1.0, -1.0)
+    for who, *driven in course:
+        look = robots([(at[0], 0.0), (at[1], 0.0)])
+        planner = planners[who]
+        length = planner.leg_m(0.0)
+        while length > 1e-3 and planner.certify(seen(look[who], look), at[who] + ways[who] * length, 0.0) < 0.0:
+            length /= 2.0
+        ends[who] = at[who] + ways[who] * (length if length > 1e-3 else 0.0)
+        strays_m = sum(each.tube_m for each, end, here in zip(fleet, ends, at, strict=True) if end != here)
+        assert ends[1] - ends[0] - strays_m >= least_m - 1e-9
+        for index, share in enumerate(driven):
+            step_m = share * fleet[index].v_max_m_s * TICK_S
+            at[index] += ways[index] * min(step_m, abs(ends[index] - at[index]))
 
 
 def test_a_rule_of_another_kind_has_no_halves() -> None:

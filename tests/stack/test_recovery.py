@@ -286,10 +286,13 @@ def test_a_leg_is_short_certified_and_driven_the_way_that_turns_less(at: Point, 
         return
     assert recovery.certify(look, leg.x_m, leg.y_m) >= 0.0
     assert 0.02 <= math.dist(at, (leg.x_m, leg.y_m)) <= LEG_M + 1e-9
-    bearing = math.atan2(to[1] - at[1], to[0] - at[0])
+    bearing = math.atan2(leg.y_m - at[1], leg.x_m - at[0])
     assert leg.heading_rad is not None
     assert abs(math.remainder(leg.heading_rad - heading, math.tau)) <= math.pi / 2.0 + 1e-9
     assert abs(math.sin(leg.heading_rad - bearing)) < 1e-6
+    if min(fence_m(*at), clear_m(TERRAIN, *at)) >= recovery.path_m:
+        # Nearer to something than paths are it may lead away from that first.
+        assert abs(math.remainder(bearing - math.atan2(to[1] - at[1], to[0] - at[0]), math.tau)) < 1e-6
     leg.check()
 
 

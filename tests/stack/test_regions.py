@@ -10,19 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.rta import Region, Situation
-from soter.stack.battery import COMFORT, Charged, ChargeForTheWayHome, Dock
+from soter.stack.battery import Charged, ChargeForTheWayHome
 from soter.stack.collision import Separation
 from soter.stack.geofence import Fence
 from soter.stack.obstacle import Clearance
-from soter.stack.terrain import Point
-from soter.workspace import Box
+from soter.stack.return_path import DETOUR_M
+from soter.stack.terrain import Point, Terrain
+from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
-from tests.stack.ground import TERRAIN, clear_m, fence_m, inside, seen
+from tests.stack.ground import COST_PER_M, TERRAIN, between, clear_m, dock, fence_m, inside, planner, seen
 
 anywhere = st.tuples(st.floats(-1.0, 6.0), st.floats(-1.0, 6.0))
 FENCE = Fence(0.0, 5.0, 0.0, 5.0)
-COST_PER_M = 0.0025
-DOCK = Dock(TERRAIN, Box(0.8, 0.8, 1.2, 1.2), 0.15, 0.5, COST_PER_M)
+DOCK = dock()
+FROM_ANCHOR_M = 0.26
+"""The path is looked for again at the latest when the robot has got so far from where it was looked for last."""
 
 
 def at(place: Point, battery: float | None = 1.0) -> Situation:
@@ -73,44 +75,50 @@ def test_edges(region: Region, safer: Region, edge: float) -> None:
         region.edge_margin(FENCE if not isinstance(region, Fence) else Charged(0.5))
 
 
-@given(inside, st.floats(0.0, 1.0), st.floats(0.0, 0.3))
-def test_the_charge_pays_for_the_way_home_and_the_reserve(place: Point, charge: float, reserve: float) -> None:
-    rule = ChargeForTheWayHome(DOCK, reserve)
-    margin = rule.margin(at(place, charge))
-    exact = charge - DOCK.home_m(*place) * COST_PER_M - reserve
-    least = charge - DOCK.longest_m * COST_PER_M - reserve
-    assert DOCK.home_m(*place) >= math.dist(place, DOCK.place) - 2e-4, "to a tenth of a millimetre"
-    if DOCK.home_m(*place) <= DOCK.longest_m:
-        # Where there is plenty, the longest way home is taken for every way.
-        assert margin == pytest.approx(least if least >= COMFORT else exact)
-        assert margin <= exact + 1e-6
+@given(inside, st.floats(0.0, 1.0))
+def test_the_charge_pays_for_the_return_path(place: Point, charge: float) -> None:
+    rule = ChargeForTheWayHome(DOCK)
+    length_m = DOCK.path.length_m(*place)
+    assert length_m >= math.dist(place, DOCK.place) + DETOUR_M - 1e-9
+    assert rule.margin(at(place, charge)) == pytest.approx(charge - length_m * COST_PER_M)
+    if DOCK.path.roomy.distance_m(*place) <= DOCK.longest_m:
         assert rule.edge_margin(Charged(0.85)) <= rule.margin(at(place, 0.85)) + 1e-9
 
 
+def test_without_a_path_no_charge_is_enough() -> None:
+    wall = Terrain(Workspace(5.0, 5.0, (Box(2.0, 0.0, 2.2, 5.0),), ()), TERRAIN.body_radius_m)
+    rule = ChargeForTheWayHome(dock(planner(wall)))
+    assert rule.margin(at((4.0, 1.0), 1.0)) == -math.inf
+    assert rule.margin(at((1.0, 4.0), 1.0)) > 0.9
+
+
+def test_the_path_does_not_depend_on_what_was_asked_before() -> None:
+    place, beside = (3.0, 3.0), (3.0 + 1e-9, 3.0)
+    asked_first = DOCK.path.length_m(*place)
+    assert DOCK.path.length_m(*beside) != asked_first
+    assert DOCK.path.length_m(*place) == asked_first
+
+
 def test_a_charge_that_is_not_known_is_no_charge() -> None:
-    for rule in (ChargeForTheWayHome(DOCK, 0.0), Charged(0.5)):
+    for rule in (ChargeForTheWayHome(DOCK), Charged(0.5)):
         assert math.isnan(rule.margin(at((1.0, 1.0), None)))
 
 
-def test_the_margin_does_not_fall_while_driving_home() -> None:
-    """What is used up on the way, the way gets shorter by."""
-    rule = ChargeForTheWayHome(DOCK, 0.05)
-    assert rule.margin(at((1.0, 1.0), 0.09)) < COMFORT
-    place, charge = (4.0, 0.5), 0.09
-    margins = []
-    for corner in DOCK.way(*place):
-        steps = max(1, round(math.dist(place, corner) / 0.05))
-        for step in range(1, steps + 1):
-            there = (
-                place[0] + (corner[0] - place[0]) * step / steps,
-                place[1] + (corner[1] - place[1]) * step / steps,
-            )
-            used = math.dist(place, corner) * step / steps * COST_PER_M
-            margins.append(rule.margin(at(there, charge - used)))
+@pytest.mark.parametrize("start", [(4.0, 0.5), (4.5, 4.5), (0.5, 4.5), (1.45, 3.3)])
+def test_the_margin_does_not_fall_while_driving_home(start: Point) -> None:
+    """What is used up on the way, the path gets shorter by, to within the distance from the last place looked from."""
+    station = dock()
+    rule, place, charge = ChargeForTheWayHome(station), start, 0.09
+    station.path.track(*place)
+    first = rule.margin(at(place, charge))
+    for corner in station.path.legs(*place):
+        for there in between(place, corner):
+            station.path.track(*there)
+            left = rule.margin(at(there, charge - math.dist(place, there) * COST_PER_M))
+            assert left >= first - 2.0 * FROM_ANCHOR_M * COST_PER_M
         charge -= math.dist(place, corner) * COST_PER_M
         place = corner
-    assert place == DOCK.place
-    assert min(margins) == pytest.approx(max(margins), abs=1e-6)
+    assert place == station.place
 
 
 def test_a_robot_is_docked_on_its_station_and_charges_if_it_wants_to() -> None:
@@ -125,12 +133,12 @@ def test_a_robot_is_docked_on_its_station_and_charges_if_it_wants_to() -> None:
         DOCK.wants_charge = False
 
 
-def test_a_detour_keeps_away_from_peers_but_not_from_one_on_the_station() -> None:
+def test_a_detour_keeps_away_from_peers() -> None:
     peer = (2.5, 1.4)
-    way = [(4.0, 0.5), *DOCK.detour(4.0, 0.5, [peer])]
+    disc = (peer[0] - 0.5, peer[1] - 0.5, peer[0] + 0.5, peer[1] + 0.5)
+    way = [(4.0, 0.5), *DOCK.path.around(4.0, 0.5, [disc])]
     assert way[-1] == DOCK.place
     for a, b in pairwise(way):
-        for k in range(101):
-            x, y = a[0] + (b[0] - a[0]) * k / 100, a[1] + (b[1] - a[1]) * k / 100
+        for x, y in between(a, b):
             assert max(abs(x - peer[0]), abs(y - peer[1])) >= 0.5 - 1e-9
-    assert DOCK.detour(1.5, 1.0, [(1.0, 1.1)]) == [DOCK.place]
+    assert DOCK.path.around(1.5, 1.0, []) == [DOCK.place]

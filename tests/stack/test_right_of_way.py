@@ -17,8 +17,8 @@ from tests.rta.doubles import At, Rig
 class Meeting:
     """Some robots whose places, charges and modes the test sets."""
 
-    def __init__(self, *places: Point) -> None:
-        self.rule = RightOfWay()
+    def __init__(self, *places: Point, rule: RightOfWay | None = None) -> None:
+        self.rule = rule or RightOfWay()
         self.rigs = {
             number: Rig("collision", "battery", robot_id=number) for number in range(1, len(places) + 1)
         }  # fmt: skip

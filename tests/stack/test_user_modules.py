@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from soter.config import Mission, load_mission, parse_mission
 from soter.errors import ConfigError
@@ -15,10 +19,12 @@ from soter.rta import Node, Region, RTAModule, Situation, Topic
 from soter.runner import RunResult, run_mission
 from soter.runner.user_rules import UserRules
 from soter.sdk import TruthReport, Waypoint
-from soter.stack.user_modules import CertifiedController
+from soter.stack.battery import GoHome
+from soter.stack.user_modules import CertifiedController, ModuleKit
 from tests.project.source import ROOT
 from tests.rta.doubles import At, FakeNode, module
-from tests.stack.ground import planner, seen
+from tests.stack.ground import dock, planner, seen
+from tools.generator.attackers import Outside
 
 ZONE = ROOT / "examples" / "modules" / "zone.toml"
 OWN = '[rta.module.own]\ndeclare = "tests.check.planted:right"\n'
@@ -153,11 +159,14 @@ class Wants(Node):
         self.topic.publish(self.wanted)
 
 
-def certified(wanted: Any) -> tuple[CertifiedController, Topic[Waypoint], Wants]:
+def certified(wanted: Any, **declared: Any) -> tuple[CertifiedController, Topic[Waypoint], Wants]:
     inner_topic: Topic[object] = Topic("waypoint")
     out: Topic[Waypoint] = Topic("waypoint")
     inner = Wants(inner_topic, wanted)
-    return CertifiedController(inner, inner_topic, out, planner()), out, inner
+    station = dock()
+    kit = SimpleNamespace(recovery=planner(), dock=station, home=GoHome(0.05, out, planner(), station))
+    made = replace(module(sc=inner), **{"phi_safe": None, "lets_go_s": 30.0, **declared})
+    return CertifiedController(made, cast("ModuleKit", kit), inner_topic, out), out, inner
 
 
 def test_a_wish_becomes_a_short_certified_leg_with_its_cap() -> None:
@@ -179,6 +188,29 @@ def test_a_wish_that_leads_into_a_box_or_out_of_the_fence_is_held_back() -> None
             x_m, y_m = out.value.x_m, out.value.y_m
         assert node.recovery.terrain.fence_m(x_m, y_m) >= 0.0
         assert node.recovery.terrain.clearance_m(x_m, y_m) >= 0.0
+
+
+@given(st.floats(0.0, math.tau), st.floats(0.0, 0.5), st.tuples(st.floats(-1.0, 6.0), st.floats(-1.0, 6.0)))
+def test_whatever_its_controller_wishes_its_own_rule_is_kept(
+    bearing_rad: float, away_m: float, wish: tuple[float, float]
+) -> None:
+    disc = Outside(4.0, 2.0, 0.3)
+    node, out, _ = certified(Waypoint(*wish), phi_safe=disc, lets_go_s=math.inf)
+    off_m = 0.3 + away_m
+    x_m, y_m = 4.0 + off_m * math.cos(bearing_rad), 2.0 + off_m * math.sin(bearing_rad)
+    # The robot may have to get away from where it cannot even stand.
+    assume(node.recovery.hold_margin(seen(At(x_m, y_m))) >= 0.0)
+    for _ in range(60):
+        situation = seen(At(x_m, y_m))
+        node.step(situation)
+        if out.value is None:
+            break
+        leg = out.value
+        for part in range(11):
+            on_the_way = At(x_m + part * (leg.x_m - x_m) / 10.0, y_m + part * (leg.y_m - y_m) / 10.0)
+            # Between two looks at the margin a leg may pass a round edge a little nearer.
+            assert disc.margin(seen(on_the_way)) >= -0.002
+        x_m, y_m = leg.x_m, leg.y_m
 
 
 def test_no_wish_is_a_hold_and_nonsense_fails_the_node() -> None:
@@ -212,6 +244,42 @@ def test_of_two_that_block_each_other_the_later_one_gives_way() -> None:
         assert (out.value is not None) == gives_way
         if out.value is not None:
             assert out.value.y_m < 2.0
+
+
+class Room(Region):
+    """The robot is west of a line."""
+
+    def __init__(self, east_m: float) -> None:
+        self.east_m = east_m
+
+    def margin(self, situation: Situation) -> float:
+        return self.east_m - situation.own.x_m
+
+    def edge_margin(self, safer: Region) -> float:
+        return 0.0
+
+
+@pytest.mark.parametrize("starves", [True, False])
+def test_one_that_stands_lets_the_robot_go_home_after_as_long_as_its_contract_says(starves: bool) -> None:
+    node, out, _ = certified(None)
+    node._dock.wants_charge = starves
+    own = At(4.0, 1.5)
+    node.engage(seen(own))
+    for now_s, goes in ((0.0, False), (29.9, False), (30.2, True)):
+        node.step(seen(own._replace(stamp_s=now_s), now_s=now_s))
+        assert (out.value is not None) == goes
+    assert out.value is not None
+    assert math.dist((out.value.x_m, out.value.y_m), (1.0, 1.0)) < math.dist((4.0, 1.5), (1.0, 1.0))
+
+
+@pytest.mark.parametrize(("east_m", "goes"), [(4.5, True), (3.99, True), (0.0, False)])
+def test_it_does_so_only_where_its_own_rule_allows(east_m: float, goes: bool) -> None:
+    # From (1.0, 4.0) the return path leads south, past a box in the west: no farther east, and no farther west.
+    node, out, _ = certified(None, phi_safe=Room(east_m))
+    own = At(0.5, 4.0)
+    node.engage(seen(own))
+    node.step(seen(own._replace(stamp_s=31.0), now_s=31.0))
+    assert (out.value is not None) == goes
 
 
 # --- truth -------------------------------------------------------------------------------------------------

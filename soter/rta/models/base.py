@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar, Final, NamedTuple, Protocol
@@ -47,6 +48,10 @@ class ReachModel(ABC):
     @abstractmethod
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         """Return whether `after` lies in the reach set of `before`; if not, the model is wrong about this robot."""
+
+    def excess(self, before: Sample, after: Sample, noise_m: float) -> tuple[float, str]:
+        """Return by how much a sample that is not admitted is outside, and the unit; no number if it cannot say."""
+        return math.nan, ""
 
 
 class Motion(ReachModel):

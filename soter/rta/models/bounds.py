@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import hypot, nan
 from typing import ClassVar, Final
 
 from soter.rta.assumptions import Assumption
@@ -30,9 +31,16 @@ class SpeedBound(Motion):
         return self.v_max_m_s * time_s + self.stop_m
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
-        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M
+        allowed_m = self._allowed_m(before, after, noise_m)
         dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
         return allowed_m >= 0.0 and dx * dx + dy * dy <= allowed_m * allowed_m
+
+    def excess(self, before: Sample, after: Sample, noise_m: float) -> tuple[float, str]:
+        way_m = hypot(after.x_m - before.x_m, after.y_m - before.y_m)
+        return way_m - self._allowed_m(before, after, noise_m), "m"
+
+    def _allowed_m(self, before: Sample, after: Sample, noise_m: float) -> float:
+        return self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M
 
 
 class PairBound(ReachModel):
@@ -75,6 +83,7 @@ class DischargeBound(ReachModel):
 
     def __init__(self, drive_per_s: float, v_max_m_s: float, cost_per_m: float, jump: float = 0.0) -> None:
         self.drive_per_s = drive_per_s
+        self.cost_per_m = cost_per_m
         self.rate_per_s = drive_per_s + v_max_m_s * cost_per_m
         self.jump = jump
 
@@ -84,5 +93,14 @@ class DischargeBound(ReachModel):
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
         if before.battery is None or after.battery is None:
             return before.battery is after.battery
-        allowed = self.drive_per_s * (after.stamp_s - before.stamp_s) + _ROUNDING_CHARGE
-        return before.battery - after.battery <= allowed
+        return before.battery - after.battery <= self._allowed(before, after, noise_m)
+
+    def excess(self, before: Sample, after: Sample, noise_m: float) -> tuple[float, str]:
+        if before.battery is None or after.battery is None:
+            return nan, ""
+        return before.battery - after.battery - self._allowed(before, after, noise_m), "of a charge"
+
+    def _allowed(self, before: Sample, after: Sample, noise_m: float) -> float:
+        # A position that is wrong may be right at another time, and so may the charge: what the way between costs.
+        unsure = 2.0 * noise_m * self.cost_per_m + _ROUNDING_CHARGE
+        return self.drive_per_s * (after.stamp_s - before.stamp_s) + unsure

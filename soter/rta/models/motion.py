@@ -106,7 +106,7 @@ class UnicycleBound(SpeedAccelerationBound):
     Let alpha be the angle between the heading and a direction u. At time t the heading has turned by at most
     w t + e, where e is its error, so that forwards it lies along u by at most c(t) = cos(max(0, alpha - e - w t)),
     and backwards by at most c'(t), the same with pi - alpha. The speed forwards is at most f(t) = min(v_max, f0 +
-    accel t), with f0 the part of the present speed that is forwards; f'(t) backwards, likewise: a robot may stop at
+    accel t), with f0 the most that the robot may drive forwards now; f'(t) backwards, likewise: a robot may stop at
     once, at a wall for example, but has to gain any speed the other way. So the robot moves along u by at most
     max(0, f c, f' c') at every t. Two bounds follow, and the lesser of them is taken:
 
@@ -116,6 +116,11 @@ class UnicycleBound(SpeedAccelerationBound):
     It is told to stop at T: the integrals go on from there, with speeds that fall by `brake` to 0, and with c a period
     later, because a vehicle may make up to all of the way of a control period at its end.
 
+    f0 and f0' follow from the reported velocity v, wrong by n at most, and the reported heading h, wrong by e at most.
+    A robot that drives forwards at s along its true heading has v.h >= s cos e - n, as long as e is below a right
+    angle; so s <= (v.h + n) / cos e, and no robot drives forwards where that is negative. Backwards the same holds
+    with -v.h. And s <= |v| + n in any case. Both hold for a velocity that is reported along the reported heading, too.
+
     Reported positions are those of the point between the wheels, about which it turns.
 
     Args:
@@ -124,7 +129,7 @@ class UnicycleBound(SpeedAccelerationBound):
         brake_m_s2: guaranteed deceleration.
         yaw_rate_max_rad_s: top turn rate; it counts as being there at once.
         reverse_m_s: top speed backwards; 0 for a robot that cannot reverse.
-        speed_noise_m_s: error of a reported speed, at most.
+        speed_noise_m_s: error of a reported velocity, at most.
         heading_noise_rad: error of a reported heading, at most.
         period_s: control period of the vehicle: when within it the speed falls is not promised, only by how much.
     """
@@ -149,6 +154,7 @@ class UnicycleBound(SpeedAccelerationBound):
         self.yaw_rate_max_rad_s: Final = positive("yaw_rate_max_rad_s", yaw_rate_max_rad_s)
         self.heading_noise_rad: Final = not_negative("heading_noise_rad", heading_noise_rad)
         self.period_s: Final = not_negative("period_s", period_s)
+        self._aligned: Final = cos(heading_noise_rad) if heading_noise_rad < 0.5 * pi else 0.0
 
     def extent(self, sample: Sample, time_s: float, ux: float, uy: float, uz: float = 0.0) -> float:
         return self._along(sample, time_s, ux, uy, self.brake_m_s2)
@@ -169,8 +175,13 @@ class UnicycleBound(SpeedAccelerationBound):
         speed = sample.vx_m_s * c + sample.vy_m_s * s
         if speed != speed:
             return self.bound(time_s)
-        forwards = max(0.0, speed + self.speed_noise_m_s)
+        forwards = max(0.0, self.speed_noise_m_s + speed)
         backwards = max(0.0, self.speed_noise_m_s - speed)
+        if noise > 0.0:
+            fastest, aligned = hypot(sample.vx_m_s, sample.vy_m_s) + self.speed_noise_m_s, self._aligned
+            # Written so that nothing is divided by an alignment of 0, which leaves every speed possible.
+            forwards = forwards / aligned if forwards < fastest * aligned else fastest
+            backwards = backwards / aligned if backwards < fastest * aligned else fastest
         total = self._swept(forwards, self.forward_m_s, ahead, time_s, brake)
         other = self._swept(backwards, self.reverse_m_s, behind, time_s, brake)
         # Written so that what is not a number is returned.

@@ -19,7 +19,7 @@ from soter.stack.terrain import Terrain
 BEYOND_M: Final = 1.0
 """How far beyond an edge an attack aims, so that the robot does not slow down before it."""
 
-Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
 
 
 class RobotFacts(BaseModel):

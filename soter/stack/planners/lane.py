@@ -8,8 +8,9 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 
-from soter.child import Child, ChildDied
+from soter.child import Child, ChildDied, NotBoxed
 from soter.errors import ConfigError, SoterError
+from soter.sandbox import Box
 from soter.stack.planners.base import PlanRequest, PlanResult
 from soter.stack.planners.names import PlannerUnavailable
 from soter.stack.planners.wire import Garbage, decode_result, decode_start
@@ -60,14 +61,14 @@ class Lane:
     One job is with the worker at a time; so it is clear which one it failed on, and nothing has to be sent again.
     """
 
-    def __init__(self, spec: WorkerSpec, limits: Limits) -> None:
-        self._spec, self._limits = spec, limits
+    def __init__(self, spec: WorkerSpec, limits: Limits, box: Box | None = None) -> None:
+        self._spec, self._limits, self._box = spec, limits, box
         self._waiting: deque[Job] = deque()
         self._busy: Job | None = None
         self._start()
 
     def _start(self) -> None:
-        self._worker: Child | None = Child(WORKER, self._spec)
+        self._worker: Child | None = Child(WORKER, self._spec, box=self._box)
         self._ready = False
         self._since_s = time.perf_counter()
 
@@ -96,6 +97,11 @@ class Lane:
                     limit = f"{self._limits.start_s:g} s"
                     raise PlannerUnavailable(f"planner '{name}' did not start within {limit}; is the host overloaded?")
                 self._begin(message)
+            except NotBoxed as error:
+                self.close()
+                raise PlannerUnavailable(
+                    f"planner '{name}' cannot be boxed in, as isolation.sandbox requires: {error}"
+                ) from error
             except (ChildDied, Garbage) as error:
                 self.close()
                 raise PlannerUnavailable(f"planner '{name}' could not be started ({error})") from error

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Final, Self
 
+from soter.sandbox import Box
 from soter.stack.planners.base import CHECK_COST_S, Planner, PlanRequest, PlanResult
 from soter.stack.planners.lane import Job, Lane, Limits
 from soter.stack.planners.names import TRUSTED, build_planner, check_name
@@ -63,6 +64,7 @@ class PlanService:
         time_limit_s: host time after which a worker that does not answer is killed, in seconds.
         start_limit_s: host time that a worker may take to start, in seconds.
         memory_limit_bytes: address space that a planner may use, beyond the bare worker's.
+        box: what the workers are boxed in with, or None.
 
     Raises:
         ConfigError: the planner's name, or the options of a trusted planner, are wrong. For other planners the
@@ -83,6 +85,7 @@ class PlanService:
         time_limit_s: float = TIME_LIMIT_S,
         start_limit_s: float = START_LIMIT_S,
         memory_limit_bytes: int = MEMORY_LIMIT_BYTES,
+        box: Box | None = None,
     ) -> None:
         if workers < 1:
             raise ValueError(f"workers is {workers}, must be at least 1")
@@ -100,7 +103,7 @@ class PlanService:
         # A planner that runs wild must not starve the supervisors on the same host; in virtual time all wait for it.
         niceness = 0 if virtual_time else WALL_CLOCK_NICENESS
         spec = WorkerSpec(planner, workspace, body_radius_m, dict(options or {}), source, memory_limit_bytes, niceness)
-        self._lanes += [Lane(spec, self._limits) for _ in range(workers)]
+        self._lanes += [Lane(spec, self._limits, box) for _ in range(workers)]
 
     @property
     def deterministic(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from soter.config_tables import RtaTable
+from soter.config_tables import CollisionTable, GeofenceTable, RtaTable
 from soter.stack.adversaries.base import RobotFacts
 from soter.stack.adversaries.rollout import RULES, Rollout
 from soter.stack.terrain import Terrain
@@ -14,7 +14,11 @@ from soter.workspace import Box, RobotPlace, Workspace
 CHARGER = Box(0.5, 0.5, 0.7, 0.7, 0.0)
 ROOM = Workspace(4.0, 4.0, (Box(1.5, 0.0, 2.5, 0.5),), (RobotPlace(1, 0.6, 0.6, CHARGER),))
 FACTS = RobotFacts(latency_s=0.0)
-ROLLOUT = Rollout(Terrain(ROOM, 0.1), RtaTable(), FACTS, 0.05)
+# Looks that are far enough apart to be told one from another.
+RTA = RtaTable(
+    collision=CollisionTable(delta_s=0.1), geofence=GeofenceTable(delta_s=0.5, phi_safer_inset_m=0.5)
+)  # fmt: skip
+ROLLOUT = Rollout(Terrain(ROOM, 0.1), RTA, FACTS, 0.05)
 
 
 def least(start: list[list[float]], goals: list[list[float]], wait: int = 0, steps: int = 100) -> dict[str, float]:

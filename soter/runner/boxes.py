@@ -1,0 +1,42 @@
+"""What a mission's untrusted processes are boxed in with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from soter.config import Mission
+from soter.sandbox import Box
+
+
+def box_of(mission: Mission, process: str | None = None) -> Box | None:
+    """Return the box of a mission's process, or of a planner; None where it is to have none.
+
+    Args:
+        mission: its `isolation` says whether, and what may be read besides its own folder and that of its workspace.
+        process: which process of a distributed mission it belongs to. Its machines talk to those of others over a bus,
+            and so it keeps the network, and the files that the bus needs.
+    """
+    if mission.isolation.sandbox == "off":
+        return None
+    read = [*mission.isolation.read, str(mission.workspace.parent)]
+    if mission.source is not None:
+        read.append(str(Path(mission.source).parent))
+    if process is not None:
+        table = mission.distribution
+        read += _files({**table.bus, **table.processes[process].bus})
+    return Box(mission.isolation.sandbox == "require", tuple(map(_absolute, read)), process is not None)
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).absolute())
+
+
+def _files(options: Any) -> Iterator[str]:
+    """Yield every text among options that names a file, such as a certificate."""
+    if isinstance(options, dict):
+        for each in options.values():
+            yield from _files(each)
+    elif isinstance(options, str) and Path(options).is_file():
+        yield options

@@ -1,0 +1,58 @@
+"""Tables as the text of a TOML file; the standard library only reads them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def toml(tables: Mapping[str, Any]) -> str:
+    """Return tables as TOML: plain values first, then tables, then lists of tables, in the order given.
+
+    Raises:
+        ValueError: a number is not finite.
+        TypeError: a value is of no kind that JSON has.
+    """
+    return "\n".join(_lines(tables, ())) + "\n"
+
+
+def _lines(tables: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
+    inner = {key: value for key, value in tables.items() if isinstance(value, Mapping) or _is_tables(value)}
+    for key, value in tables.items():
+        if key not in inner:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in inner.items():
+        here = (*path, key)
+        name = ".".join(map(_key, here))
+        if isinstance(value, Mapping):
+            if not value or any(not isinstance(each, Mapping) for each in value.values()):
+                yield f"\n[{name}]"
+            yield from _lines(value, here)
+        else:
+            for table in value:
+                yield f"\n[[{name}]]"
+                yield from _lines(table, here)
+
+
+def _is_tables(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(each, Mapping) for each in value)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_key(key)} = {_value(inner)}' for key, inner in value.items())} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    # JSON's truth values and finite numbers are TOML's.
+    return _text(value) if isinstance(value, str) else json.dumps(value, allow_nan=False)
+
+
+def _text(text: str) -> str:
+    # JSON's texts are, but for pairs of surrogates and for the one control character that JSON lets stand.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,141 @@
+"""Whether stations and return paths are a well-formed infrastructure, and refuges can be reached: checked beforehand.
+
+Cap, Vokrinek and Kleiner, "Complete decentralized method for on-line multi-robot trajectory planning in well-formed
+infrastructures", ICAPS 2015: every station has to be reachable with every other station occupied. Together with the
+return path that a robot keeps as it moves this is all that has to be known of a workspace: whatever place the AC takes
+a robot to, it can go back to its station, and from there to where every static rule lets go.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from soter.errors import IllFormedModule
+from soter.rta import Situation
+from soter.sdk import Link, RobotState
+from soter.stack.battery import DOCKED_M
+from soter.stack.recovery import RecoveryPlanner
+from soter.stack.refuge import RefugeFinder
+from soter.stack.return_path import ReturnPath
+from soter.stack.right_of_way import BATTERY
+from soter.workspace import RobotPlace
+
+
+def check_infrastructure(
+    robot: RobotPlace,
+    others: Sequence[RobotPlace],
+    path: ReturnPath,
+    refuges: RefugeFinder,
+    recovery: RecoveryPlanner,
+    age_s: float,
+    noise_m: float,
+) -> None:
+    """Check that a robot can always get to its station, stand there, and get away from there.
+
+    Args:
+        robot: its start and its station.
+        others: the other robots.
+        path: its return path.
+        refuges: where every static rule lets go.
+        recovery: what paths have to keep.
+        age_s: the largest age of a sample of any robot.
+        noise_m: error of the robot's position, at most.
+
+    Raises:
+        IllFormedModule: names the place, the figures and what would do.
+    """
+    _check_station(robot, path, recovery, noise_m)
+    _check_neighbours(robot, others, recovery, age_s)
+    x_m, y_m = robot.x_m, robot.y_m
+    if path.shortest_m(x_m, y_m) == math.inf:
+        inset_m = recovery.path_m if recovery.rules.fence else -math.inf
+        free = ReturnPath(recovery.terrain, recovery, path.place, recovery.path_m, inset_m)
+        gap_m = 2.0 * (recovery.terrain.body_radius_m + recovery.path_m)
+        if free.shortest_m(x_m, y_m) < math.inf:
+            why = (
+                f"that keeps {recovery.apart_m(age_s):.3f} m from the stations of the other robots, each of which may "
+                "be occupied; stations that leave a path between them would do"
+            )
+        else:
+            why = (
+                f"that keeps {recovery.path_m:.3f} m from boxes and fence; gaps of {gap_m:.3f} m, or a start and a "
+                "station on the same side of them, would do"
+            )
+        raise IllFormedModule(
+            BATTERY, "P2b",
+            f"there is no path for robot {robot.id} from its start at ({x_m:g}, {y_m:g}) to its charging station at "
+            f"({path.place[0]:g}, {path.place[1]:g}) {why}",
+        )  # fmt: skip
+    _check_refuge(robot, others, refuges, recovery.apart_m(age_s) if recovery.rules.pairs else 0.0)
+
+
+def _check_station(robot: RobotPlace, path: ReturnPath, recovery: RecoveryPlanner, noise_m: float) -> None:
+    x_m, y_m = path.place
+    terrain = recovery.terrain
+    for name, on, found_m, needed_m in (
+        ("the fence", recovery.rules.fence, terrain.fence_m(x_m, y_m), recovery.certified_m),
+        ("a box", recovery.rules.boxes, terrain.clearance_m(x_m, y_m), recovery.path_m),
+    ):
+        if on and found_m < needed_m:
+            raise IllFormedModule(
+                BATTERY, "P2b",
+                f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {found_m:.3f} m from {name}, and a "
+                f"robot that drives there needs {needed_m:.3f} m; a station so far from it would do",
+            )  # fmt: skip
+    box = robot.charger
+    half_m = min(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m) / 2.0
+    if half_m < DOCKED_M + noise_m:
+        raise IllFormedModule(
+            BATTERY, "P2b",
+            f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {2.0 * half_m:.3f} m wide, and a robot "
+            f"stops within {DOCKED_M:g} m of where it takes its middle to be, which is wrong by up to {noise_m:g} m; "
+            f"{2.0 * (DOCKED_M + noise_m):.3f} m would do",
+        )  # fmt: skip
+
+
+def _check_neighbours(robot: RobotPlace, others: Sequence[RobotPlace], recovery: RecoveryPlanner, age_s: float) -> None:
+    if not recovery.rules.pairs:
+        return
+    needed_m, place = recovery.apart_m(age_s), robot.charger.centre
+    for other in others:
+        apart_m = math.dist(place, other.charger.centre)
+        if apart_m < needed_m:
+            raise IllFormedModule(
+                BATTERY, "P2b",
+                f"the charging stations of robots {robot.id} and {other.id} are {apart_m:.3f} m apart, and a robot "
+                f"that drives to one needs {needed_m:.3f} m from a robot on the other; stations so far apart would do",
+            )  # fmt: skip
+
+
+def _check_refuge(robot: RobotPlace, others: Sequence[RobotPlace], refuges: RefugeFinder, apart_m: float) -> None:
+    """Check that a robot gets from its station to where geofence and obstacle let go, past robots on all others."""
+    stations = {each.id: each.charger.centre for each in (robot, *others)}
+    if refuges.way(standing(robot.id, stations), apart_m):
+        return
+    x_m, y_m = robot.charger.centre
+    beside = f", and {apart_m:.3f} m from the stations of the other robots" if others and apart_m else ""
+    raise IllFormedModule(
+        BATTERY, "P2b",
+        f"from the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) no place can be reached that is "
+        f"{max(refuges.fence_m, 0.0):.3f} m from the fence and {refuges.clearance_m:.3f} m from boxes, where geofence "
+        f"and obstacle give a robot back to its AC{beside}; a smaller phi_safer_inset_m or phi_safer_m, or a station "
+        "nearer to open ground, would do",
+    )  # fmt: skip
+
+
+def standing(robot_id: int, places: Mapping[int, Sequence[float]]) -> Situation:
+    """Return what a robot sees where all robots stand, charged.
+
+    Args:
+        robot_id: which robot.
+        places: by robot, metres east and north, and the heading in radians or nothing.
+    """
+
+    def at(each: int) -> RobotState:
+        x_m, y_m, heading_rad = (*places[each], 0.0)[:3]
+        return RobotState(each, 0.0, 0.0, x_m, y_m, 0.0, heading_rad, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
+
+    situation = Situation(robot_id, at(robot_id), 0.0)
+    situation.peers = [at(each) for each in places if each != robot_id]
+    return situation

@@ -1,0 +1,51 @@
+"""Configurations that were once accepted and went wrong: each is refused with the reason, or runs as it should.
+
+The folder `cases` has them as small files, one for each class; where one is found that has no like here, it is added.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tools.generator.configuration import Configuration
+from tools.generator.running import Outcome, run_here
+
+CASES = sorted((Path(__file__).parent / "cases").glob("*.toml"))
+
+
+STUCK_S = 100.0
+"""Cases are short: a robot that is in SC for so long, without charging, was there for good."""
+
+
+def assert_safe(outcome: Outcome) -> None:
+    assert (outcome.status, outcome.reason, outcome.failures) == ("accepted", "", ())
+    assert max(outcome.in_sc_s.values()) <= STUCK_S
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
+def test_a_case_is_refused_with_its_numbers_or_runs_without_a_violation_and_a_stall(case: Path) -> None:
+    outcome = run_here(case)
+    if outcome.status == "refused":
+        assert re.search(r"\d", outcome.reason)
+    else:
+        assert_safe(outcome)
+
+
+def test_cases_with_enough_room_are_accepted(tmp_path: Path) -> None:
+    # What is like a case, but for what is wrong with it, must not be refused along with it.
+    for name, wider_m in (("corridor", 0.45), ("bent-corridor", 0.45)):
+        case = Configuration.read(CASES[0].parent / f"{name}.toml")
+        boxes = []
+        for box in case.room.boxes:
+            # Every box gives way on the side that faces the corridor.
+            low_x = box.low_x + wider_m if name == "bent-corridor" and box.low_x > 4.9 else box.low_x
+            low_y = box.low_y + wider_m if box.low_y > 1.0 else box.low_y
+            high_y = box.high_y - wider_m if box.low_y == 0.0 and name == "corridor" else box.high_y
+            boxes.append(replace(box, low_x=low_x, low_y=low_y, high_y=high_y))
+        assert_safe(run_here(replace(case, room=replace(case.room, boxes=tuple(boxes))).write(tmp_path / name)))
+    roomy = Configuration.read(CASES[0].parent / "narrow-1020.toml")
+    assert_safe(run_here(replace(roomy, room=replace(roomy.room, width=1.6)).write(tmp_path / "roomy")))

@@ -1,0 +1,47 @@
+"""A run whose world ends under it has failed, whichever process of it was killed, on every backend that starts one."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from soter.config import load_mission
+from soter.runner import run_mission
+from tests.project.source import ROOT
+
+BACKENDS = [
+    ("soter_zmq.adapter:ZmqBackend", "soter_zmq.robot"),
+    ("mavlink", "soter_sim.mavlink"),
+    ("zenoh", "soter_sim.zenoh"),
+    ("zenoh", "soter.adapters.zenoh.mux"),
+    pytest.param("ros2", "soter_sim.ros2", marks=pytest.mark.rclpy),
+]
+
+
+@pytest.mark.parametrize(("backend", "module"), BACKENDS)
+def test_a_simulator_that_dies_fails_the_run_at_once(backend: str, module: str) -> None:
+    overrides: dict[str, Any] = {"backend": backend, "planner": "straight-line", "duration_s": 30.0, "robots": 1}
+    ticks = iter(range(10**6))
+
+    def stop() -> bool:
+        if next(ticks) == 5:
+            os.kill(process_of(module), signal.SIGKILL)
+        return False
+
+    result = run_mission(load_mission(ROOT / "examples" / "surveillance.toml", overrides), stop=stop).result
+    assert result.status == "failed"
+    assert "has ended with signal SIGKILL" in result.failure
+    assert result.duration_s < 2.0
+
+
+def process_of(module: str) -> int:
+    """A process of this one's that runs a module."""
+    for children in Path("/proc/self/task").glob("*/children"):
+        for pid in children.read_text().split():
+            if module in Path(f"/proc/{pid}/cmdline").read_text():
+                return int(pid)
+    raise AssertionError(f"nothing runs {module}")

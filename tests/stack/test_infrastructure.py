@@ -1,0 +1,141 @@
+"""What of a workspace no safe controller could make up for is refused before anything moves, with the numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from soter.config import load_mission
+from soter.errors import IllFormedModule
+from soter.registry import load_backend
+from soter.runner.speedup import declare_all
+from soter.sdk import Capabilities
+from soter.stack.terrain import Point
+from soter.workspace import Box, RobotPlace, Workspace
+from tests.stack.loop import MISSION
+
+PROMISED: Capabilities = load_backend("kinematic").robot_class.declared
+
+
+def place(robot_id: int, start: Point, station: Point | None = None, half_m: float = 0.2) -> RobotPlace:
+    x, y = station or start
+    return RobotPlace(robot_id, *start, Box(x - half_m, y - half_m, x + half_m, y + half_m))
+
+
+def check(
+    robots: list[RobotPlace], boxes: tuple[Box, ...] = (), promised: Capabilities = PROMISED, **keys: Any
+) -> None:
+    mission = load_mission(MISSION, {"backend": "kinematic", **{k.replace("__", "."): v for k, v in keys.items()}})
+    workspace = Workspace(5.0, 5.0, boxes, tuple(robots))
+    for declared in declare_all(mission, workspace, {robot.id: promised for robot in robots}).values():
+        declared.check(mission.base_tick_s)
+
+
+def refusal(robots: list[RobotPlace], boxes: tuple[Box, ...] = (), **keys: Any) -> str:
+    """Return what a workspace is refused with."""
+    with pytest.raises(IllFormedModule) as caught:
+        check(robots, boxes, **keys)
+    assert caught.value.module == "battery"
+    assert caught.value.condition == "P2b"
+    return str(caught.value)
+
+
+def suggested(message: str) -> float:
+    """Return the last length that a message names."""
+    return float(re.findall(r"(\d+\.\d+) m", message)[-1])
+
+
+OPEN = (2.5, 2.5)
+
+
+def test_a_room_without_anything_is_accepted() -> None:
+    check([place(1, (1.0, 1.0)), place(2, OPEN)])
+
+
+def test_a_station_too_near_to_the_fence_is_refused() -> None:
+    message = refusal([place(1, OPEN, (2.5, 0.01))])
+    assert "charging station of robot 1 at (2.5, 0.01) is 0.010 m from the fence" in message
+    check([place(1, OPEN, (2.5, suggested(message) + 1e-6))])
+
+
+def test_a_station_too_near_to_a_box_is_refused() -> None:
+    box = Box(2.0, 0.0, 3.0, 1.0)
+    message = refusal([place(1, (1.0, 1.0), (2.5, 1.15))], (box,))
+    assert "charging station of robot 1 at (2.5, 1.15) is 0.045 m from a box" in message
+    check([place(1, (1.0, 1.0), (2.5, 1.0 + PROMISED.body_radius_m + suggested(message)))], (box,))
+
+
+def test_rules_that_are_off_ask_nothing_of_a_station() -> None:
+    # It may be at the very fence, or in a box, where no module keeps the robot from there.
+    check([place(1, OPEN, (2.5, 0.01))], rta__modules=["obstacle", "battery"])
+    check([place(1, (1.0, 1.0), (2.5, 1.15))], (Box(2.0, 0.0, 3.0, 1.0),), rta__modules=["geofence", "battery"])
+    check([place(1, OPEN), place(2, (1.0, 1.0), (2.6, 2.5))], rta__modules=["geofence", "battery"])
+    check([place(1, OPEN, (2.5, 0.01))], rta__modules=["obstacle", "geofence"])
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.02])
+def test_a_station_too_small_for_the_noise_is_refused(noise_m: float) -> None:
+    promised = replace(PROMISED, position_noise_m=noise_m)
+    least_m = 2.0 * (0.03 + noise_m)
+    keys: dict[str, Any] = {"promised": promised, "rta__modules": ["battery"]}
+    message = refusal([place(1, (1.0, 1.0), OPEN, least_m / 2.0 - 0.001)], **keys)
+    assert f"charging station of robot 1 at (2.5, 2.5) is {least_m - 0.002:.3f} m wide" in message
+    assert f"wrong by up to {noise_m:g} m" in message
+    assert suggested(message) == pytest.approx(least_m)
+    check([place(1, (1.0, 1.0), OPEN, suggested(message) / 2.0 + 1e-9)], **keys)
+
+
+def test_stations_too_near_to_each_other_are_refused() -> None:
+    message = refusal([place(1, (1.0, 1.0), OPEN), place(2, (4.0, 4.0), (2.8, 2.5))])
+    assert "charging stations of robots 1 and 2 are 0.300 m apart" in message
+    needed_m = float(re.findall(r"needs (\d+\.\d+) m from a robot on the other", message)[0])
+    check([place(1, (1.0, 1.0), OPEN), place(2, (4.0, 4.0), (2.5 + needed_m + 1e-3, 2.5))])
+
+
+def test_a_station_behind_another_one_is_refused() -> None:
+    """In a passage one robot that charges would keep the other from its station for ever."""
+    passage = (Box(2.0, 0.0, 4.0, 2.1), Box(2.0, 2.9, 4.0, 5.0))
+    robots = [place(1, (4.5, 2.5), (1.0, 2.5)), place(2, (4.5, 1.0), (3.0, 2.5))]
+    message = refusal(robots, passage)
+    assert "no path for robot 1 from its start at (4.5, 2.5) to its charging station at (1, 2.5)" in message
+    assert "from the stations of the other robots" in message
+    check([robots[0]], passage)
+    check(robots, (Box(2.0, 0.0, 4.0, 1.9), Box(2.0, 3.9, 4.0, 5.0)))
+
+
+def test_a_station_behind_a_wall_is_refused_with_the_gap_that_would_do() -> None:
+    robot = place(1, (4.0, 2.5), (1.0, 2.5))
+
+    def wall(gap_m: float) -> tuple[Box, Box]:
+        return Box(2.0, 0.0, 2.2, 2.5), Box(2.0, 2.5 + gap_m, 2.2, 5.0)
+
+    message = refusal([robot], wall(0.32))
+    assert "no path for robot 1 from its start at (4, 2.5) to its charging station at (1, 2.5)" in message
+    assert "from boxes and fence" in message
+    assert message == refusal([robot], wall(0.0))
+    gaps = re.search(r"gaps of (\d+\.\d+) m", message)
+    assert gaps is not None
+    check([robot], wall(float(gaps[1]) + 1e-5))
+
+
+def test_a_station_from_which_no_refuge_can_be_reached_is_refused() -> None:
+    """The robot would charge, and never be given back."""
+    # A corridor that a robot can drive along, but nowhere in which geofence and obstacle let go.
+    closed = (Box(0.0, 0.35, 5.0, 0.9),)
+    message = refusal([place(1, (4.0, 0.175), (1.0, 0.175))], closed)
+    assert "from the charging station of robot 1 at (1, 0.175) no place can be reached" in message
+    assert "phi_safer" in message
+    check([place(1, (4.0, 0.175), (1.0, 0.175))], (Box(0.0, 0.35, 4.0, 0.9),))
+
+
+def test_a_refuge_that_occupied_stations_leave_no_room_in_is_refused() -> None:
+    """Two robots that charge would keep each other from the only place where the geofence lets go."""
+    robots = [place(1, (2.2, 2.5)), place(2, (2.8, 2.5))]
+    message = refusal(robots, rta__geofence__phi_safer_inset_m=2.4)
+    assert "from the stations of the other robots" in message
+    assert "phi_safer_inset_m" in message
+    check(robots[:1], rta__geofence__phi_safer_inset_m=2.4)
+    check([place(1, (1.8, 2.5)), place(2, (3.2, 2.5))], rta__geofence__phi_safer_inset_m=2.4)
