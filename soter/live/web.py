@@ -6,10 +6,13 @@ led here by would ask by another (DNS rebinding). Nothing that it is sent has an
 
 from __future__ import annotations
 
+import io
+import math
 import secrets
 import socket
 import threading
 import time
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
@@ -36,6 +39,12 @@ END_S: Final = 2.0
 """Host time that viewers have at the end to hear how the run ended."""
 
 MOST_VIEWERS: Final = 64
+"""So many may listen, and so many ask, at a time."""
+
+MOST_THREADS: Final = 4 * MOST_VIEWERS
+SLOW_S: Final = 0.25
+"""Host time after which a viewer that does not take what it is sent has to make room for others."""
+
 SEND_BYTES: Final = 1 << 16
 """What the system may keep for a viewer that does not read. What is not sent yet is kept once for all of them."""
 
@@ -115,12 +124,18 @@ class _Server(ThreadingHTTPServer):
 
     def __init__(self, address: tuple[str, int], screen: PageScreen) -> None:
         self.screen: Final = screen
-        self.streams = 0
-        self._places: Final = threading.Semaphore(MOST_VIEWERS)
-        self._counting: Final = threading.Lock()
+        self._room: Final = threading.Semaphore(MOST_THREADS)
+        self._lock: Final = threading.Lock()
+        self._asking: Final[dict[socket.socket, None]] = {}
+        self._listening: Final[dict[socket.socket, float]] = {}
         super().__init__(address, _Viewer)
         port = int(self.server_address[1])
         self.names: Final = {f"{HOST}:{port}", f"localhost:{port}"}
+
+    @property
+    def streams(self) -> int:
+        """How many viewers listen."""
+        return len(self._listening)
 
     def server_bind(self) -> None:
         """Bind, without asking anybody for the name of this host as the base class does."""
@@ -128,24 +143,82 @@ class _Server(ThreadingHTTPServer):
         self.server_name, self.server_port = HOST, int(self.server_address[1])
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        if not self._places.acquire(blocking=False):
+        """Answer in a thread. Where too many ask at once, the slowest is dropped for the newest."""
+        if not self._room.acquire(blocking=False):
             self.shutdown_request(request)
             return
+        with self._lock:
+            if len(self._asking) >= MOST_VIEWERS:
+                _drop(self._asking)
+            self._asking[request] = None
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         try:
             super().process_request_thread(request, client_address)
         finally:
-            self._places.release()
+            self._room.release()
+
+    def shutdown_request(self, request: Any) -> None:
+        """Forget a viewer, and hang up."""
+        with self._lock:
+            self._asking.pop(request, None)
+            self._listening.pop(request, None)
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Drop a viewer that has left or does not read, without a word: it is no fault of the run's."""
 
-    def count(self, by: int) -> None:
-        """Note that a viewer has begun to listen, or has ended."""
-        with self._counting:
-            self.streams += by
+    def listens(self, viewer: socket.socket) -> bool:
+        """Give a viewer that has asked a place among those that listen; return whether there is one.
+
+        Whoever does not take what it is sent, while others wait, loses its place.
+        """
+        with self._lock:
+            if len(self._listening) >= MOST_VIEWERS:
+                slow = {
+                    each: since_s for each, since_s in self._listening.items() if since_s < time.monotonic() - SLOW_S
+                }
+                if not slow:
+                    return False
+                slowest = min(slow, key=slow.__getitem__)
+                del self._listening[slowest]
+                _drop({slowest: None})
+            self._asking.pop(viewer, None)
+            self._listening[viewer] = math.inf
+            return True
+
+    def tells(self, viewer: socket.socket, since_s: float) -> None:
+        """Note since when a viewer is being sent something; infinite while it is not."""
+        with self._lock:
+            if viewer in self._listening:
+                self._listening[viewer] = since_s
+
+
+def _drop(viewers: dict[socket.socket, None]) -> None:
+    """Hang up on the first of some viewers. Its thread, which waits for it, notices and ends."""
+    viewer = next(iter(viewers))
+    del viewers[viewer]
+    with suppress(OSError):
+        viewer.shutdown(socket.SHUT_RDWR)
+
+
+class _Asked(io.RawIOBase):
+    """What a viewer asks, which it has to be done with in time, however slowly it goes on."""
+
+    def __init__(self, viewer: socket.socket, within_s: float) -> None:
+        self._viewer: Final = viewer
+        self._until_s: Final = time.monotonic() + within_s
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        left_s = self._until_s - time.monotonic()
+        if left_s <= 0.0:
+            raise TimeoutError("it does not finish what it asks")
+        self._viewer.settimeout(left_s)
+        return self._viewer.recv_into(buffer)
 
 
 class _Viewer(BaseHTTPRequestHandler):
@@ -154,7 +227,13 @@ class _Viewer(BaseHTTPRequestHandler):
     server_version = "SOTER"
     sys_version = ""
 
+    def setup(self) -> None:
+        super().setup()
+        self.rfile = io.BufferedReader(_Asked(self.connection, self.timeout))
+
     def do_GET(self) -> None:
+        # To take an answer there is as much time again, for all of it.
+        self.connection.settimeout(self.timeout)
         if self.headers.get("Host") not in self.server.names:
             self._say(HTTPStatus.FORBIDDEN, b"This is no name of this server.\n", "text/plain")
             return
@@ -197,26 +276,28 @@ class _Viewer(BaseHTTPRequestHandler):
             # A page of another run, which was here before: it is not to ask again.
             self._say(HTTPStatus.NO_CONTENT, b"", "text/event-stream")
             return
+        if not self.server.listens(self.connection):
+            # Without an answer: a browser then tries again.
+            return
         self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         self._head(HTTPStatus.OK, "text/event-stream")
         self.end_headers()
-        self.server.count(1)
         try:
             self._tell(screen.reel, int(after))
         except FellBehind:
             self.wfile.write(b"event: reload\ndata:\n\n")
-        finally:
-            self.server.count(-1)
 
     def _tell(self, reel: Reel, number: int) -> None:
         ended = False
         while not ended:
             parts, ended = reel.after(number, ALIVE_S)
+            self.server.tells(self.connection, time.monotonic())
             if not parts:
                 self.wfile.write(b":\n\n")
             for part in parts:
                 number += 1
                 self.wfile.write(b"id: %d\ndata: %b\n\n" % (number, part))
+            self.server.tells(self.connection, math.inf)
 
 
 def _is_number(text: str) -> bool:

@@ -12,12 +12,14 @@ import msgspec
 from soter.record.messages import (
     AC,
     About,
+    Breach,
     Drop,
     Event,
     Fault,
     Goal,
     Peer,
     RobotTick,
+    Stall,
     Switch,
     Target,
     Transition,
@@ -102,6 +104,8 @@ class Content:
         transitions: of the mission's machines.
         faults: injected, as they grew.
         violations: as ground truth saw them, the newest word on each; an interval that goes on has no end.
+        breaches: spells of failed assumptions, the newest word on each, by robot, assumption and beginning.
+        stalls: robots without their AC for long, the newest word on each, by robot and beginning.
         drops: gaps.
         ways: what ACs meant to drive.
     """
@@ -119,6 +123,8 @@ class Content:
     transitions: list[Transition] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
     violations: list[Violation] = field(default_factory=list)
+    breaches: dict[tuple[int, str, float], Breach] = field(default_factory=dict)
+    stalls: dict[tuple[int, float], Stall] = field(default_factory=dict)
     drops: list[Drop] = field(default_factory=list)
     ways: list[Way] = field(default_factory=list)
     _violation_at: dict[tuple[str, tuple[int, ...], float], int] = field(default_factory=dict, repr=False)
@@ -167,6 +173,12 @@ class Content:
             key = (event.rule, event.robots, event.start_s)
             at = self._violation_at.setdefault(key, len(self.violations))
             self.violations[at : at + 1] = [event]
+            return
+        if isinstance(event, Breach):
+            self.breaches[event.robot_id, event.assumption, event.start_s] = event
+            return
+        if isinstance(event, Stall):
+            self.stalls[event.robot_id, event.start_s] = event
             return
         lists: dict[type[Event], list[Any]] = {
             Switch: self.switches,

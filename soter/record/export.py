@@ -25,6 +25,11 @@ def file_name(event: type[Struct]) -> str:
     return f"{event.__name__.lower()}.csv"
 
 
+def csv_files(folder: Path) -> list[Path]:
+    """Return the files that `export_csv` writes into a folder."""
+    return [folder / name for name in (TICKS_CSV, MODULES_CSV, *map(file_name, EVENTS))]
+
+
 def export_csv(recording: Recording, folder: Path) -> list[Path]:
     """Write all messages of a recording into CSV files; return those that were written.
 

@@ -11,6 +11,7 @@ from mcap.writer import CompressionType, Writer
 from msgspec import Struct
 
 from soter.record import foxglove, messages
+from soter.record.digest import LIBRARY, RECORD, Sealed, Sign
 
 PROFILE: Final = "soter"
 CHUNK_BYTES: Final = 1 << 20
@@ -52,19 +53,22 @@ class RecordingFile:
 
     Args:
         stream: where it goes; a buffered binary file.
+        sign: returns a signature of the whole, or None for none.
+        key: the public key that it can be told by.
 
     Raises:
         OSError: from every method, when the file cannot be written.
     """
 
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._stream: Final = stream
-        self._writer: Final = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+    def __init__(self, stream: IO[bytes], sign: Sign | None = None, key: bytes = b"") -> None:
+        self._stream: Final = Sealed(stream, sign, key)
+        out: Any = self._stream
+        self._writer: Final = Writer(out, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._schemas: Final[dict[type[Struct], int]] = {}
         self._channels: Final[dict[str, int]] = {}
         self._sequences: Final[dict[int, int]] = {}
         self._pending = False
-        self._writer.start(profile=PROFILE, library="soter")
+        self._writer.start(profile=PROFILE, library=LIBRARY)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
         """Add a file."""
@@ -91,8 +95,11 @@ class RecordingFile:
         self._stream.flush()
 
     def finish(self) -> None:
-        """Write the index, without which a reader has to go through the whole file."""
+        """Write the digest, and the index, without which a reader has to go through the whole file."""
+        self.flush()
+        self._writer.add_metadata(RECORD, self._stream.hold())
         self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.finish()
         self._stream.flush()
 
     def _channel(self, topic: str, message: type[Struct]) -> int:

@@ -17,7 +17,9 @@ AC: Final = "AC"
 SC: Final = "SC"
 
 FleetTime = Annotated[float, Meta(description="Fleet time in seconds, exact.")]
-RobotId = Annotated[int, Meta(description="Number of the robot.")]
+# Whole numbers that a float holds exactly, as other readers of JSON need it.
+Whole = Annotated[int, Meta(ge=-(2**53), le=2**53)]
+RobotId = Annotated[Whole, Meta(description="Number of the robot.")]
 
 
 class Message(Struct, omit_defaults=True):
@@ -41,8 +43,11 @@ class State(Message):
     ] = UNSET
     battery: Annotated[float | UnsetType, Meta(description="Charge from 0 to 1; absent where unknown.")] = UNSET
     controller: Annotated[str, Meta(description="AC or SC, as the robot reports it; absent where it does not.")] = ""
-    goal_id: Annotated[int | UnsetType, Meta(description="The goal that it works on; absent without one.")] = UNSET
+    goal_id: Annotated[Whole | UnsetType, Meta(description="The goal that it works on; absent without one.")] = UNSET
     vz_m_s: Annotated[float | UnsetType, Meta(description="Velocity, up; absent where it is not reported.")] = UNSET
+
+
+NotFinite = Annotated[str, Meta(pattern="^(|inf|-inf|nan)$")]
 
 
 class ModuleTick(Message):
@@ -57,27 +62,31 @@ class ModuleTick(Message):
     reach: Annotated[
         float | UnsetType, Meta(description="Reach bound that the margin was compared with; absent if not finite.")
     ] = UNSET
-    margin_is: Annotated[str, Meta(description="inf, -inf or nan, where the margin is that.")] = ""
-    reach_is: Annotated[str, Meta(description="The same for the reach bound.")] = ""
+    margin_is: Annotated[NotFinite, Meta(description="inf, -inf or nan, where the margin is that.")] = ""
+    reach_is: Annotated[NotFinite, Meta(description="The same for the reach bound.")] = ""
 
     @classmethod
     def of(cls, name: str, mode: str, margin: float, reach: float) -> ModuleTick:
         """Return it for any numbers: JSON has none that are not finite."""
         if math.isfinite(margin) and math.isfinite(reach):
             return cls(name, mode, margin, reach)
-        margin_set, margin_is = (margin, "") if math.isfinite(margin) else (UNSET, str(margin))
-        reach_set, reach_is = (reach, "") if math.isfinite(reach) else (UNSET, str(reach))
+        margin_set, margin_is = _told(margin)
+        reach_set, reach_is = _told(reach)
         return cls(name, mode, margin_set, reach_set, margin_is, reach_is)
 
     @property
     def margin_value(self) -> float:
         """The margin, whatever number it is."""
-        return float(self.margin_is) if self.margin is UNSET else self.margin
+        return float(self.margin_is or "nan") if self.margin is UNSET else self.margin
 
     @property
     def reach_value(self) -> float:
         """The reach bound, whatever number it is."""
-        return float(self.reach_is) if self.reach is UNSET else self.reach
+        return float(self.reach_is or "nan") if self.reach is UNSET else self.reach
+
+
+def _told(value: float) -> tuple[float | UnsetType, str]:
+    return (value, "") if math.isfinite(value) else (UNSET, str(value))
 
 
 class Refusal(Message):
@@ -90,7 +99,7 @@ class Refusal(Message):
 class RobotTick(Message):
     """All that a robot's decision modules knew and decided at one tick; a replay needs nothing else."""
 
-    tick: Annotated[int, Meta(description="Number of the tick, from 0.")]
+    tick: Annotated[Whole, Meta(description="Number of the tick, from 0.")]
     time_s: FleetTime
     robot_id: RobotId
     mode: Annotated[str, Meta(description="Who has control: AC or SC.")]
@@ -133,7 +142,7 @@ class Goal(Message):
 
     time_s: FleetTime
     robot_id: RobotId
-    goal_id: Annotated[int, Meta(description="Number of the goal, unique for its robot.")]
+    goal_id: Annotated[Whole, Meta(description="Number of the goal, unique for its robot.")]
     by: Annotated[str, Meta(description="AC or SC.")]
     status: Annotated[str, Meta(description="active when it was sent, then how it ended.")]
     x_m: Annotated[float, Meta(description="East.")]
@@ -161,7 +170,7 @@ class Target(Message):
 
     time_s: FleetTime
     robot_id: RobotId
-    target_id: Annotated[int, Meta(description="Number of the target.")]
+    target_id: Annotated[Whole, Meta(description="Number of the target.")]
     x_m: Annotated[float | UnsetType, Meta(description="East; absent when it has ended.")] = UNSET
     y_m: Annotated[float | UnsetType, Meta(description="North; absent when it has ended.")] = UNSET
     outcome: Annotated[str, Meta(description="reached, unsafe, blocked or timed_out; absent when it begins.")] = ""
@@ -172,7 +181,7 @@ class Transition(Message):
 
     time_s: FleetTime
     machine: Annotated[str, Meta(description="Name of the machine.")]
-    machine_id: Annotated[int, Meta(description="Number of the machine in its runtime.")]
+    machine_id: Annotated[Whole, Meta(description="Number of the machine in its runtime.")]
     node: Annotated[str, Meta(description="Name of the runtime.")]
     source: Annotated[str, Meta(description="State that was left; absent when it starts.")] = ""
     target: Annotated[str, Meta(description="State that was entered; absent when it stops.")] = ""
@@ -188,7 +197,7 @@ class Fault(Message):
     kind: Annotated[str, Meta(description="Kind of the fault.")]
     declared: Annotated[bool, Meta(description="Whether the robot's promises were widened by it.")]
     affected: Annotated[
-        int, Meta(description="Commands and samples spoilt, or times the vehicle was impaired, so far.")
+        Whole, Meta(description="Commands and samples spoilt, or times the vehicle was impaired, so far.")
     ]
 
 
@@ -197,8 +206,44 @@ class Violation(Message):
 
     time_s: FleetTime
     rule: Annotated[str, Meta(description="battery, geofence, collision, obstacle, or a module of the user's.")]
-    robots: Annotated[tuple[int, ...], Meta(description="The robot, or the pair.")]
+    robots: Annotated[tuple[Whole, ...], Meta(description="The robot, or the pair.")]
     start_s: Annotated[float, Meta(description="Fleet time at which it began.")]
+    end_s: Annotated[float | UnsetType, Meta(description="Fleet time at which it ended; absent while it goes on.")] = (
+        UNSET
+    )
+
+
+class Worst(Message):
+    """The look at which an assumption failed by the most, of all excesses in one unit."""
+
+    excess: Annotated[float, Meta(description="By how much what was seen was more than is assumed.")]
+    unit: Annotated[str, Meta(description="Of that.")]
+    time_s: FleetTime
+    cause: Annotated[str, Meta(description="What was seen then.")]
+
+
+class Breach(Message):
+    """Looks at which an assumption failed, at most 2 s apart; told again, a second later, while there are more."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    assumption: Annotated[str, Meta(description="Its number, such as A14; see docs/assurance.md.")]
+    start_s: Annotated[float, Meta(description="Fleet time of the first look.")]
+    last_s: Annotated[float, Meta(description="Fleet time of the last one up to now.")]
+    times: Annotated[int, Meta(description="How many there were up to now.")]
+    cause: Annotated[str, Meta(description="What was seen at the first.")]
+    worst: Annotated[tuple[Worst, ...], Meta(description="The worst of them, for each unit; empty where none can be "
+                                                         "measured.")] = ()  # fmt: skip
+
+
+class Stall(Message):
+    """A robot has been without its AC for 300 s, and was not charging; or that has ended."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+    start_s: Annotated[float, Meta(description="Fleet time since when it is without its AC.")]
+    module: Annotated[str, Meta(description="The module whose safe controller has it.")]
+    cause: Annotated[str, Meta(description="Why.")]
     end_s: Annotated[float | UnsetType, Meta(description="Fleet time at which it ended; absent while it goes on.")] = (
         UNSET
     )
@@ -208,13 +253,15 @@ class Drop(Message):
     """Ticks are missing: on a wall clock the run does not wait for its writer."""
 
     time_s: FleetTime
-    first_tick: Annotated[int, Meta(description="The first that is missing.")]
-    ticks: Annotated[int, Meta(description="How many are missing.")]
+    first_tick: Annotated[Whole, Meta(description="The first that is missing.")]
+    ticks: Annotated[Whole, Meta(description="How many are missing.")]
 
 
-Event = Goal | Switch | Target | Transition | Fault | Violation | Drop | Peer
+Event = Goal | Switch | Target | Transition | Fault | Violation | Drop | Peer | Breach | Stall
 
-EVENTS: Final[tuple[type[Event], ...]] = (Goal, Switch, Target, Transition, Fault, Violation, Drop, Peer)
+EVENTS: Final[tuple[type[Event], ...]] = (
+    Goal, Switch, Target, Transition, Fault, Violation, Drop, Peer, Breach, Stall,
+)  # fmt: skip
 """Everything but ticks; what crosses to the writer is numbered by it."""
 
 TOPICS: Final[dict[type[Message], str]] = {
@@ -227,6 +274,8 @@ TOPICS: Final[dict[type[Message], str]] = {
     Violation: "/violations",
     Drop: "/drops",
     Peer: "/peers",
+    Breach: "/breaches",
+    Stall: "/stalls",
 }
 """Where each of them is recorded."""
 
@@ -244,7 +293,7 @@ class PeerAbout(Message):
         capabilities: what it promises, by name; what it leaves open is left out.
     """
 
-    robot_id: int
+    robot_id: Whole
     capabilities: dict[str, float | bool | str]
 
 
@@ -258,7 +307,7 @@ class RobotAbout(Message):
         modules: its modules.
     """
 
-    robot_id: int
+    robot_id: Whole
     capabilities: dict[str, float | bool | str]
     initial: State
     modules: tuple[ModuleAbout, ...]
@@ -300,13 +349,14 @@ class About(Message):
         robots: all of them, in the order of the supervisor.
         versions: of SOTER, Python, the platform and the libraries, by name.
         peers: robots of other processes.
+        accepted_unproved: what was run although it is not proved.
     """
 
     version: int
     mission: dict[str, object]
     source: str
     backend: str
-    seed: int
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)]
     base_tick_s: float
     virtual_time: bool
     started_utc: str
@@ -314,6 +364,49 @@ class About(Message):
     robots: tuple[RobotAbout, ...]
     versions: dict[str, str]
     peers: tuple[PeerAbout, ...] = ()
+    accepted_unproved: tuple[str, ...] = ()
+
+
+class FailedAssumption(Message):
+    """What a result says of an assumption that was seen not to hold.
+
+    Attributes:
+        times: looks at which it did not hold.
+        first_s: fleet time of the first.
+        cause: what was seen then.
+    """
+
+    times: Whole
+    first_s: float
+    cause: str
+
+
+class Result(Message):
+    """What readers take from the result of a run, `result.json`; all of it is `soter.runner.RunResult`.
+
+    Attributes:
+        status: how the run ended.
+        duration_s: how long it went on, in fleet time.
+        failure: why it failed.
+        engine: of the backend.
+        violations: by rule; None where there was no truth.
+        min_margin: by rule, likewise.
+        truth_ended_s: fleet time at which ground truth fell silent.
+        trace_sha256: of all states and decisions.
+        assumptions: by robot and number, those that were seen not to hold.
+        never_moved: robots that stood still.
+    """
+
+    status: str
+    duration_s: float = 0.0
+    failure: str = ""
+    engine: str | None = None
+    violations: dict[str, Whole] | None = None
+    min_margin: dict[str, float | None] | None = None
+    truth_ended_s: float | None = None
+    trace_sha256: str | None = None
+    assumptions: dict[Whole, dict[str, FailedAssumption]] = {}
+    never_moved: tuple[Whole, ...] = ()
 
 
 ABOUT_JSON: Final = "about.json"

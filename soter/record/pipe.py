@@ -7,6 +7,7 @@ import fcntl
 import io
 import os
 import select
+import signal
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ from typing import Final
 
 import msgspec
 
-from soter.record.outcome import Outcome
+from soter.record.outcome import Outcome, Task
 
 CAPACITY_BYTES: Final = 1 << 20
 """What is asked for on a wall clock: more than a minute of two robots at 20 Hz. The system may give less."""
@@ -39,20 +40,27 @@ class WriterPipe:
     """Starts the writer and passes frames on to it. Used from one thread.
 
     Args:
-        path: the file; what was in it is gone.
+        path: the file. What was in it is replaced when the new recording is complete, and stays if the run does not
+            come to its end; a new file is written in its place from the start.
         waits: whether to wait when the writer does not follow, which loses nothing; if not, frames are dropped.
+        sign: the private key that the recording is signed with, or None.
 
     Attributes:
+        writing: the file that is written.
         failure: why there is no writer any more; empty while there is.
 
     Raises:
         OSError: the file cannot be written, or no process be started.
     """
 
-    def __init__(self, path: Path, *, waits: bool) -> None:
+    def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
         self._waits: Final = waits
         self.failure = ""
-        file_fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+        # The file behind a link is replaced, not the link.
+        target = path.resolve()
+        replaces = target.is_file() and target.stat().st_size > 0
+        self.writing: Final = target.with_name(f"{target.name}.{os.getpid()}.new") if replaces else path
+        file_fd = os.open(self.writing, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
         try:
             source, sink = os.pipe()
         except OSError:
@@ -63,10 +71,13 @@ class WriterPipe:
         capacity = _resized(sink, BUSY_CAPACITY_BYTES if waits else CAPACITY_BYTES)
         # The writer is found where this module was, whatever made it importable.
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)}
-        how = [] if waits else ["nice"]
+        how = msgspec.json.encode(Task(
+            nice=not waits, sign=None if sign is None else str(sign.absolute()),
+            part=str(self.writing.absolute()), target=str(target) if replaces else None,
+        )).decode()  # fmt: skip
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "soter.record.writer", str(file_fd), str(capacity), *how],
+                [sys.executable, "-m", "soter.record.writer", str(file_fd), str(capacity), how],
                 stdin=source,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -115,15 +126,19 @@ class WriterPipe:
 
     def close(self, last: bytes) -> Outcome:
         """Send a last frame and end the writer; wait for at most `CLOSE_S`. Empty if the run has nothing to say."""
+        until_s = time.monotonic() + CLOSE_S
+        with contextlib.suppress(ProcessLookupError):
+            # Whoever has stopped it has not said why; the run ends now.
+            os.kill(self.pid, signal.SIGCONT)
         if not self.failure:
             try:
-                self._end(last)
+                self._end(last, until_s)
             except BrokenPipeError:
                 self._gone()
         with contextlib.suppress(OSError):
             self._sink.close()
         try:
-            said, _ = self._process.communicate(timeout=CLOSE_S)
+            said, _ = self._process.communicate(timeout=max(0.1, until_s - time.monotonic()))
         except subprocess.TimeoutExpired:
             return Outcome(self.failure or f"its writer, process {self.pid}, was still at work after {CLOSE_S:g} s")
         if self.failure:
@@ -141,10 +156,9 @@ class WriterPipe:
             return False
         return True
 
-    def _end(self, last: bytes) -> None:
+    def _end(self, last: bytes, until_s: float) -> None:
         """Send a last frame; wait for that, even where the run does not wait otherwise."""
         os.set_blocking(self._sink.fileno(), False)
-        until_s = time.monotonic() + CLOSE_S
         sent = self._drained(until_s) and self.send(last) and self._drained(until_s)
         if not sent and not self.failure:
             self.failure = f"its writer, process {self.pid}, did not take its end within {CLOSE_S:g} s"

@@ -10,14 +10,15 @@ from typing import Any, BinaryIO, Final, TypeVar
 
 import msgspec
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Header, Message, Schema
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
-from msgspec import Struct
+from msgspec import UNSET, Struct
 from zstandard import ZstdError
 
 from soter.errors import ConfigError
 from soter.record import foxglove, messages
 from soter.record.content import Content, Tick, Way
+from soter.record.digest import Proof, State, prove
 from soter.record.file import PROFILE
 from soter.record.messages import (
     ABOUT_JSON,
@@ -27,18 +28,28 @@ from soter.record.messages import (
     RESULT_JSON,
     WORKSPACE_XML,
     About,
+    Breach,
     Event,
     Goal,
+    Result,
     RobotTick,
+    Stall,
     Switch,
     Target,
 )
 from soter.record.tracks import RunTracks, Track
+from soter.record.unpack import Unpacker
 from soter.rta import SwitchRecord
 from soter.workspace import Workspace
 from soter.workspace_xml import parse_workspace
 
-MAX_RECORD_BYTES: Final = 1 << 28
+MAX_RECORD_BYTES: Final = 1 << 26
+MAX_ATTACHED_BYTES: Final = 1 << 27
+"""All attachments together."""
+
+_DAMAGE: Final = (McapError, ZstdError, struct.error, ValueError, TypeError, OverflowError, MemoryError)
+"""What readers of MCAP raise of a file that is none; texts that are no UTF-8 are ValueErrors."""
+
 _DRAWN_TICKS: Final = 5
 """A picture shows every so many ticks of a track."""
 
@@ -61,9 +72,10 @@ class Recording:
     Attributes:
         about: the run, its robots and their modules.
         attachments: the mission file, the workspace file and others, by name, as far as they were read.
+        proof: what its digest says of it; None while it is being written.
 
     Raises:
-        BadRecording: it is none, or it was cut off before anything was said.
+        BadRecording: it is none, was changed after it was written, or was cut off before anything was said.
     """
 
     def __init__(self, path: Path) -> None:
@@ -72,11 +84,17 @@ class Recording:
         self._truncated: bool | None = None
         for _ in self._records(head_only=True):
             pass
+        self.proof: Final = self._prove()
+        if self.proof is not None and self.proof.state is State.CHANGED:
+            raise BadRecording(f"{path}: it was damaged or changed after it was written: {self.proof.why}")
         about = self.attachments.get(ABOUT_JSON)
         if about is None:
             raise BadRecording(f"{path}: it does not say what was run; it was cut off, or SOTER did not record it")
         self.about: Final = self._decoded(about, About, ABOUT_JSON)
         self._robot_ids: Final = frozenset(robot.robot_id for robot in self.about.robots)
+        self._modules: Final = {
+            robot.robot_id: tuple(module.name for module in robot.modules) for robot in self.about.robots
+        }
         self._all_ids: Final = self._robot_ids.union(peer.robot_id for peer in self.about.peers)
         self._drivers: Final = frozenset((AC, *self.about.modules))
         if self.about.version > messages.VERSION:
@@ -142,12 +160,19 @@ class Recording:
         drivers: tuple[str, ...] = ()
         if isinstance(message, RobotTick):
             drivers = (message.driver,)
+            if (
+                message.robot_id in robot_ids
+                and tuple(each.name for each in message.modules) != self._modules[message.robot_id]
+            ):
+                raise BadRecording(f"{self.path}: a tick at {message.time_s:.3f} s has not the modules of its robot")
         elif isinstance(message, Switch):
             drivers = (message.before, message.after)
         elif isinstance(message, Target):
             # The process that has the task planner records what that gives to the robots of others.
             robot_ids = self._all_ids
-        elif not isinstance(message, Goal):
+            if not message.outcome and UNSET in (message.x_m, message.y_m):
+                raise BadRecording(f"{self.path}: a target that begins at {message.time_s:.3f} s is nowhere")
+        elif not isinstance(message, Goal | Breach | Stall):
             return
         if message.robot_id not in robot_ids or not self._drivers.issuperset(drivers):
             raise BadRecording(
@@ -158,10 +183,15 @@ class Recording:
     # --- as a whole ----------------------------------------------------------------------------------------
 
     @property
-    def result(self) -> dict[str, Any] | None:
+    def result_json(self) -> bytes | None:
         """The result of the run, as `soter run --json` writes it; None if the run did not come to an end."""
-        data = None if self.truncated else self.attachments.get(RESULT_JSON)
-        return None if data is None else self._decoded(data, dict[str, Any], RESULT_JSON)
+        return None if self.truncated else self.attachments.get(RESULT_JSON)
+
+    @property
+    def result(self) -> Result | None:
+        """What readers take from it, likewise."""
+        data = self.result_json
+        return None if data is None else self._decoded(data, Result, RESULT_JSON)
 
     def workspace(self) -> Workspace:
         """Return the workspace of the run, with the robots that took part, those of other processes too.
@@ -220,6 +250,12 @@ class Recording:
 
     # --- the file ------------------------------------------------------------------------------------------
 
+    def _prove(self) -> Proof | None:
+        try:
+            return prove(self.path)
+        except OSError as failure:
+            raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
+
     def _open(self) -> BinaryIO:
         return self.path.open("rb")
 
@@ -254,15 +290,31 @@ class Recording:
         try:
             with self._open() as stream:
                 reader = StreamReader(
-                    stream, validate_crcs=not head_only, record_size_limit=MAX_RECORD_BYTES, emit_chunks=head_only
+                    stream, validate_crcs=not head_only, record_size_limit=MAX_RECORD_BYTES, emit_chunks=True
                 )
-                yield from self._checked(reader, stream, head_only=head_only)
+                unpacker = Unpacker()
+                for record in self._checked(reader, stream):
+                    if not isinstance(record, Chunk):
+                        yield record
+                    elif head_only:
+                        return
+                    else:
+                        yield from self._unpacked(unpacker, record, stream)
         except OSError as failure:
             raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
 
-    def _checked(self, reader: StreamReader, stream: BinaryIO, *, head_only: bool) -> Iterator[Any]:
+    def _unpacked(self, unpacker: Unpacker, chunk: Chunk, stream: BinaryIO) -> Iterator[Any]:
+        try:
+            yield from unpacker.records(chunk, stream.tell(), validate_crc=True)
+        except CRCValidationError as failure:
+            raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
+        except _DAMAGE as failure:
+            raise BadRecording(f"{self.path}: a part of it is damaged: {_why(failure)}") from failure
+
+    def _checked(self, reader: StreamReader, stream: BinaryIO) -> Iterator[Any]:
         records = iter(reader.records)
         begun = False
+        attached_bytes = 0
         while True:
             try:
                 record = next(records)
@@ -274,25 +326,26 @@ class Recording:
                 return
             except CRCValidationError as failure:
                 raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
-            except (McapError, ZstdError, struct.error, UnicodeDecodeError, ValueError) as failure:
+            except _DAMAGE as failure:
                 if begun and isinstance(failure, struct.error) and not stream.read(1):
                     # Cut off within the mark at the end, which the reader takes for damage.
                     self._truncated = True
                     return
-                raise BadRecording(f"{self.path}: it is no MCAP file, or a damaged one: {failure}") from failure
+                raise BadRecording(f"{self.path}: it is no MCAP file, or a damaged one: {_why(failure)}") from failure
             begun = True
             if isinstance(record, Header) and record.profile != PROFILE:
                 raise BadRecording(f"{self.path}: SOTER did not record it; its profile is '{record.profile}'")
-            if head_only and type(record).__name__ == "Chunk":
-                return
             if isinstance(record, Attachment):
+                attached_bytes += len(record.data)
+                if attached_bytes > MAX_ATTACHED_BYTES:
+                    raise BadRecording(f"{self.path}: its attachments take more than {MAX_ATTACHED_BYTES} bytes")
                 self.attachments[record.name] = record.data
             yield record
 
     def _decode(self, decoder: msgspec.json.Decoder[Any], record: Message) -> Any:
         try:
             return decoder.decode(record.data)
-        except msgspec.DecodeError as failure:
+        except (msgspec.DecodeError, ValueError, RecursionError) as failure:
             raise BadRecording(
                 f"{self.path}: a message at {record.log_time / 1e9:.3f} s is not what it ought to be: {failure}"
             ) from failure
@@ -300,5 +353,9 @@ class Recording:
     def _decoded(self, data: bytes, kind: type[M] | Any, name: str) -> Any:
         try:
             return msgspec.json.decode(data, type=kind)
-        except msgspec.DecodeError as failure:
+        except (msgspec.DecodeError, ValueError, RecursionError) as failure:
             raise BadRecording(f"{self.path}: its {name} is not what it ought to be: {failure}") from failure
+
+
+def _why(failure: BaseException) -> str:
+    return str(failure) or type(failure).__name__

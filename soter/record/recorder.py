@@ -17,7 +17,8 @@ import msgspec
 
 from soter.config import Mission
 from soter.record.about import describe, files
-from soter.record.messages import AC, EVENTS, Drop, Event, Fault, Switch, Target, Transition, Violation
+from soter.record.looks import LOOK_S, FaultStatus, Looks, StallStatus
+from soter.record.messages import AC, EVENTS, Drop, Event, Switch, Target, Transition
 from soter.record.outcome import Outcome
 from soter.record.peer_tap import PeerTap
 from soter.record.pipe import WriterPipe
@@ -29,9 +30,6 @@ from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 
-TRUTH_S: Final = 1.0
-"""Fleet time between two looks at ground truth and faults."""
-
 TOGETHER: Final = 8
 """Ticks that cross to the writer at once in virtual time, where they follow each other so fast that one call of the
 system for each would cost more than all the rest. On a wall clock every tick crosses at once."""
@@ -40,20 +38,10 @@ TOGETHER_NS: Final = 20_000_000
 """Host time for which the first of them may be held back. A tick is held back only if the next one, should it take as
 long as this one did, comes within it: where ticks are slow, every tick crosses at once, too."""
 
+LATE_S: Final = 60.0
+"""Fleet time by which what a mission tells of may differ from that of the tick at which it is recorded."""
+
 _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
-
-
-class FaultStatus(Protocol):
-    """What one injected fault has done so far."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def robot_id(self) -> int: ...
-    @property
-    def declared(self) -> bool: ...
-    @property
-    def affected(self) -> int: ...
 
 
 class TargetLog(Protocol):
@@ -74,12 +62,14 @@ class RecordingReport(NamedTuple):
         failure: why it is not complete; empty if it is.
         dropped_ticks: how many ticks are missing in it.
         size_bytes: of the file.
+        refused: messages of the mission's that are not in it, because of their times.
     """
 
     path: Path
     failure: str
     dropped_ticks: int
     size_bytes: int
+    refused: int = 0
 
 
 class Recorder:
@@ -89,12 +79,15 @@ class Recorder:
     disk is full.
 
     Args:
-        path: the file; what was in it is gone when the recording begins.
+        path: the file; what was in it is replaced when the recording is complete.
         waits: whether the run waits when the writer does not follow, as it may in virtual time.
+        sign: the private key that it is signed with, or None.
     """
 
-    def __init__(self, path: Path, *, waits: bool) -> None:
+    def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
         self.path: Final = path
+        self._sign: Final = sign
+        self._refused = 0
         self._waits: Final = waits
         self._pipe: WriterPipe | None = None
         self._taps: Final[dict[int, Tap]] = {}
@@ -104,10 +97,7 @@ class Recorder:
         self._ticks: Final[list[Tick]] = []
         self._now_s = 0.0
         self._host_ns = 0
-        self._truth: Truth | None = None
-        self._faults: Callable[[], Sequence[FaultStatus]] = tuple
-        self._violations: dict[tuple[str, tuple[int, ...], float], bool] = {}
-        self._affected: dict[int, int] = {}
+        self._looks = Looks()
         self._looked_s = 0.0
         self._lost = (0, 0)
         self._dropped = 0
@@ -119,6 +109,11 @@ class Recorder:
     def writer_pid(self) -> int | None:
         """Process id of the writer; None before it is started."""
         return None if self._pipe is None else self._pipe.pid
+
+    @property
+    def writing(self) -> Path:
+        """The file that is written, which takes the place of another one at the end."""
+        return self.path if self._pipe is None else self._pipe.writing
 
     # --- before the first tick -------------------------------------------------------------------------------
 
@@ -148,6 +143,8 @@ class Recorder:
         truth: Truth | None,
         faults: Callable[[], Sequence[FaultStatus]] = tuple,
         peers: Mapping[int, Capabilities] | None = None,
+        stalls: Callable[[], Sequence[StallStatus]] = tuple,
+        accepted_unproved: Sequence[str] = (),
     ) -> None:
         """Start the writer and say what is to be run; call it once, before the first tick.
 
@@ -161,13 +158,16 @@ class Recorder:
             truth: of a simulated world.
             faults: returns what the injected faults did up to now, always in the same order.
             peers: what robots of other processes promise, by id.
+            stalls: returns the stalls up to now.
+            accepted_unproved: what is run although it is not proved.
 
         Raises:
             OSError: the file cannot be written.
         """
         self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
-        self._truth, self._faults = truth, faults
+        self._looks = Looks(robots, truth, faults, stalls)
         about = describe(mission, capabilities, timings, robots, modules, peers or {})
+        about.accepted_unproved = tuple(accepted_unproved)
         frame = Begin(
             msgspec.json.encode(tamed(about)),
             files(mission),
@@ -176,7 +176,7 @@ class Recorder:
             [robot.robot_id for robot in robots],
             {robot.robot_id: [module.name for module in robot.modules] for robot in robots},
         )
-        self._pipe = WriterPipe(self.path, waits=self._waits)
+        self._pipe = WriterPipe(self.path, waits=self._waits, sign=self._sign)
         self._send(self._pipe, packed(frame))
         self._pipe.wait_ready()
         self._say(self._pipe.failure, "; the run goes on")
@@ -199,7 +199,7 @@ class Recorder:
         self._note(Target(self._now_s, robot_id, target_id, outcome=str(outcome.value)))
 
     def on_transition(self, transition: Transition) -> None:
-        """Record a change of state of one of the mission's machines."""
+        """Record a change of state of one of the mission's machines; when it was, is judged at the tick."""
         self._note(transition)
 
     def tick(self, now_s: float, tick: int) -> None:
@@ -209,13 +209,14 @@ class Recorder:
         if pipe is None or pipe.failure:
             self._events = []
             return
-        if now_s - self._looked_s >= TRUTH_S:
+        if now_s - self._looked_s >= LOOK_S:
             self._looked_s = now_s
             self._look(now_s)
         for peer in self._peers:
             self._note(peer.message(now_s))
         rows = [_row(robot, tap) for robot, tap in self._robots]
         self._note_lost()
+        self._refuse_times(now_s)
         host_ns, ticks = time.time_ns(), self._ticks
         took_ns, self._host_ns = host_ns - self._host_ns, host_ns
         ticks.append(Tick(tick, now_s, host_ns, rows, self._events))  # type: ignore[arg-type]
@@ -243,7 +244,7 @@ class Recorder:
             # A run that did not come to an end has no result, but what happened in its last tick.
             last = self._packed_ticks() + (self._last or self._packed_end(b""))
             outcome = Outcome() if self._pipe is None else self._pipe.close(last)
-            self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes)
+            self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes, self._refused)
             self._say(outcome.failure, "")
         return self._report
 
@@ -263,8 +264,19 @@ class Recorder:
         if lost:
             self._note(Drop(self._now_s, first, lost))
 
+    def _refuse_times(self, now_s: float) -> None:
+        """Leave out what the mission says of other times than these: no file holds them, and every axis would."""
+        events = self._events
+        kept = [each for each in events if not isinstance(each[1], Transition) or _near(each[1].time_s, now_s)]
+        if len(kept) < len(events):
+            if not self._refused:
+                logger.warning("the mission tells of changes at impossible times; they are not recorded")
+            self._refused += len(events) - len(kept)
+            self._events = kept
+
     def _packed_end(self, result_json: bytes) -> bytes:
         self._note_lost()
+        self._refuse_times(self._now_s)
         frame = packed(Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
         self._events = []
         return frame
@@ -292,18 +304,8 @@ class Recorder:
             logger.error("the recording %s is not complete: %s%s", self.path, failure, consequence)
 
     def _look(self, now_s: float) -> None:
-        """Note what ground truth and the faults have to say that was not known before."""
-        if self._truth is not None:
-            for each in self._truth.report().violations:
-                key, ended = (each.rule, each.robots, each.start_s), each.end_s is not None
-                if self._violations.get(key) is not ended:
-                    self._violations[key] = ended
-                    end_s = msgspec.UNSET if each.end_s is None else each.end_s
-                    self._note(Violation(now_s, each.rule, each.robots, each.start_s, end_s))
-        for index, fault in enumerate(self._faults()):
-            if fault.affected != self._affected.get(index, 0):
-                self._affected[index] = fault.affected
-                self._note(Fault(now_s, fault.robot_id, fault.kind, fault.declared, fault.affected))
+        for event in self._looks.look(now_s):
+            self._note(event)
 
 
 class _Beside:
@@ -320,6 +322,11 @@ class _Beside:
     def on_ended(self, robot_id: int, target_id: int, outcome: Any) -> None:
         self._recorder.on_ended(robot_id, target_id, outcome)
         self._log.on_ended(robot_id, target_id, outcome)
+
+
+def _near(time_s: object, now_s: float) -> bool:
+    # Compared, not subtracted: a whole number may be too large for a float.
+    return isinstance(time_s, int | float) and now_s - LATE_S <= time_s <= now_s + LATE_S
 
 
 def _row(robot: RobotSupervisor, tap: Tap) -> Row:

@@ -3,12 +3,57 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from soter.record import messages
 from soter.record.content import Content
-from soter.record.messages import Violation
+from soter.record.messages import Result, Violation
 from soter.record.reader import Recording
+from soter.rta import Breach, Worst
+
+
+@dataclass(frozen=True, slots=True)
+class FailedAssumption:
+    """An assumption of the safety argument that was seen not to hold for one robot.
+
+    Attributes:
+        robot_id: which robot.
+        assumption: its number.
+        times: looks at which it did not hold.
+        first_s: fleet time of the first.
+        last_s: fleet time of the last; None where the recording does not say it.
+        cause: what was seen at the first.
+        worst: the worst look for each unit of an excess: excess, unit, fleet time and cause.
+    """
+
+    robot_id: int
+    assumption: str
+    times: int
+    first_s: float
+    last_s: float | None
+    cause: str
+    worst: tuple[Worst, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LongStall:
+    """A robot that was without its AC for long, and not charging.
+
+    Attributes:
+        robot_id: which robot.
+        start_s: fleet time at which it began.
+        end_s: fleet time at which it ended; None if it went on at the end of the recording.
+        module: whose safe controller had it.
+        cause: why.
+    """
+
+    robot_id: int
+    start_s: float
+    end_s: float | None
+    module: str
+    cause: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +82,13 @@ class Summary:
         transitions: of the mission's machines.
         faults: what injected faults had spoilt at the end, by kind.
         violations: by rule, as ground truth saw them.
+        assumptions: those that were seen not to hold.
+        stalls: robots that were without their AC for long, and not charging.
+        never_moved: robots that never moved, as the result has it.
+        accepted_unproved: what was run although it is not proved.
         status: how the run ended; None if it did not get to say so.
         versions: of SOTER and what it stands on.
+        digest: whether it is proved to be what was written, in words.
     """
 
     file: str
@@ -62,8 +112,13 @@ class Summary:
     transitions: int
     faults: dict[str, int]
     violations: dict[str, int]
+    assumptions: tuple[FailedAssumption, ...]
+    stalls: tuple[LongStall, ...]
+    never_moved: tuple[int, ...]
+    accepted_unproved: tuple[str, ...]
     status: str | None
     versions: dict[str, str]
+    digest: str
 
 
 def summarise(recording: Recording, content: Content) -> Summary:
@@ -96,8 +151,22 @@ def summarise(recording: Recording, content: Content) -> Summary:
         transitions=len(content.transitions),
         faults={f"{each.kind} of robot {each.robot_id}": each.affected for each in content.faults},
         violations=_violations(content.violations, result),
-        status=None if result is None else str(result.get("status")),
+        assumptions=tuple(_in_all(content.breaches.values()) or ([] if result is None else _in_result(result))),
+        stalls=tuple(
+            LongStall(
+                each.robot_id,
+                each.start_s,
+                each.end_s if isinstance(each.end_s, float) else None,
+                each.module,
+                each.cause,
+            )
+            for each in content.stalls.values()
+        ),
+        never_moved=() if result is None else result.never_moved,
+        accepted_unproved=about.accepted_unproved,
+        status=None if result is None else result.status,
         versions=about.versions,
+        digest="" if recording.proof is None else recording.proof.why,
     )
 
 
@@ -105,7 +174,30 @@ def _counted(names: Any) -> dict[str, int]:
     return dict(sorted(Counter(names).items()))
 
 
-def _violations(seen: list[Violation], result: dict[str, Any] | None) -> dict[str, int]:
+def _in_all(spells: Iterable[messages.Breach]) -> list[FailedAssumption]:
+    """Return the spells of each robot and assumption as one."""
+    joined: dict[tuple[int, str], Breach] = {}
+    for each in spells:
+        key = (each.robot_id, each.assumption)
+        worst = tuple(Worst(one.excess, one.unit, one.time_s, one.cause) for one in each.worst)
+        spell = Breach(each.times, each.start_s, each.cause, each.last_s, worst)
+        joined[key] = joined[key].joined(spell) if key in joined else spell
+    return [
+        FailedAssumption(robot, assumption, each.times, each.first_s, each.last_s, each.cause, each.worst)
+        for (robot, assumption), each in joined.items()
+    ]
+
+
+def _in_result(result: Result) -> list[FailedAssumption]:
+    """Return what the result says, for recordings that do not have the spells."""
+    return [
+        FailedAssumption(robot, assumption, each.times, each.first_s, None, each.cause)
+        for robot, failed in result.assumptions.items()
+        for assumption, each in failed.items()
+    ]
+
+
+def _violations(seen: list[Violation], result: Result | None) -> dict[str, int]:
     """Return the result's counts, which know every rule; without a result what was seen until then."""
-    counted = (result or {}).get("violations")
-    return dict(counted) if isinstance(counted, dict) else _counted(each.rule for each in seen)
+    counted = None if result is None else result.violations
+    return _counted(each.rule for each in seen) if counted is None else dict(counted)

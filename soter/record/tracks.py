@@ -40,7 +40,6 @@ class RunTracks:
         tracks: by robot id.
         switches: every change of control, in order.
         safer_inset_m: how far inside the fence phi_safer of the geofence begins; None without that module.
-        unproved: squares for which a proof has a gap: centre x and y and half of the side, in metres.
     """
 
     workspace: Workspace
@@ -48,4 +47,3 @@ class RunTracks:
     tracks: dict[int, Track]
     switches: list[SwitchRecord] = field(default_factory=list)
     safer_inset_m: float | None = None
-    unproved: tuple[tuple[float, float, float], ...] = ()

@@ -12,6 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import IO, Final
 
 import msgspec
@@ -19,22 +20,25 @@ from msgspec import Raw
 
 from soter.record import foxglove, messages
 from soter.record.check import seal
+from soter.record.digest import Sign
 from soter.record.file import RecordingFile
 from soter.record.messages import (
     AC,
     EVENTS,
     RESULT_JSON,
     SC,
+    Breach,
     Fault,
     Goal,
     ModuleTick,
     Refusal,
     RobotTick,
+    Stall,
     Switch,
     Target,
     Violation,
 )
-from soter.record.outcome import Outcome
+from soter.record.outcome import Outcome, Task
 from soter.record.samples import state_of
 from soter.record.wire import WAY, Begin, Frame, Intake, Row, Tick, Ticks, Way
 
@@ -64,6 +68,9 @@ class Scribe:
 
     Args:
         file: where they go.
+
+    Attributes:
+        complete: whether the run has come to its end, by itself or not.
     """
 
     def __init__(self, file: RecordingFile) -> None:
@@ -73,7 +80,9 @@ class Scribe:
         self._ways: Final = msgspec.msgpack.Decoder(Way)
         self._picture_s = 0.0
         self._by_ac: dict[int, bool] = {}
+        self._spells: dict[tuple[int, str], float] = {}
         self._host_ns = time.time_ns()
+        self.complete = False
 
     def take(self, frame: Frame) -> None:
         """Write what a frame says."""
@@ -86,6 +95,7 @@ class Scribe:
                 self._tick(tick)
         else:
             self._note(frame.events)
+            self.complete = bool(frame.result)
             if frame.result:
                 self._file.attach(RESULT_JSON, frame.result, _MEDIA_TYPES[".json"])
 
@@ -152,11 +162,19 @@ class Scribe:
             topic = topic.format(robot_id=event.robot_id)
         time_ns = foxglove.nanoseconds(event.time_s)
         self._file.write(topic, event, time_ns, self._host_ns)
-        line = _line(event)
+        line = None if self._is_told(event) else _line(event)
         if line is not None:
             level, name, text = line
             log = foxglove.Log(foxglove.Time.of(event.time_s), level, text, name)
             self._file.write(foxglove.LOG_TOPIC, log, time_ns, self._host_ns)
+
+    def _is_told(self, event: messages.Event) -> bool:
+        """Whether the log has said it: of a failed assumption, it tells the beginning of every spell."""
+        if not isinstance(event, Breach):
+            return False
+        key = (event.robot_id, event.assumption)
+        before, self._spells[key] = self._spells.get(key), event.start_s
+        return before == event.start_s
 
 
 def _record(tick: Tick, robot_id: int, row: Row, names: Sequence[str]) -> RobotTick:
@@ -186,6 +204,13 @@ def _line(event: messages.Event) -> tuple[int, str, str] | None:
     if isinstance(event, Violation):
         who = ", ".join(map(foxglove.robot_frame, event.robots))
         return foxglove.ERROR, who, f"{event.rule} broken since {event.start_s:.2f} s"
+    if isinstance(event, Breach):
+        text = f"assumption {event.assumption} failed at {event.start_s:.2f} s: {event.cause}"
+        return foxglove.WARNING, foxglove.robot_frame(event.robot_id), text
+    if isinstance(event, Stall):
+        since = f"without its AC since {event.start_s:.2f} s: {event.module}: {event.cause}"
+        text = since if event.end_s is msgspec.UNSET else f"no longer {since}"
+        return foxglove.WARNING, foxglove.robot_frame(event.robot_id), text
     if isinstance(event, Fault):
         return foxglove.WARNING, foxglove.robot_frame(event.robot_id), f"fault {event.kind}: {event.affected} so far"
     if isinstance(event, messages.Drop):
@@ -196,7 +221,9 @@ def _line(event: messages.Event) -> tuple[int, str, str] | None:
 # --- the process -------------------------------------------------------------------------------------------
 
 
-def record(source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: float) -> None:
+def record(
+    source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: float, sign: Sign | None = None, key: bytes = b""
+) -> bool:
     """Write everything that comes through a pipe, until its other end is closed.
 
     Args:
@@ -204,11 +231,16 @@ def record(source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: floa
         stream: the file.
         capacity_bytes: what the pipe holds.
         chunk_s: host time after which a chunk is closed.
+        sign: returns a signature of the whole, or None for none.
+        key: the public key that it can be told by.
+
+    Returns:
+        Whether the run has come to its end.
 
     Raises:
         OSError: the file cannot be written.
     """
-    file = RecordingFile(stream)
+    file = RecordingFile(stream, sign, key)
     scribe, intake = Scribe(file), Intake()
     os.set_blocking(source_fd, False)
     flushed_s = time.monotonic()
@@ -230,6 +262,7 @@ def record(source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: floa
         if data is None or len(data) < capacity_bytes // 4:
             time.sleep(LOOK_S)
     file.finish()
+    return scribe.complete
 
 
 def _flushed(file: RecordingFile, flushed_s: float, chunk_s: float) -> float:
@@ -241,19 +274,33 @@ def _flushed(file: RecordingFile, flushed_s: float, chunk_s: float) -> float:
     return now_s
 
 
+def _signing(path: str | None) -> tuple[Sign | None, bytes]:
+    """Return what signs, and the public key that this can be told by."""
+    if path is None:
+        return None, b""
+    from soter.record.signing import read_private_key
+
+    key = read_private_key(Path(path), "--sign")
+    return key.sign, key.public_key().public_bytes_raw()
+
+
 def main() -> None:
-    """Record; arguments: the file's descriptor, the pipe's capacity, and `nice` where the run does not wait."""
+    """Record; arguments: the file's descriptor, the pipe's capacity, and a `Task`."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     file_fd, capacity_bytes = int(sys.argv[1]), int(sys.argv[2])
-    nice = "nice" in sys.argv[3:]
-    if nice:
+    task = msgspec.json.decode(sys.argv[3], type=Task)
+    if task.nice:
         with contextlib.suppress(OSError):
             os.nice(NICENESS)
     outcome = Outcome()
     stream = os.fdopen(file_fd, "wb")
     try:
-        record(sys.stdin.fileno(), stream, capacity_bytes, CHUNK_S if nice else BUSY_CHUNK_S)
+        complete = record(
+            sys.stdin.fileno(), stream, capacity_bytes, CHUNK_S if task.nice else BUSY_CHUNK_S, *_signing(task.sign)
+        )
+        if complete and task.target is not None:
+            Path(task.part).replace(task.target)
     except OSError as failure:
         outcome.failure = failure.strerror or str(failure)
     except Exception as failure:  # noqa: BLE001 - whatever it is, the run is told before this process ends

@@ -180,8 +180,6 @@ def _ground(axes: Axes, run: RunTracks) -> None:
             (inset_m, inset_m), width_m - 2 * inset_m, depth_m - 2 * inset_m, fc=_INSIDE, ec=_SOFT, lw=0.8,
             ls=(0, (5, 4)),
         ))  # fmt: skip
-    for x_m, y_m, half_m in run.unproved:
-        axes.add_patch(Rectangle((x_m - half_m, y_m - half_m), 2 * half_m, 2 * half_m, fc=_ALARM, ec="none", zorder=2))
     for place in workspace.robots:
         charger = place.charger
         axes.add_patch(_rectangle(charger, fc=_CHARGER, ec=MODULES["battery"], lw=1.0))
@@ -325,8 +323,6 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
         ]  # fmt: skip
     samples.append(("box", lambda y: [patch(y, fc=_BOX, ec="none")]))
     samples.append(("charger", lambda y: [patch(y, fc=_CHARGER, ec=MODULES["battery"], lw=1.0)]))
-    if run.unproved:
-        samples.append(("states that are not proved", lambda y: [patch(y, fc=_ALARM, ec="none")]))
     if run.safer_inset_m is not None:
         samples.append(("from the fence to phi_safer of the geofence", lambda y: [
             patch(y, fc=_STRIP, ec="none"),

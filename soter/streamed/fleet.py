@@ -1,4 +1,4 @@
-"""The robots of an opened backend that velocities are streamed to, and what they share."""
+"""The robots of an opened backend that velocities are streamed to, as what they are."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from contextlib import ExitStack
 from typing import Final, Generic, TypeVar
 
 from soter.clock import VehicleClock
-from soter.sdk import Fleet
-from soter.sdk.truth import StreamedTruth
+from soter.sdk.wire import WireFleet
 from soter.streamed.robot import StreamedRobot
 from soter.streamed.simulator import StreamedSimulator
 
@@ -16,7 +15,7 @@ R = TypeVar("R", bound=StreamedRobot)
 S = TypeVar("S", bound=StreamedSimulator)
 
 
-class StreamedFleet(Fleet, Generic[R, S]):
+class StreamedFleet(WireFleet[S], Generic[R, S]):
     """Robots, what they are heard over, and the simulator if it was started for them.
 
     Args:
@@ -26,25 +25,12 @@ class StreamedFleet(Fleet, Generic[R, S]):
         make: makes the robots; pushes onto the stack what is to be closed behind them.
 
     Attributes:
-        simulator: the same.
         streamed: the robots, as what they are.
     """
 
     def __init__(
         self, clock: VehicleClock, truth: str | None, simulator: S | None, make: Callable[[ExitStack], Sequence[R]]
     ) -> None:
-        self.simulator: Final = simulator
-        with ExitStack() as stack:
-            heard = None
-            if truth is not None:
-                heard = StreamedTruth(truth, clock)
-                stack.callback(heard.close)
-            self.streamed: Final = tuple(make(stack))
-            super().__init__(clock, self.streamed, heard)
-            self._shared: Final = stack.pop_all()
-
-    def _close(self) -> None:
-        with ExitStack() as stack:
-            if self.simulator is not None:
-                stack.callback(self.simulator.close)
-            stack.callback(self._shared.close)
+        with ExitStack() as shared:
+            self.streamed: Final = tuple(make(shared))
+            super().__init__(clock, self.streamed, truth, simulator, shared)

@@ -5,13 +5,14 @@ Messages are read by the names of their fields, so that any library's classes wi
 
 from __future__ import annotations
 
-from math import atan2, cos, nan, pi, remainder, sin
+from math import atan2, cos, isfinite, nan, pi, remainder, sin
 from typing import Any, Final, NamedTuple
 
 Pose = tuple[float, float, float]
 """East and north in metres, heading in radians counter-clockwise from east."""
 
 _SHORT: Final = 1e-6
+_MOST: Final = 1e9
 
 
 class Motion(NamedTuple):
@@ -34,6 +35,11 @@ class Motion(NamedTuple):
     forward_m_s: float
     leftward_m_s: float
     turn_rad_s: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether some robot may be there and move so: no number is infinite, none, or beyond all measure."""
+        return all(-_MOST <= value <= _MOST for value in self[1:]) and isfinite(self.stamp_s)
 
     @property
     def velocity(self) -> tuple[float, float]:

@@ -9,13 +9,12 @@ import time
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable
-from math import isfinite
 from typing import Any, ClassVar, Final, NamedTuple
 
 from soter.clock import VehicleClock
-from soter.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
-from soter.errors import Unsupported
-from soter.mux.wire import SC, GateReport, Order
+from soter.errors import Intruder, Unsupported
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
+from soter.onboard.wire import SC, GateReport, Order
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
 from soter.streamed.motion import Charge, Motion, Pose, read_battery, read_odometry
 
@@ -38,6 +37,9 @@ _BLIND_S: Final = 0.3
 _LOOK_S: Final = 0.005
 _REPEAT_S: Final = 0.05
 _LOST_S: Final = 1.0
+_INTRUDED_S: Final = 0.1
+"""So long a robot is not driven after somebody else was seen to: not a lease, so that one message stops it for a tick
+or two, and who goes on keeps it stopped."""
 _REST_M_S: Final = 1e-3
 _REST_RAD_S: Final = 1e-2
 
@@ -125,6 +127,7 @@ class StreamedRobot(Robot):
         self._gate: GateReport | None = None
         self._charge: Charge | None = None
         self._heard = 0
+        self._intruded = float("-inf"), ""
         self.dropped: Final[Counter[str]] = Counter()
 
     # --- what an adapter hears -----------------------------------------------------------------------------
@@ -133,7 +136,7 @@ class StreamedRobot(Robot):
         """Take a nav_msgs/Odometry, and steer by it."""
         received_s = self.clock.steady_s()
         motion = read_odometry(message, self._origin)
-        if not all(map(isfinite, motion)):
+        if not motion.possible:
             self._drop("odometry that is not finite", motion)
             return
         latest = self._latest
@@ -181,6 +184,12 @@ class StreamedRobot(Robot):
         except ValueError as failure:
             self._drop("a report of its mux that makes no sense", failure)
 
+    def _take_intruder(self, why: str) -> None:
+        """Take that somebody else has just moved the robot, or may at any time."""
+        if not self._intruded[1]:
+            logger.warning("robot %d: %s", self.id, why)
+        self._intruded = self.clock.steady_s(), why
+
     def _drop(self, what: str, why: object) -> None:
         """Count a message that is dropped, and log the first of its kind: there may be many."""
         self.dropped[what] += 1
@@ -216,6 +225,9 @@ class StreamedRobot(Robot):
 
     def _renew_lease(self) -> None:
         clock = self._vehicle_clock
+        seen_s, why = self._intruded
+        if clock.steady_s() - seen_s < _INTRUDED_S:
+            raise Intruder(why)
         self._doing = self._doing._replace(renewed_steady_s=clock.steady_s())
         self._say(renewed_s=clock.to_vehicle_s(self.id, clock.now()))
 
@@ -224,7 +236,7 @@ class StreamedRobot(Robot):
         self._steer()
 
     def _disconnect(self, timeout_s: float) -> None:
-        if self._capabilities is None:
+        if not self.initialised:
             return
         self._doing = _Doing(SC, None, None, float("-inf"))
         self._order = self._order._replace(controller=SC, renewed_s=None)

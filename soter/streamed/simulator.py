@@ -7,9 +7,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from pydantic import TypeAdapter
-
-from soter.sdk import RobotSpec, program
+from soter.sdk import RobotSpec, RuleLimits, program
+from soter.sdk.wire import describe
 from soter.workspace import Workspace
 
 
@@ -19,7 +18,7 @@ class StreamedSimulator(ABC):
     It starts the world's process, which then waits for the world: `_hand_over`. Muxes may be started before or after.
 
     Args:
-        module: the world's program, see `soter_sim.streamed_program`.
+        module: the world's program, see `soter_sim.program`.
         prefix: what stands before the name of each robot's namespace.
         robots: its robots.
         environment: of the processes, besides that of Python.
@@ -49,19 +48,23 @@ class StreamedSimulator(ABC):
     def start_mux(self, robot_id: int) -> None:
         """Start the mux of a robot, in place of the one that it had."""
 
+    def lost(self) -> str:
+        """Return which process has ended, in words; empty while all run."""
+        muxes = (program.ended(f"the mux of robot {robot_id}", each) for robot_id, each in self.muxes.items())
+        return program.ended("the simulated world", self.world) or next(filter(None, muxes), "")
+
     def close(self) -> None:
         """End the processes and wait until they are gone. Idempotent."""
         program.end([self.world, *self.muxes.values()])
 
-    def _hand_over(self, workspace: Workspace) -> dict[str, Any]:
-        """Hand the world to its process and return what that says of it.
+    def _hand_over(self, workspace: Workspace, limits: RuleLimits) -> dict[str, Any]:
+        """Hand the world, and what its mission promises, to its process and return what that says of it.
 
         Raises:
             RobotUnavailable: it does not start; everything that was started has ended.
         """
-        described = TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).dump_json((workspace, self._robots))
         try:
-            told = program.hand_over(self.world, self._module, described)
+            told = program.hand_over(self.world, self._module, describe(workspace, self._robots, limits))
             self.truth = told["truth"]
         except BaseException:
             self.close()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import http.client
+import math
 import random
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from http.server import ThreadingHTTPServer
@@ -209,7 +211,8 @@ def test_there_are_places_for_many_and_an_end_to_them(screen: PageScreen) -> Non
         links = [stack.enter_context(listening(screen)) for _ in range(web.MOST_VIEWERS)]
         wait_until(lambda: screen._server.streams == web.MOST_VIEWERS)
         with pytest.raises((http.client.HTTPException, ConnectionError)):
-            asked(screen, "/")
+            asked(screen, stream_of(screen))
+        assert asked(screen, "/")[0].status == 503
         screen.reel.add(b"for all")
         assert {next_part(each) for each in links} == {(1, b"for all")}
         screen.reel.end()
@@ -233,6 +236,54 @@ def test_garbage_is_answered_or_dropped_and_the_server_goes_on(screen: PageScree
             link.shutdown(socket.SHUT_WR)
             link.recv(1000)
     assert asked(screen, "/")[0].status == 503
+
+
+def test_many_who_do_not_finish_asking_lock_nobody_out(screen: PageScreen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(web._Viewer, "timeout", 60.0)
+    with ExitStack() as stack:
+        for _ in range(web.MOST_VIEWERS):
+            link = stack.enter_context(socket.create_connection(("127.0.0.1", screen.port)))
+            link.sendall(b"GET / HT")
+        wait_until(lambda: len(screen._server._asking) == web.MOST_VIEWERS)
+        began_s = time.monotonic()
+        assert asked(screen, "/")[0].status == 503
+        assert time.monotonic() - began_s < 1.0
+
+
+def test_many_who_do_not_read_lock_nobody_out(screen: PageScreen, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(web._Viewer, "timeout", 60.0)
+    monkeypatch.setattr(web, "MOST_VIEWERS", 4)
+    monkeypatch.setattr(web, "SLOW_S", 0.01)
+    with ExitStack() as stack:
+        for _ in range(4):
+            stack.enter_context(listening(screen, receive_bytes=4096))
+        wait_until(lambda: screen._server.streams == 4)
+        for _ in range(20):
+            screen.reel.add(b"x" * 500_000)
+        wait_until(lambda: all(since_s < math.inf for since_s in screen._server._listening.values()))
+        screen.reel.end()
+
+        def served() -> bool:
+            with suppress(http.client.HTTPException, ConnectionError):
+                return asked(screen, stream_of(screen, 19))[0].status == 200
+            return False
+
+        wait_until(served)
+
+
+def test_who_asks_without_end_is_dropped_in_time(screen: PageScreen) -> None:
+    with socket.create_connection(("127.0.0.1", screen.port)) as link:
+        link.settimeout(SLOW_S / 3)
+        sent = 0
+        with suppress(ConnectionError):
+            while True:
+                link.sendall(b"G")
+                sent += 1
+                with suppress(TimeoutError):
+                    assert link.recv(1000) == b""
+                    break
+                assert sent < 100
+    assert 1 < sent < 30
 
 
 def test_who_does_not_finish_asking_is_dropped(screen: PageScreen) -> None:

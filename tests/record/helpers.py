@@ -16,6 +16,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from soter.config import Mission, load_mission
+from soter.record.digest import RECORD
 from soter.runner import Run, run_mission
 from tests.project.source import ROOT
 from tests.waiting import wait_until
@@ -44,7 +45,7 @@ def rewrite(
     """Copy a recording message by message; what `change(topic, data)` returns takes a message's place, None removes it.
 
     What `change_file(name, data)` returns takes an attachment's. The checksums of the copy are right: this is what a
-    faulty tool does, not a faulty disk.
+    faulty tool does, not a faulty disk; nor does it know of digests.
     """
     with source.open("rb") as stream, target.open("wb") as out:
         writer = Writer(out)
@@ -59,7 +60,7 @@ def rewrite(
                 channels[record.id] = (number, record.topic)
             elif isinstance(record, Attachment):
                 writer.add_attachment(0, 0, record.name, record.media_type, change_file(record.name, record.data))
-            elif isinstance(record, Metadata):
+            elif isinstance(record, Metadata) and record.name != RECORD:
                 writer.add_metadata(record.name, record.metadata)
             elif isinstance(record, Message):
                 number, topic = channels[record.channel_id]
@@ -94,7 +95,14 @@ def started(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--record", str(path), "--quiet"]
     command += [*arguments]
     with subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Who runs tests in the background may have it ignored, and that would be left to the run.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     ) as process:
         try:
             wait_until(lambda: path.exists() and path.stat().st_size > 0)

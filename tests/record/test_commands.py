@@ -176,7 +176,7 @@ def test_info_says_that_a_file_was_cut_off(kinematic: Recorded, tmp_path: Path) 
 def test_info_writes_tables(kinematic: Recorded, tmp_path: Path) -> None:
     done = ran("info", kinematic.path, "--csv", tmp_path / "tables")
     assert done.exit_code == 0
-    assert len(list((tmp_path / "tables").glob("*.csv"))) == 10
+    assert len(list((tmp_path / "tables").glob("*.csv"))) == 12
     (tmp_path / "file").touch()
     done = ran("info", kinematic.path, "--csv", tmp_path / "file")
     assert done.exit_code == 2

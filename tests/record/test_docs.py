@@ -9,10 +9,10 @@ import pytest
 
 from soter.record import foxglove, messages
 from soter.record.file import json_schema, schema_name
-from soter.record.messages import EVENTS, Heard, ModuleTick, Refusal, RobotTick, State
+from soter.record.messages import EVENTS, Heard, ModuleTick, Refusal, RobotTick, State, Worst
 from tests.project.source import ROOT
 
-KINDS: tuple[type[msgspec.Struct], ...] = (RobotTick, State, ModuleTick, Refusal, *EVENTS, Heard)
+KINDS: tuple[type[msgspec.Struct], ...] = (RobotTick, State, ModuleTick, Refusal, *EVENTS, Heard, Worst)
 PAGE = ROOT / "docs" / "recording.md"
 
 

@@ -64,7 +64,9 @@ def test_other_missions_are_replayed_too(tmp_path: Path, overrides: dict[str, An
 
 @pytest.mark.pybullet
 def test_a_run_on_rigid_bodies_is_replayed_too(tmp_path: Path) -> None:
-    recorded(tmp_path / "run.mcap", backend="pybullet", duration_s=60.0, targets="hostile")
+    # Nearly flat: the ways home, of which not every tick asks, count from early on.
+    low = {"1": 0.3, "2": 0.2}
+    recorded(tmp_path / "run.mcap", backend="pybullet", duration_s=60.0, targets="hostile", battery__initial=low)
     found = replay(Recording(tmp_path / "run.mcap"))
     assert found.same, found.differences[:3]
     assert found.ticks == 1200
@@ -241,9 +243,9 @@ def _flipped(value: float) -> float:
 
 
 def test_other_settings_are_answered_in_open_loop(kinematic: Recorded) -> None:
-    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.25})
-    # A module that looks twice as often needs half the margin, so it fires later, or not at all.
-    assert found.after["geofence"] < found.before["geofence"]
+    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.1})
+    # A module that looks half as often needs more of the margin, so it fires sooner, and where it did not at all.
+    assert found.after["geofence"] > found.before["geofence"]
     assert found.before["geofence"] == kinematic.run.result.disengagements["geofence"]
     assert found.spells
     assert all(spell.end_s > spell.start_s and spell.recorded != spell.replayed for spell in found.spells)
@@ -252,7 +254,7 @@ def test_other_settings_are_answered_in_open_loop(kinematic: Recorded) -> None:
 
 
 def test_the_same_settings_change_nothing(kinematic: Recorded) -> None:
-    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.5})
+    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.05})
     assert (found.spells, found.differing) == ([], 0)
 
 

@@ -8,6 +8,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +21,18 @@ from soter.record import foxglove, messages
 from soter.record.check import flaw, seal
 from soter.record.export import export_csv, file_name
 from soter.record.file import json_schema, schema_name
+from soter.record.looks import Looks
 from soter.record.messages import AC, EVENTS, ModuleTick, RobotTick
 from soter.record.reader import Recording
 from soter.record.samples import sample_of, state_of
 from soter.record.summary import summarise
 from soter.record.wire import Finish, Intake, Row, Tick, Ticks, packed, tamed
+from soter.runner.replay import replay
+from soter.runner.standstill import Stalled
 from soter.runner.trace import Trace
 from soter.sdk import Controller, Link, RobotState
 from tests.record.conftest import Recorded
-from tests.record.helpers import every_message, mission, recorded
+from tests.record.helpers import every_message, mission, recorded, rewrite
 
 DOUBLES = (0.1, 1.0 / 3.0, 5e-324, 1.7976931348623157e308, -0.0, math.pi, 2.0**53 + 2.0)
 
@@ -74,9 +78,9 @@ def test_what_was_run_is_told(kinematic: Recorded) -> None:
     assert about.robots[0].capabilities["v_max_m_s"] == 0.22
     assert [module.name for module in about.robots[0].modules] == list(about.modules)
     fence = about.robots[0].modules[2]
-    assert (fence.unit, fence.edge_margin, fence.delta_s) == ("m", 0.5, 0.5)
+    assert (fence.unit, fence.edge_margin, fence.delta_s) == ("m", pytest.approx(0.1), 0.05)
     assert fence.horizon_reach is not None
-    assert fence.horizon_reach < 0.5
+    assert fence.horizon_reach < 0.1
     given = mission(seed=4)
     assert given.source is not None
     assert recording.mission_file == Path(given.source).read_bytes()
@@ -86,7 +90,7 @@ def test_what_was_run_is_told(kinematic: Recorded) -> None:
 
 def test_the_result_and_what_led_to_it_agree(kinematic: Recorded) -> None:
     result, content = kinematic.run.result, kinematic.recording.content()
-    assert kinematic.recording.result == json.loads(result.model_dump_json())
+    assert json.loads(kinematic.recording.result_json or b"") == json.loads(result.model_dump_json())
     assert not kinematic.recording.truncated
     assert Counter(each.module for each in content.disengagements) == +Counter(result.disengagements)
     ended = Counter(each.outcome for each in content.targets if each.outcome)
@@ -106,10 +110,77 @@ def test_tracks_are_those_of_the_run(kinematic: Recorded) -> None:
     was, now = kinematic.run.tracks, kinematic.recording.tracks()
     assert now.drivers == was.drivers
     assert now.switches == was.switches
-    assert now.safer_inset_m == was.safer_inset_m
+    assert now.safer_inset_m == pytest.approx(was.safer_inset_m)
     for robot_id, track in was.tracks.items():
         for name in ("time_s", "x_m", "y_m", "battery", "driver"):
             assert getattr(now.tracks[robot_id], name) == getattr(track, name), name
+
+
+BIAS = {"kind": "bias", "x_m": 0.2, "start_s": 5.0, "every_s": 10.0, "duration_s": 0.5, "declared": False, "robot": 1}
+
+
+@pytest.fixture(scope="module")
+def failing(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """A run in which assumptions fail again and again."""
+    path = tmp_path_factory.mktemp("recordings") / "failing.mcap"
+    return Recorded(recorded(path, duration_s=40.0, fault=[BIAS]), path)
+
+
+def test_every_spell_of_a_failed_assumption_is_recorded_and_they_add_up_to_the_result(failing: Recorded) -> None:
+    result, recording = failing.run.result, failing.recording
+    content = recording.content()
+    spells = [each for each in content.breaches.values() if (each.robot_id, each.assumption) == (1, "A6")]
+    assert [round(each.start_s) for each in spells] == [5, 15, 25, 35]
+    assert all(each.start_s <= each.last_s <= each.start_s + 2.0 for each in spells)
+    failed = {(each.robot_id, each.assumption): each for each in summarise(recording, content).assumptions}
+    assert len(failed) == sum(map(len, result.assumptions.values())) >= 2
+    for robot_id, by_number in result.assumptions.items():
+        for number, was in by_number.items():
+            now = failed[robot_id, number]
+            assert (now.times, now.cause) == (was.times, was.cause)
+            assert (now.first_s, now.last_s) == pytest.approx((was.first_s, was.last_s), abs=1e-6)
+            assert [(each.unit, each.cause) for each in now.worst] == [(each.unit, each.cause) for each in was.worst]
+            assert [each.excess for each in now.worst] == pytest.approx([each.excess for each in was.worst], abs=1e-6)
+
+
+def test_a_recording_without_spells_says_what_its_result_says(failing: Recorded, tmp_path: Path) -> None:
+    def older(name: str, data: bytes) -> bytes:
+        if name != messages.RESULT_JSON:
+            return data
+        result = json.loads(data)
+        for name in ("longest_without_ac_s", "permanent_stalls", "never_moved", "accepted_unproved"):
+            del result[name]
+        for failed in result["assumptions"].values():
+            for each in failed.values():
+                del each["last_s"], each["worst"]
+        return json.dumps(result).encode()
+
+    rewrite(failing.path, tmp_path / "old.mcap", lambda topic, data: None if topic == "/breaches" else data, older)
+    old = Recording(tmp_path / "old.mcap")
+    summary = summarise(old, old.content())
+    assert {(each.robot_id, each.assumption, each.times, each.last_s) for each in summary.assumptions} == {
+        (robot, number, each.times, None)
+        for robot, failed in failing.run.result.assumptions.items()
+        for number, each in failed.items()
+    }
+    assert not summary.stalls + summary.never_moved + summary.accepted_unproved
+    assert replay(old).same
+
+
+def test_stalls_are_told_once_they_are_long_and_again_when_they_end() -> None:
+    stalls: list[Stalled] = []
+    looks = Looks(stalls=lambda: stalls)
+    assert list(looks.look(1.0)) == []
+    stalls.append(Stalled(1, 100.0, None, "obstacle", "margin 0.02 m"))
+    (told,) = looks.look(400.0)
+    assert told == messages.Stall(400.0, 1, 100.0, "obstacle", "margin 0.02 m")
+    stalls[0] = replace(stalls[0], cause="another one")
+    assert list(looks.look(401.0)) == []
+    stalls[0] = replace(stalls[0], end_s=402.0)
+    (told,) = looks.look(402.0)
+    assert isinstance(told, messages.Stall)
+    assert told.end_s == 402.0
+    assert list(looks.look(403.0)) == []
 
 
 def test_violations_are_recorded_while_they_happen_and_at_the_end(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_killed_run_leaves_a_closed_file_that_holds_its_last_tick(tmp_path: Pa
     assert (killed_ns - ticks_of(path)[-1].host_ns) / 1e9 <= 0.2 + waited_s
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_leaves_a_closed_file_with_a_result(tmp_path: Path, number: signal.Signals, code: int) -> None:
     path = tmp_path / "run.mcap"
     with started(path, *FOR_EVER) as process:
@@ -90,8 +90,8 @@ def test_a_signal_leaves_a_closed_file_with_a_result(tmp_path: Path, number: sig
     recording = Recording(path)
     assert not recording.truncated
     assert recording.result is not None
-    assert recording.result["status"] == "interrupted"
-    assert len(ticks_of(path)) * 0.05 == pytest.approx(recording.result["duration_s"], abs=0.051)
+    assert recording.result.status == "interrupted"
+    assert len(ticks_of(path)) * 0.05 == pytest.approx(recording.result.duration_s, abs=0.051)
 
 
 def test_a_killed_writer_costs_the_recording_and_not_the_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -140,7 +140,7 @@ def test_a_device_that_is_full_from_the_beginning_costs_only_the_recording(caplo
 
 def test_in_virtual_time_a_run_waits_for_a_writer_that_does_not_follow(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    with started(path, *FOR_EVER[:-1], "1200") as process:
+    with started(path, *FOR_EVER[:-1], "500") as process:
         writer = writer_of(process.pid)
         os.kill(writer, signal.SIGSTOP)
         time.sleep(1.0)
@@ -152,7 +152,7 @@ def test_in_virtual_time_a_run_waits_for_a_writer_that_does_not_follow(tmp_path:
         process.communicate(timeout=100)
     assert sum(map(int, after)) - sum(map(int, before)) <= 10
     assert process.returncode == 0
-    assert len(ticks_of(path)) == 1200 * 20
+    assert len(ticks_of(path)) == 500 * 20
     assert Recording(path).content().drops == []
 
 
@@ -164,8 +164,8 @@ def test_on_a_wall_clock_nobody_waits_and_what_is_dropped_is_counted(
     stopped: list[int] = []
 
     class Unwaiting(Recorder):
-        def __init__(self, path: Path, *, waits: bool) -> None:
-            super().__init__(path, waits=False)
+        def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
+            super().__init__(path, waits=False, sign=sign)
 
         def tick(self, now_s: float, tick: int) -> None:
             pid = self.writer_pid
@@ -252,3 +252,26 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_moves(tmp_pat
 @pytest.fixture(autouse=True)
 def _logs(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING)
+
+
+def test_a_killed_rerun_leaves_the_recording_that_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    recorded(path, duration_s=1.0)
+    before = path.read_bytes()
+    with started(path, *FOR_EVER, "--force") as process:
+        wait_until(lambda: any(each.stat().st_size for each in tmp_path.glob("run.mcap.*.new")))
+        writer = writer_of(process.pid)
+        os.killpg(process.pid, signal.SIGKILL)
+        wait_until(lambda: gone(writer))
+    assert path.read_bytes() == before
+    (new,) = tmp_path.glob("run.mcap.*.new")
+    assert Recording(new).result is None
+
+
+def test_a_stopped_writer_does_not_hold_the_end_up(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with started(path, *FOR_EVER) as process:
+        os.kill(writer_of(process.pid), signal.SIGSTOP)
+        os.killpg(process.pid, signal.SIGTERM)
+        process.communicate(timeout=60)
+    assert Recording(path).result is not None

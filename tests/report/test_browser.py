@@ -56,6 +56,17 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
     return Made(folder / "run.html", recording.content())
 
 
+@pytest.fixture(scope="module")
+def failing(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """A run in which assumptions fail."""
+    folder = tmp_path_factory.mktemp("failing")
+    fault = {"kind": "bias", "x_m": 0.2, "start_s": 20.0, "declared": False, "robot": 1}
+    recorded(folder / "run.mcap", duration_s=60.0, fault=[fault])
+    recording = Recording(folder / "run.mcap")
+    (folder / "run.html").write_text(make_page(recording), encoding="utf-8")
+    return Made(folder / "run.html", recording.content())
+
+
 def pixel(page: Any, x_m: float, y_m: float) -> tuple[int, int, int]:
     """The colour of a place on the plan."""
     red, green, blue = page.evaluate(
@@ -104,6 +115,24 @@ def test_it_shows_the_figures_of_the_recording(browser: Any, made: Made) -> None
         about = page.inner_text("#about")
         for expected in ("seed", "12,000 of 0.05 s, 0 dropped", "soter-rta", "kinematic"):
             assert expected in about
+
+
+def test_assumptions_that_failed_are_named_listed_and_on_the_time_line(browser: Any, made: Made, failing: Made) -> None:
+    with opened(browser, made.path) as page:
+        assert not page.is_visible("#breaches-card")
+    with opened(browser, failing.path) as page:
+        assert "A6 of robot 1, 1 look" in page.inner_text("#notices")
+        assert page.locator("#breach-rows tr").count() == len(failing.content.breaches) >= 2
+        page.locator("#breach-rows tr button").first.click()
+        assert moment(page)["timeS"] == pytest.approx(20.0, abs=0.01)
+        mark = page.evaluate(
+            """() => {
+                const lane = soter.page.charts[0];
+                const [x, y] = [lane.x(20) + 1, 2].map((each) => Math.round(each * lane.ratio));
+                return [...lane.kept.getContext("2d").getImageData(x, y, 1, 1).data.slice(0, 3)];
+            }"""
+        )
+        assert distance(tuple(mark), rgb(page.evaluate("soter.page.style.colours.doubt"))) < 10.0
 
 
 # --- moving in time ----------------------------------------------------------------------------------------

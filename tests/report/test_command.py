@@ -74,7 +74,7 @@ def test_a_recording_that_was_cut_off_is_shown_as_far_as_it_goes(path: Path, tmp
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "cannot be read"), (b"no recording", "no MCAP file"), (b"", "does not say what was run")],
+    [(None, "cannot be read"), (b"no recording", "no MCAP file"), (b"", "does not begin as a recording")],
 )
 def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes | None, message: str) -> None:
     path = tmp_path / "run.mcap"

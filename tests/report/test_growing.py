@@ -24,7 +24,9 @@ TURN = 2.0 * np.pi
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes in which a lot happens, violations too."""
     path = tmp_path_factory.mktemp("pages") / "run.mcap"
-    recorded(path, duration_s=120.0, seed=4, targets="hostile", rta__modules=["collision", "obstacle", "battery"])
+    fault = {"kind": "bias", "x_m": 0.2, "start_s": 20.0, "every_s": 1.5, "duration_s": 0.1, "declared": False}
+    modules = ["collision", "obstacle", "battery"]
+    recorded(path, duration_s=120.0, seed=4, targets="hostile", rta__modules=modules, fault=[fault])
     return path
 
 

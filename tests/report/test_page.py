@@ -7,11 +7,12 @@ from html import escape
 from itertools import pairwise
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
-from soter.record.content import Content
-from soter.record.messages import Drop
+from soter.record.content import Content, Tick
+from soter.record.messages import Breach, Drop, Event, Stall, Worst
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
@@ -154,8 +155,8 @@ def test_truth_is_known_to_the_end(data: Unpacked, path: Path) -> None:
     result = Recording(path).result
     assert result is not None
     assert truth["known"] == "yes"
-    assert truth["counts"] == result["violations"]
-    assert data.document["summary"]["traceSha256"] == result["trace_sha256"]
+    assert truth["counts"] == result.violations
+    assert data.document["summary"]["traceSha256"] == result.trace_sha256
 
 
 def test_violations_are_listed(tmp_path: Path) -> None:
@@ -165,6 +166,35 @@ def test_violations_are_listed(tmp_path: Path) -> None:
     truth = of_page(make_page(Recording(path))).document["truth"]
     assert truth["counts"] == run.result.violations
     assert {rule for rule, *_ in truth["violations"]} == {rule for rule, count in truth["counts"].items() if count}
+
+
+def test_failed_assumptions_and_stalls_are_listed_with_their_times(path: Path, tmp_path: Path) -> None:
+    worst = Worst(0.045, "of a charge", 61.0, "'battery': margin -0.045")
+    told: list[Event] = [
+        Breach(30.0, 1, "A14", 29.5, 30.0, 11, "'battery': margin -0.001"),
+        Breach(62.0, 1, "A14", 29.5, 61.5, 600, "'battery': margin -0.001", (worst,)),
+        Breach(90.0, 2, "A7", 89.0, 89.0, 1, "robot 1: not heard of for 0.550 s"),
+        Stall(100.0, 1, 40.0, "obstacle", "margin 0.02 m"),
+        Stall(110.0, 2, 50.0, "battery", "start", 109.0),
+    ]
+    recording = Recording(path)
+    whole = recording.content
+
+    def with_trouble(self: Recording) -> Content:
+        content = whole()
+        content.add(Tick(0, 0.0, 0, {}, tuple(told)))
+        return content
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Recording, "content", with_trouble)
+        document = of_page(make_page(recording)).document
+    assert document["breaches"]["rows"] == [
+        [1, "A14", 29.5, 61.5, 600, "'battery': margin -0.001", [[0.045, "of a charge", 61.0, worst.cause]]],
+        [2, "A7", 89.0, 89.0, 1, "robot 1: not heard of for 0.550 s", []],
+    ]
+    assert document["stalls"]["rows"] == [
+        [1, 40.0, None, "obstacle", "margin 0.02 m"], [2, 50.0, 109.0, "battery", "start"],
+    ]  # fmt: skip
 
 
 def test_a_recording_that_was_cut_off_does_not_claim_to_be_safe(path: Path, tmp_path: Path) -> None:
@@ -210,7 +240,8 @@ def with_drop(content: Content, drop: Drop) -> Content:
 
 def test_a_backend_without_truth_is_not_called_safe(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording = Recording(path)
-    result = {**(recording.result or {}), "violations": None, "min_margin": None}
+    assert recording.result is not None
+    result = msgspec.structs.replace(recording.result, violations=None, min_margin=None)
     monkeypatch.setattr(Recording, "result", property(lambda _: result))
     truth = of_page(make_page(recording)).document["truth"]
     assert (truth["known"], truth["margins"]) == ("no", {})

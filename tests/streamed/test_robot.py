@@ -7,10 +7,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from soter.clock import VehicleClock
 from soter.errors import Unsupported
-from soter.mux.wire import GateReport, Order
+from soter.onboard.wire import GateReport, Order
 from soter.sdk import Capabilities, Controller, RobotSpec, Waypoint
 from soter.streamed.robot import LEASE_S, StreamedRobot
 
@@ -45,7 +47,15 @@ class Fake(StreamedRobot):
         self.orders.append(order)
         self._take_report(GateReport(order.session, order.seq, order.controller, order.renewed_s is not None).encode())
 
-    def hear(self, stamp_s: float, x_m: float = 0.0, percentage: float = 0.5, w: float = 1.0) -> None:
+    def hear(
+        self,
+        stamp_s: float,
+        x_m: float = 0.0,
+        percentage: float = 0.5,
+        w: float = 1.0,
+        forward_m_s: float = 0.0,
+        turn_rad_s: float = 0.0,
+    ) -> None:
         """Hear odometry, and of the battery."""
         stamp = SimpleNamespace(sec=math.floor(stamp_s), nanosec=round(stamp_s % 1.0 * 1e9))
         zero = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -59,7 +69,10 @@ class Fake(StreamedRobot):
                     )
                 ),
                 twist=SimpleNamespace(
-                    twist=SimpleNamespace(linear=SimpleNamespace(**zero), angular=SimpleNamespace(**zero))
+                    twist=SimpleNamespace(
+                        linear=SimpleNamespace(**{**zero, "x": forward_m_s}),
+                        angular=SimpleNamespace(**{**zero, "z": turn_rad_s}),
+                    )
                 ),
             )
         )
@@ -148,6 +161,27 @@ def test_what_makes_no_sense_is_counted_and_said_once(robot: Fake, caplog: pytes
     assert len(caplog.records) == 3
     state = robot.read_state()
     assert (state.x_m, state.battery) == (0.0, 0.5)
+
+
+EXTREME = st.floats() | st.sampled_from([1e9, 1e300, -1.7e308, math.inf, math.nan])
+
+
+@given(x_m=EXTREME, w=EXTREME, forward_m_s=EXTREME, turn_rad_s=EXTREME, percentage=EXTREME, text=st.text())
+def test_whatever_is_heard_it_goes_on_hearing(
+    x_m: float, w: float, forward_m_s: float, turn_rad_s: float, percentage: float, text: str
+) -> None:
+    robot = Fake(Host(), rate=100.0)
+    robot.hear(500.0)
+    robot.init(1.0)
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot.host.now_s += 1e-3
+    robot.hear(500.1, x_m, percentage, w, forward_m_s, turn_rad_s)
+    robot._take_report(text)
+    assert all(map(math.isfinite, (value for sent in robot.velocities for value in sent[1:])))
+    assert all(map(math.isfinite, robot.read_state()[1:9]))
+    robot.hear(500.2)
+    assert robot.read_state().x_m == 0.0
 
 
 def test_an_orientation_that_nobody_filled_in_is_none(robot: Fake) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from soter.record.content import Content
-from soter.record.messages import AC, Violation
+from soter.record.messages import AC, Result, Violation
 from soter.record.reader import Recording
 from soter.record.summary import Summary, summarise
 from soter.report.colours import ac_colour, driver_colour
@@ -74,7 +74,7 @@ class Document:
         self._columns: Final = Columns()
         self._news: Final = news
         summary = summarise(recording, content)
-        self.title: Final = _title(summary, recording.about.base_tick_s)
+        self.title: Final = _title(summary)
         self._document: Final = {
             "version": VERSION,
             "title": self.title,
@@ -89,6 +89,8 @@ class Document:
             "switches": self._rows(story.switches),
             "truth": _truth(recording, content, summary, goes_on=goes_on),
             "drops": self._rows(story.drops),
+            "breaches": self._rows(story.breaches),
+            "stalls": self._rows(story.stalls),
             "faults": [[each.kind, each.robot_id, each.declared, each.affected] for each in _last_faults(content)],
             "thinned": {
                 "tickS": recording.about.base_tick_s,
@@ -165,11 +167,10 @@ class Document:
 # --- the run -----------------------------------------------------------------------------------------------
 
 
-def _title(summary: Summary, base_tick_s: float) -> str:
+def _title(summary: Summary) -> str:
     name = PurePath(summary.mission).stem or "mission"
     robots = len(summary.robots)
-    # The last tick takes its time, too.
-    lasted_s = summary.duration_s + base_tick_s if summary.ticks else 0.0
+    lasted_s = summary.duration_s
     lasted = f"{lasted_s:.3g} s" if lasted_s < 120.0 else f"{lasted_s / 60.0:.3g} min"
     return f"{name}: {robots} robot{'s' if robots != 1 else ''}, {lasted} on {summary.backend}"
 
@@ -190,13 +191,13 @@ def _box(box: Box) -> list[float]:
 def _truth(recording: Recording, content: Content, summary: Summary, *, goes_on: bool) -> dict[str, Any]:
     """Return what ground truth saw, and how far it is known."""
     result = recording.result
-    counted = None if result is None else result.get("violations")
-    margins = (result or {}).get("min_margin") or {}
+    counted = None if result is None else result.violations
+    margins = (None if result is None else result.min_margin) or {}
     # Judged, never judged, or without a judgement yet or for ever.
     known = "no" if counted is None else "yes"
     return {
         "known": "goes on" if goes_on else "not summed up" if result is None else known,
-        "endedS": (result or {}).get("truth_ended_s"),
+        "endedS": None if result is None else result.truth_ended_s,
         "counts": summary.violations,
         "margins": {rule: _finite(margin) for rule, margin in margins.items()},
         "violations": [_violation(each) for each in content.violations],
@@ -213,7 +214,7 @@ def _last_faults(content: Content) -> list[Any]:
 
 
 def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:
-    result = recording.result or {}
+    result = recording.result or Result("")
     return {
         "file": PurePath(summary.file).name,
         "sizeBytes": summary.size_bytes,
@@ -222,7 +223,7 @@ def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:
         "ticks": summary.ticks,
         "mission": summary.mission,
         "backend": summary.backend,
-        "engine": result.get("engine") or "",
+        "engine": result.engine or "",
         "ac": str(recording.about.mission.get("ac", "mission")),
         "planner": str(recording.about.mission.get("planner", "")),
         "seed": summary.seed,
@@ -230,12 +231,14 @@ def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:
         "startedUtc": summary.started_utc,
         "virtualTime": summary.virtual_time,
         "status": summary.status,
-        "failure": str(result.get("failure") or ""),
+        "failure": result.failure,
+        "neverMoved": summary.never_moved,
+        "acceptedUnproved": summary.accepted_unproved,
         "acShare": summary.ac_share,
         "disengagements": summary.disengagements,
         "targets": summary.targets,
         "batteryReleasedFrom": _battery_released_from(recording),
-        "traceSha256": str(result.get("trace_sha256") or ""),
+        "traceSha256": result.trace_sha256 or "",
         "versions": summary.versions,
     }
 

@@ -8,12 +8,13 @@ the largest value are kept, so that no minimum is lost.
 from __future__ import annotations
 
 from array import array
+from collections.abc import Callable
 from typing import Final, TypeVar
 
 import numpy as np
 
 from soter.record.content import Content, Series, Way
-from soter.record.messages import AC, About, Goal, RobotAbout, Switch, Target
+from soter.record.messages import AC, About, Breach, Goal, RobotAbout, Stall, Switch, Target
 from soter.report.page.grown import Numbers, Rows
 from soter.report.page.pack import buckets, starts_of_runs
 
@@ -176,6 +177,9 @@ class Story:
         robots: in their order.
         switches: rows of fleet time, robot, who drove before and after, module, cause, modules that joined.
         drops: rows of fleet time, first tick that is missing, and how many are.
+        breaches: rows of robot, assumption, fleet time of the first and last look of a spell, looks, cause, and rows of
+            the worst: excess, unit, fleet time and cause.
+        stalls: rows of robot, begin, end, module and cause; what has not ended has no end.
     """
 
     def __init__(self, about: About, pose_ticks: int = 1, bucket_ticks: int = 1) -> None:
@@ -183,10 +187,13 @@ class Story:
         self.robots: Final = [RobotStory(each) for each in about.robots]
         self.switches: Final = Rows()
         self.drops: Final = Rows()
+        self.breaches: Final = Rows()
+        self.stalls: Final = Rows()
         self.pose_ticks = pose_ticks
         self.bucket_ticks = bucket_ticks
         self._ticks = 0
         self._seen: Final[dict[str, int]] = {}
+        self._told: Final[dict[tuple[object, ...], tuple[int, object]]] = {}
 
     def add(self, content: Content) -> None:
         """Add what is in a content's series, and the events that it did not have the last time."""
@@ -208,6 +215,10 @@ class Story:
         self.switches.add(self._switch(each) for each in self._unseen("switches", content.switches))
         drops = self._unseen("drops", content.drops)
         self.drops.add([rounded_s(each.time_s), each.first_tick, each.ticks] for each in drops)
+        for key, breach in content.breaches.items():
+            self._put(self.breaches, key, breach, _breach)
+        for stalled, stall in content.stalls.items():
+            self._put(self.stalls, stalled, stall, _stall)
 
     def thin_out(self, most_poses: int, most_buckets: int) -> None:
         """Keep half of the detail wherever there is too much of it; see `soter.report.page.extract` for what is."""
@@ -224,11 +235,31 @@ class Story:
         since, self._seen[name] = self._seen.get(name, 0), len(events)
         return events[since:]
 
+    def _put(self, rows: Rows, key: tuple[object, ...], event: T, row: Callable[[T], list[object]]) -> None:
+        """Have a row for an event of which there may have been a word before."""
+        at, told = self._told.get(key, (len(rows.values), None))
+        if told is None:
+            rows.add([row(event)])
+        elif told is not event:
+            rows.set(at, row(event))
+        self._told[key] = at, event
+
     def _switch(self, switch: Switch) -> list[object]:
         return [
             switch.time_s, switch.robot_id, self.drivers.index(switch.before), self.drivers.index(switch.after),
             switch.module, switch.cause, list(switch.joined),
         ]  # fmt: skip
+
+
+def _breach(breach: Breach) -> list[object]:
+    worst = [[each.excess, each.unit, rounded_s(each.time_s), each.cause] for each in breach.worst]
+    return [breach.robot_id, breach.assumption, rounded_s(breach.start_s), rounded_s(breach.last_s), breach.times,
+            breach.cause, worst]  # fmt: skip
+
+
+def _stall(stall: Stall) -> list[object]:
+    end_s = rounded_s(stall.end_s) if isinstance(stall.end_s, float) else None
+    return [stall.robot_id, rounded_s(stall.start_s), end_s, stall.module, stall.cause]
 
 
 def rounded_s(time_s: float) -> float:

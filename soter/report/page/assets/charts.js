@@ -158,6 +158,15 @@
         context.fillStyle = style.colours.alarm;
         context.fillRect(left, top - 8, Math.max(3, this.x(each.endS ?? run.lastS) - left), 4);
       }
+      for (const each of run.breaches) {
+        if (each.robot !== robot.id) continue;
+        const left = this.x(each.startS);
+        context.fillStyle = style.colours.doubt;
+        context.fillRect(left, 0, Math.max(3, this.x(each.lastS) - left), 4);
+      }
+      for (const each of run.stalls) {
+        if (each.robot === robot.id) hatched(context, this.x(each.startS), this.x(each.endS ?? run.lastS), top, band, style);
+      }
       context.restore();
     }
 
@@ -357,6 +366,22 @@
     context.closePath();
     context.fillStyle = colour;
     context.fill();
+  }
+
+  function hatched(context, left, right, top, height, style) {
+    context.save();
+    context.beginPath();
+    context.rect(left, top, right - left, height);
+    context.clip();
+    context.beginPath();
+    for (let x = left - height; x < right; x += 7) {
+      context.moveTo(x, top + height);
+      context.lineTo(x + height, top);
+    }
+    context.strokeStyle = style.colours.ink;
+    context.lineWidth = 2;
+    context.stroke();
+    context.restore();
   }
 
   function outcome(context, x, y, reached, style) {

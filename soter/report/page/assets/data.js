@@ -79,7 +79,7 @@ window.soter = {};
       source.modules.forEach((module, number) => into(target.modules[number], module, ["low", "high", "reach"]));
       for (const name of ["stretches", "targets"]) rows(target, source, name);
     });
-    for (const name of ["switches", "drops"]) rows(run, part, name);
+    for (const name of ["switches", "drops", "breaches", "stalls"]) rows(run, part, name);
     for (const name of ["title", "goesOn", "firstS", "lastS", "truth", "faults", "thinned", "summary"]) run[name] = part[name];
   }
 
@@ -89,6 +89,10 @@ window.soter = {};
       { timeS, robot, before, after, module, cause, joined }
     ));
     run.drops = run.rows.drops;
+    run.breaches = run.rows.breaches.map(([robot, assumption, startS, lastS, times, cause, worst]) => (
+      { robot, assumption, startS, lastS, times, cause, worst: worst.map(([excess, unit, timeS, why]) => ({ excess, unit, timeS, cause: why })) }
+    ));
+    run.stalls = run.rows.stalls.map(([robot, startS, endS, module, cause]) => ({ robot, startS, endS, module, cause }));
     run.disengagements = run.switches.filter((each) => each.before === 0 && each.after !== 0);
     run.truth.violations = run.truth.violations.map(([rule, robots, startS, endS]) => ({ rule, robots, startS, endS }));
     for (const robot of run.robots) {

@@ -10,7 +10,7 @@
 
   // --- colours ---------------------------------------------------------------------------------------------
 
-  const PAINT = ["ink", "soft", "outside", "inside", "strip", "stripLine", "grid", "fence", "box", "charger", "chargerLine", "cursor", "alarm", "alarmWash"];
+  const PAINT = ["ink", "soft", "outside", "inside", "strip", "stripLine", "grid", "fence", "box", "charger", "chargerLine", "cursor", "alarm", "alarmWash", "doubt"];
 
   class Style {
     constructor() {
@@ -177,8 +177,11 @@
       document.title = byId("title").textContent = run.title;
       byId("subtitle").textContent = soter.subtitle(run);
       // What can be clicked is not made anew under somebody's finger.
-      const said = JSON.stringify(run.truth);
-      if (said !== this.said) soter.verdict(run, this.jump);
+      const said = JSON.stringify([run.truth, run.breaches]);
+      if (said !== this.said) {
+        soter.verdict(run, this.jump);
+        soter.breaches(run, this.jump);
+      }
       this.said = said;
       soter.notices(run);
       soter.about(run);

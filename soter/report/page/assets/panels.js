@@ -89,10 +89,50 @@
     if (summary.droppedTicks) found.push(`${many(summary.droppedTicks, "tick")} were not recorded, in ${many(drops.length, "gap")}: the writer did not follow.`);
     if (summary.status === "failed") found.push(`The run failed: ${summary.failure || "it does not say why"}.`);
     if (summary.status === "interrupted") found.push("The run was interrupted.");
+    if (run.breaches.length) found.push(`Assumptions of the safety argument failed: ${failed(run)}.`);
+    for (const { robot, startS, endS, module, cause } of run.stalls) {
+      const end = endS !== null ? clock(endS) : run.goesOn ? "now" : "the end of the run";
+      found.push(`Robot ${robot} was without its AC, and not charging, from ${clock(startS)} to ${end}: ${module}: ${cause}.`);
+    }
+    if (summary.neverMoved.length) found.push(`Never moved: robot ${summary.neverMoved.join(", ")}.`);
+    for (const text of summary.acceptedUnproved) found.push(`Accepted although it is not proved: ${text}`);
     for (const [kind, robot, declared, affected] of run.faults) {
       found.push(`Injected fault ${kind} on robot ${robot}, ${declared ? "declared" : "not declared"}: ${affected} spoilt.`);
     }
     document.getElementById("notices").replaceChildren(...found.map((text) => element("p", { class: "notice", role: "note" }, text)));
+  }
+
+  // Every spell in which an assumption of the safety argument did not hold, with its first and its worst look.
+  function breaches(run, jump) {
+    const to = (timeS) => {
+      const button = element("button", { type: "button", class: "jump", "aria-label": `Go to ${clock(timeS)}` }, clock(timeS));
+      button.addEventListener("click", (event) => {
+        event.stopPropagation();
+        jump(timeS);
+      });
+      return button;
+    };
+    const row = (each) => {
+      const worst = each.worst.flatMap((one, at) => [at ? "; " : "", to(one.timeS), ` ${amount(one.excess, one.unit)}: ${one.cause}`]);
+      const cells = [to(each.startS), String(each.robot), each.assumption, each.times.toLocaleString("en"), each.cause, worst];
+      const made = element("tr", {}, ...cells.map((cell) => element("td", {}, ...[cell].flat())));
+      made.addEventListener("click", () => jump(each.startS));
+      return made;
+    };
+    const shown = run.breaches.slice(0, LATE_ROWS);
+    document.getElementById("breaches-card").hidden = !shown.length;
+    document.getElementById("breaches-shown").textContent = shown.length < run.breaches.length ? `first ${LATE_ROWS} of ${run.breaches.length}` : String(shown.length);
+    document.getElementById("breach-rows").replaceChildren(...shown.map(row));
+  }
+
+  // How often each assumption failed, in words.
+  function failed(run) {
+    const counted = new Map();
+    for (const { assumption, robot, times } of run.breaches) {
+      const key = `${assumption} of robot ${robot}`;
+      counted.set(key, (counted.get(key) || 0) + times);
+    }
+    return [...counted].map(([key, times]) => `${key}, ${many(times, "look")}`).join("; ");
   }
 
   // Who takes robots from their ACs: the modules, and whoever else has, such as the supervisor.
@@ -298,5 +338,5 @@
     }
   }
 
-  Object.assign(window.soter, { element, subtitle, verdict, notices, figures, about, legend, RobotCards, Disengagements });
+  Object.assign(window.soter, { element, subtitle, verdict, breaches, notices, figures, about, legend, RobotCards, Disengagements });
 })();

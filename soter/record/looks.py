@@ -1,0 +1,102 @@
+"""What a recording says of things that last: looked at again and again, and told where there is something new."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final, Protocol
+
+import msgspec
+
+from soter.record.messages import Breach, Event, Fault, Stall, Violation, Worst
+from soter.rta import RobotSupervisor
+from soter.sdk import Truth
+
+LOOK_S: Final = 1.0
+"""Fleet time between two looks; less than two spells of a failed assumption are apart, so that none is missed."""
+
+
+class FaultStatus(Protocol):
+    """What one injected fault has done so far."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def robot_id(self) -> int: ...
+    @property
+    def declared(self) -> bool: ...
+    @property
+    def affected(self) -> int: ...
+
+
+class StallStatus(Protocol):
+    """One stall of one robot; its end is None while it goes on."""
+
+    @property
+    def robot_id(self) -> int: ...
+    @property
+    def start_s(self) -> float: ...
+    @property
+    def end_s(self) -> float | None: ...
+    @property
+    def module(self) -> str: ...
+    @property
+    def cause(self) -> str: ...
+
+
+class Looks:
+    """Looks at ground truth, faults, assumptions and stalls of one run.
+
+    Args:
+        robots: the supervisors.
+        truth: of a simulated world.
+        faults: returns what the injected faults did up to now, always in the same order.
+        stalls: returns the stalls up to now.
+    """
+
+    def __init__(
+        self,
+        robots: Sequence[RobotSupervisor] = (),
+        truth: Truth | None = None,
+        faults: Callable[[], Sequence[FaultStatus]] = tuple,
+        stalls: Callable[[], Sequence[StallStatus]] = tuple,
+    ) -> None:
+        self._robots: Final = tuple(robots)
+        self._truth: Final = truth
+        self._faults: Final = faults
+        self._stalls: Final = stalls
+        self._ended: Final[dict[tuple[object, ...], bool]] = {}
+        self._counted: Final[dict[tuple[object, ...], tuple[float, int]]] = {}
+
+    def look(self, now_s: float) -> Iterator[Event]:
+        """Yield what was not known at the look before."""
+        if self._truth is not None:
+            for each in self._truth.report().violations:
+                if self._is_news(("violation", each.rule, each.robots, each.start_s), each.end_s):
+                    yield Violation(now_s, each.rule, each.robots, each.start_s, _absent_if_none(each.end_s))
+        for index, fault in enumerate(self._faults()):
+            if self._is_more(("fault", index), 0.0, fault.affected):
+                yield Fault(now_s, fault.robot_id, fault.kind, fault.declared, fault.affected)
+        for stall in self._stalls():
+            if self._is_news(("stall", stall.robot_id, stall.start_s), stall.end_s):
+                end_s = _absent_if_none(stall.end_s)
+                yield Stall(now_s, stall.robot_id, stall.start_s, stall.module, stall.cause, end_s)
+        for robot in self._robots:
+            for assumption, spell in robot.log.spells.items():
+                if self._is_more(("breach", robot.robot_id, assumption), spell.first_s, spell.times):
+                    yield Breach(
+                        now_s, robot.robot_id, assumption.id, spell.first_s, spell.last_s, spell.times, spell.cause,
+                        tuple(Worst(*each) for each in spell.worst),
+                    )  # fmt: skip
+
+    def _is_news(self, key: tuple[object, ...], end_s: float | None) -> bool:
+        ended = end_s is not None
+        before, self._ended[key] = self._ended.get(key), ended
+        return before is not ended
+
+    def _is_more(self, key: tuple[object, ...], since_s: float, count: int) -> bool:
+        before, self._counted[key] = self._counted.get(key, (0.0, 0)), (since_s, count)
+        return before != (since_s, count)
+
+
+def _absent_if_none(end_s: float | None) -> float | msgspec.UnsetType:
+    return msgspec.UNSET if end_s is None else end_s

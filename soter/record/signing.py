@@ -1,0 +1,96 @@
+"""Signatures of recordings, by Ed25519. Nothing of it is imported before somebody asks for one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from soter.errors import BackendUnavailable, ConfigError
+from soter.sdk.hints import install_command
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+
+def read_private_key(path: Path, option: str) -> Ed25519PrivateKey:
+    """Read a private key in PEM, without a passphrase, as `openssl genpkey -algorithm ed25519` makes one.
+
+    Raises:
+        ConfigError: it is none; names the option.
+        BackendUnavailable: the library is not installed.
+    """
+    _require()
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    try:
+        key = load_pem_private_key(_read(path, option), None)
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        key = None
+    if not isinstance(key, Ed25519PrivateKey):
+        raise _refusal(path, option, "private", "genpkey -algorithm ed25519")
+    return key
+
+
+def read_public_key(path: Path, option: str) -> str:
+    """Read a public key in PEM; return it as recordings have it.
+
+    Raises:
+        ConfigError: it is none; names the option.
+        BackendUnavailable: the library is not installed.
+    """
+    _require()
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_pem_public_key
+
+    try:
+        key = load_pem_public_key(_read(path, option))
+    except (ValueError, UnsupportedAlgorithm):
+        key = None
+    if not isinstance(key, Ed25519PublicKey):
+        raise _refusal(path, option, "public", "pkey -pubout")
+    return key.public_bytes_raw().hex()
+
+
+def is_signature(key: str, signature: bytes, signed: bytes) -> bool:
+    """Return whether a signature is that of a public key, as recordings have it.
+
+    Raises:
+        BackendUnavailable: the library is not installed.
+    """
+    _require()
+    from cryptography.exceptions import InvalidSignature
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    try:
+        Ed25519PublicKey.from_public_bytes(bytes.fromhex(key)).verify(signature, signed)
+    except (InvalidSignature, ValueError):
+        return False
+    return True
+
+
+def _read(path: Path, option: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as failure:
+        why = failure.strerror or failure
+        raise ConfigError(f"'{path}' cannot be read: {why}", source="command line", key=option) from failure
+
+
+def _refusal(path: Path, option: str, kind: str, command: str) -> ConfigError:
+    return ConfigError(
+        f"'{path}' is no {kind} key of Ed25519 in PEM without a passphrase; `openssl {command}` makes one",
+        source="command line", key=option,
+    )  # fmt: skip
+
+
+def _require() -> None:
+    try:
+        import cryptography  # noqa: F401 - whether it is there
+    except ImportError as failure:
+        raise BackendUnavailable(
+            f"recordings are signed with cryptography, which cannot be imported ({failure}); install it with: "
+            f"{install_command('sign')}"
+        ) from failure
