@@ -1,6 +1,6 @@
 """Injected faults: the `[[fault]]` tables of a mission file, on any backend."""
 
-from soter.faults.fault import Call, Command, Context, Fault, Impairable, Impairment, Passage
+from soter.faults.fault import Call, Command, Context, Fault, Impairable, Impairment, Passage, Spacing
 from soter.faults.fleet import FaultReport, FaultyFleet
 from soter.faults.kinds import BUILT_IN, FaultTable, read_faults
 from soter.faults.options import FaultOptions
@@ -20,5 +20,6 @@ __all__ = [
     "Impairable",
     "Impairment",
     "Passage",
+    "Spacing",
     "read_faults",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -84,6 +85,21 @@ class Impairable(Protocol):
         """Impair the vehicle from now on; see `Impairment`. Ones and True make it whole again."""
 
 
+class Spacing(NamedTuple):
+    """What a fault does to how often new samples come, in readings of the state.
+
+    New samples that come at most g readings apart come at most (dropped + 1) g + held apart behind the fault. The age
+    that `dropped` costs is paid for in `Fault.widened` for g = 1, and once more for every reading that g is above that.
+
+    Attributes:
+        dropped: how many new samples in a row never come through.
+        held: how many readings longer one may take to come through than another.
+    """
+
+    dropped: int = 0
+    held: int = 0
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """What a fault knows besides its table.
@@ -122,8 +138,15 @@ class Fault(Generic[O]):
         self.affected = 0
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
-        """Return what the robot can still promise while this fault may be on."""
+        """Return what the robot can still promise while this fault may be on, if a new sample comes at every reading.
+
+        Where new samples come more rarely, `spacing` says what that costs on top.
+        """
         return capabilities
+
+    def spacing(self) -> Spacing:
+        """Return what this fault does to how often new samples come."""
+        return Spacing()
 
     def command(self, time_s: float, command: Command) -> Sequence[Passage]:
         """Return how a command gets through that is sent while the fault is on."""
@@ -140,7 +163,10 @@ class Fault(Generic[O]):
         """Return what is wrong with the vehicle while the fault is on; None for nothing."""
         return None
 
+    def ticks(self, duration_s: float) -> int:
+        """Return how many readings of the state a duration takes: what is late is seen at the next of them."""
+        return max(0, math.ceil((duration_s - 1e-9) / self.context.tick_s))
+
     def up_to_ticks(self, duration_s: float) -> float:
-        """Return a duration rounded up to whole readings of the state: what is late is seen at the next of them."""
-        ticks = -(-(duration_s - 1e-9) // self.context.tick_s)
-        return max(0.0, ticks) * self.context.tick_s
+        """Return a duration rounded up to whole readings of the state."""
+        return self.ticks(duration_s) * self.context.tick_s

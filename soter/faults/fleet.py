@@ -91,6 +91,9 @@ class FaultyFleet(Fleet):
             for fault in robot.faults
         )
 
+    def lost(self) -> str:
+        return self.inner.lost()
+
     def _close(self) -> None:
         self.inner.close()
 

@@ -14,6 +14,8 @@ from soter.config import Mission, validate_options
 from soter.errors import ConfigError, nearest
 from soter.faults.fault import Context, Fault
 from soter.faults.options import FaultOptions
+from soter.faults.telemetry import ClockStepOptions
+from soter.sdk.robot import FUTURE_S
 
 BUILT_IN: Final[Mapping[str, str]] = {
     "delay": "soter.faults.link:Delay",
@@ -28,6 +30,8 @@ BUILT_IN: Final[Mapping[str, str]] = {
     "kill": "soter.faults.vehicle:Kill",
 }
 """The kinds of this distribution."""
+
+_ROUNDING_S: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +68,21 @@ def read_faults(mission: Mission, robot_ids: Sequence[int]) -> tuple[FaultTable,
     Raises:
         ConfigError: an unknown kind, option or robot, or a value that is not allowed.
     """
-    return tuple(_read(mission, index, raw, robot_ids) for index, raw in enumerate(mission.fault))
+    tables = tuple(_read(mission, index, raw, robot_ids) for index, raw in enumerate(mission.fault))
+    for robot_id in robot_ids:
+        ahead_s = 0.0
+        for table in tables:
+            options = table.options
+            if isinstance(options, ClockStepOptions) and options.declared and table.hits(robot_id):
+                ahead_s += max(0.0, options.step_s)
+                if ahead_s >= FUTURE_S - _ROUNDING_S:
+                    raise mission.refusal(
+                        f"fault.{table.index}.step_s",
+                        f"it is {options.step_s:g}, which puts the clock of robot {robot_id} {ahead_s:g} s ahead; "
+                        f"allowed: below {FUTURE_S:g} s in all, since stamps farther ahead are not believed; or "
+                        "declared = false",
+                    )
+    return tables
 
 
 def _read(mission: Mission, index: int, raw: Mapping[str, Any], robot_ids: Sequence[int]) -> FaultTable:

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Call, Command, Context, Fault, Passage
+from soter.faults.fault import Call, Command, Context, Fault, Passage, Spacing
 from soter.faults.options import FaultOptions, Probability, Seconds, wrong
 from soter.sdk import Capabilities, RobotState
 
@@ -52,13 +52,24 @@ class Delay(Fault[DelayOptions]):
         options = self.options
         # A jitter without a delay is one of both.
         commands = options.commands_s > 0.0 or options.samples_s == 0.0
-        samples = options.samples_s > 0.0 or options.commands_s == 0.0
-        late_s = self.up_to_ticks(options.samples_s + options.jitter_s) if samples else 0.0
+        late_s = self.up_to_ticks(self._latest_s)
         return replace(
             capabilities,
             latency_s=capabilities.latency_s + (options.commands_s + options.jitter_s if commands else 0.0),
             sample_age_s=capabilities.sample_age_s + late_s,
         )
+
+    def spacing(self) -> Spacing:
+        latest = self.ticks(self._latest_s)
+        # One that comes and goes again and again lets some samples through at once, and others late.
+        soonest = self.ticks(self.options.samples_s) if self.options.every_s is None and latest else 0
+        return Spacing(held=latest - soonest)
+
+    @property
+    def _latest_s(self) -> float:
+        """How late samples come at most."""
+        options = self.options
+        return options.samples_s + options.jitter_s if options.samples_s > 0.0 or options.commands_s == 0.0 else 0.0
 
     def command(self, time_s: float, command: Command) -> Sequence[Passage]:
         options = self.options
@@ -132,6 +143,9 @@ class Loss(Fault[LossOptions]):
             latency_s=capabilities.latency_s + (gap_s if options.commands > 0.0 else 0.0),
             sample_age_s=capabilities.sample_age_s + (gap_s if options.samples > 0.0 else 0.0),
         )
+
+    def spacing(self) -> Spacing:
+        return Spacing(self.options.burst if self.options.samples > 0.0 else 0)
 
     def command(self, time_s: float, command: Command) -> Sequence[Passage]:
         options = self.options
@@ -212,6 +226,9 @@ class Duplicate(Fault[DuplicateOptions]):
             latency_s=capabilities.latency_s + (options.after_s if options.commands > 0.0 else 0.0),
             sample_age_s=capabilities.sample_age_s + (self.context.tick_s if options.samples > 0.0 else 0.0),
         )
+
+    def spacing(self) -> Spacing:
+        return Spacing(1 if self.options.samples > 0.0 else 0)
 
     def command(self, time_s: float, command: Command) -> Sequence[Passage]:
         options = self.options

@@ -12,7 +12,7 @@ from soter.problems import not_allowed
 from soter.workspace_xml import MAX_ROBOT_ID
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
-Interval = Annotated[float, Field(gt=0.0, le=1e7, allow_inf_nan=False)]
+Interval = Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 _ROUNDING_S = 1e-9
@@ -54,6 +54,13 @@ class FaultOptions(BaseModel):
             raise wrong("every_s", self.every_s, least)
         return self
 
+    @property
+    def pause_s(self) -> float:
+        """How long it is off between two times that it is on; 0 without an end, infinite if it does not come again."""
+        if self.duration_s is None:
+            return 0.0
+        return math.inf if self.every_s is None else self.every_s - self.duration_s
+
     def active(self, time_s: float) -> bool:
         """Return whether the fault is on, so many seconds after the robot was ready."""
         since_s = time_s - self.start_s + _ROUNDING_S
@@ -64,6 +71,12 @@ class FaultOptions(BaseModel):
         if self.every_s is not None:
             since_s %= self.every_s
         return since_s < self.duration_s
+
+    def window(self, time_s: float) -> int | None:
+        """Return how often the fault has come again so many seconds after the robot was ready; None while it is off."""
+        if not self.active(time_s):
+            return None
+        return 0 if self.every_s is None else int((time_s - self.start_s + _ROUNDING_S) // self.every_s)
 
     def end_s(self, time_s: float) -> float:
         """Return when the fault ends that is on so many seconds after the robot was ready; infinite if it does not."""

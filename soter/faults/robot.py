@@ -6,6 +6,7 @@ import heapq
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from soter.clock import Clock
@@ -182,12 +183,24 @@ class FaultyRobot(Robot):
         if came_back:
             # As an adapter does when its robot is there again: nothing that was before holds.
             self._pass_on(Command(Call.SWITCH, to=Controller.SC))
-            self._send(Command(Call.SWITCH, to=self._in_charge))
+            self._send(Command(Call.SWITCH, to=self.in_charge))
 
 
 def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabilities:
-    """Return what a robot can promise under its faults; those that are not declared change nothing."""
+    """Return what a robot can promise under its faults; those that are not declared change nothing.
+
+    Faults add up, and more than that: what is lost behind a fault that lets new samples come every other reading costs
+    two readings each time.
+    """
+    apart, exact_s = 1, capabilities.sample_age_s
     for fault in faults:
         if fault.options.declared:
+            dropped, held = fault.spacing()
             capabilities = fault.widened(capabilities)
+            further_s = dropped * (apart - 1) * fault.context.tick_s
+            capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + further_s)
+            apart = (dropped + 1) * apart + held
+    if capabilities.sample_age_s > exact_s:
+        # What is counted in readings is as late as these are, once.
+        capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + capabilities.jitter_s)
     return capabilities

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Command, Context, Fault, Passage
+from soter.faults.fault import Command, Context, Fault, Passage, Spacing
 from soter.faults.options import FaultOptions, wrong
 from soter.sdk import Capabilities, RobotState
 
@@ -43,19 +43,28 @@ class Freeze(Fault[FreezeOptions]):
     def __init__(self, options: FreezeOptions, context: Context) -> None:
         super().__init__(options, context)
         self._last: RobotState | None = None
+        self._stood: int | None = None
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
         duration_s = self.up_to_ticks(self.options.duration_s or 0.0)
         if self.options.restamped:
-            # The age does not show, so the error of the position has to pay for the way made in that time.
-            noise_m = capabilities.position_noise_m + capabilities.v_max_m_s * duration_s
+            # The age does not show, so the error of the position has to pay for the way made in that time; and for that
+            # of the age, since an old pose may get the stamp of a sample that is none.
+            hidden_s = duration_s + capabilities.sample_age_s
+            noise_m = capabilities.position_noise_m + capabilities.v_max_m_s * hidden_s
             # What moved then may have stood by now: nothing bounds the error of a speed or a heading.
             return replace(capabilities, position_noise_m=noise_m, speed_noise_m_s=None, heading_noise_rad=None)
         return replace(capabilities, sample_age_s=capabilities.sample_age_s + duration_s)
 
+    def spacing(self) -> Spacing:
+        return Spacing(held=self.ticks(self.options.duration_s or 0.0))
+
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
-        frozen = self._last
-        if not on or sample is None or frozen is None:
+        frozen, window = self._last, self.options.window(time_s) if on else None
+        # One sample comes through between two freezes, even where no reading falls between them.
+        again = self._stood is not None and window != self._stood
+        self._stood = window
+        if window is None or again or sample is None or frozen is None:
             self._last = sample
             return sample
         self.affected += 1
@@ -155,8 +164,8 @@ class ClockStep(Fault[ClockStepOptions]):
         return replace(
             capabilities,
             sample_age_s=capabilities.sample_age_s + self.up_to_ticks(abs(step_s)),
-            # What is stamped too late was where the stamp says some time before.
-            position_noise_m=capabilities.position_noise_m + capabilities.v_max_m_s * max(0.0, step_s),
+            # What is stamped too late was where the stamp says some time before; what is too early, some time after.
+            position_noise_m=capabilities.position_noise_m + capabilities.v_max_m_s * abs(step_s),
             speed_noise_m_s=None,
             heading_noise_rad=None,
         )

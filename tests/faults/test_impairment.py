@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from soter.drive import TUBE_M, Drive
 from soter.faults.vehicle import TUBE_PER_GRIP_M
+from soter.onboard.drive import TUBE_M, Drive
 from soter.sdk import RobotSpec, Waypoint
 from soter.workspace import Workspace
 from soter_sim import LIMITS, Impairment, World

@@ -87,6 +87,7 @@ def test_a_fault_can_hit_one_robot() -> None:
         ({"kind": "freeze"}, "fault.0.declared: it is True, allowed: false; or give a duration_s"),
         ({"kind": "bias"}, "fault.0.x_m: it is 0.0, allowed: other than 0"),
         ({"kind": "clock_step", "step_s": 0.0}, "fault.0.step_s: it is 0.0, allowed: other than 0"),
+        ({"kind": "clock_step", "step_s": 0.1}, "puts the clock of robot 1 0.1 s ahead; allowed: below 0.1 s in all"),
         ({"kind": "battery", "offset": 0.1}, "fault.0.offset: it is 0.1, allowed: at most 0; or declared = false"),
         ({"kind": "wheel_slip"}, "fault.0.left: it is 1.0, allowed: below 1"),
         ({"kind": "wheel_slip", "left": 0.9}, "fault.0.left: it is 0.9, allowed: at most 0.05 apart from right, 1; or"),
