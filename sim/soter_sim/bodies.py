@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from math import inf, isfinite
 from typing import Final
 
-from soter.drive import DriveLimits
+from soter.onboard.drive import DriveLimits
 from soter.sdk.values import RobotSpec
 
 BODY_RADIUS_M: Final = 0.105

@@ -65,7 +65,7 @@ class Contacts:
                 self._judge.hit_box(box_hit, (step + now) * self._step_s)
             else:
                 now, stopped = pair_at, self._who_stops(*pair_hit, pair_at, stops)
-                self._judge.hit_robot(*pair_hit)
+                self._judge.hit_robot(*pair_hit, (step + now) * self._step_s)
             for i in stopped:
                 stops[i] = now
                 self._bodies.v[i] = 0.0

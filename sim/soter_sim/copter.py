@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from math import cos, hypot, isfinite, pi, sin
 from typing import Final, NamedTuple
 
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
 from soter_sim.contacts import Contacts
@@ -82,6 +82,7 @@ class CopterEngine:
     Args:
         workspace: fence, boxes and chargers.
         specs: the copters; they start on the ground.
+        limits: what the mission promises.
         step_s: control period and integration step.
 
     Attributes:
@@ -89,10 +90,16 @@ class CopterEngine:
         pilots: what steers each copter.
     """
 
-    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec], step_s: float = STEP_S) -> None:
+    def __init__(
+        self,
+        workspace: Workspace,
+        specs: Sequence[RobotSpec],
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
+        step_s: float = STEP_S,
+    ) -> None:
         self.bodies = Bodies(specs)
         self.period_s = step_s
-        self._judge = Judge(workspace, self.bodies, step_s, V_MAX_M_S)
+        self._judge = Judge(workspace, self.bodies, step_s, V_MAX_M_S, limits)
         self.record = self._judge.record
         count = len(specs)
         self.z = [0.0] * count

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
 from soter_sim.truth import Record
@@ -37,5 +37,5 @@ class Engine(Protocol):
         """Free what the engine holds. Idempotent; it cannot run afterwards."""
 
 
-EngineFactory = Callable[[Workspace, Sequence[RobotSpec]], Engine]
-"""Makes the engine of one world."""
+EngineFactory = Callable[[Workspace, Sequence[RobotSpec], RuleLimits], Engine]
+"""Makes the engine of one world, which is judged by the limits."""

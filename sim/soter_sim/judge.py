@@ -10,6 +10,7 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Final
 
+from soter.sdk.values import RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
 from soter_sim.boxes import NEAR_M, Boxes
@@ -21,7 +22,7 @@ from soter_sim.sweep import (
     nearest_to_origin,
     point_to_box,
 )
-from soter_sim.truth import COLLISION_M, FENCE_TOLERANCE_M, PENETRATION_M, TOUCH_M, Record
+from soter_sim.truth import FENCE_TOLERANCE_M, PENETRATION_M, TOUCH_M, Record
 
 REBUILD_STEPS: Final = 32
 """The list of pairs that are near enough to be judged is made anew after so many steps."""
@@ -55,6 +56,7 @@ class Judge:
         bodies: the robots, at their places at time 0.
         step_s: duration of a step.
         speed_m_s: no robot is faster.
+        limits: what the mission promises.
 
     Attributes:
         due: no look is needed before this step.
@@ -65,12 +67,19 @@ class Judge:
         record: what was found.
     """
 
-    def __init__(self, workspace: Workspace, bodies: Bodies, step_s: float, speed_m_s: float) -> None:
+    def __init__(
+        self, workspace: Workspace, bodies: Bodies, step_s: float, speed_m_s: float, limits: RuleLimits
+    ) -> None:
         self._x, self._y, self._ids = bodies.x, bodies.y, bodies.ids
         self._count = len(bodies.ids)
         self._step_s = step_s
         # A hair more than the longest chord, so that rounding cannot make a look come late.
         self._reach_m = speed_m_s * step_s * (1.0 + 1e-9)
+        radius_m = max(limits.body_radius_m, BODY_RADIUS_M)
+        self._apart_m = max(limits.separation_m, 2.0 * radius_m)
+        # Centres keep so far from boxes, and bodies, which are as large as the simulated ones, so far.
+        self._keep_m = radius_m + limits.clearance_m
+        self._clear_m = self._keep_m - BODY_RADIUS_M
         self._fence = (0.0, 0.0, workspace.width_m, workspace.depth_m)
         self.boxes = Boxes(workspace.boxes)
         self._chargers = Boxes(place.charger for place in workspace.robots)
@@ -102,12 +111,13 @@ class Judge:
             self.record.box_contacts += 1
             self.record.begin("obstacle", (self._ids[index],), at_s)
 
-    def hit_robot(self, first: int, second: int) -> None:
+    def hit_robot(self, first: int, second: int, at_s: float) -> None:
         """A robot was stopped by another, or they press against each other."""
         pair = (first, second)
         if pair not in self._touching:
             self._touching.add(pair)
             self.record.robot_contacts += 1
+            self.record.begin("collision", (self._ids[first], self._ids[second]), at_s)
 
     # --- looking -------------------------------------------------------------------------------------------
 
@@ -151,13 +161,13 @@ class Judge:
 
         # Far boxes may be left out only while they cannot hold the least clearance.
         care = max(least["obstacle"], TOUCH_M)
-        boxes = self.boxes.all if care + BODY_RADIUS_M + reach > NEAR_M else self.boxes.near(x1, y1)
+        boxes = self.boxes.all if care + self._keep_m + reach > NEAR_M else self.boxes.near(x1, y1)
         near = inf if boxes is self.boxes.all else NEAR_M
         for box in boxes:
             gap = point_to_box(x1, y1, box)
             if gap < near:
                 near = gap
-        clearance = near - BODY_RADIUS_M
+        clearance = near - self._keep_m
         if clearance - reach < care or self._touches_box[index]:
             self._look_at_boxes(index, step, x0, y0, x1 - x0, y1 - y0, boxes, clearance)
             care = max(least["obstacle"], TOUCH_M)
@@ -197,15 +207,18 @@ class Judge:
         self, index: int, step: int, x0: float, y0: float, dx: float, dy: float,
         boxes: tuple[BoxEdges, ...], clearance: float,
     ) -> None:  # fmt: skip
-        swept = min((chord_to_box(x0, y0, dx, dy, box) for box in boxes), default=inf) - BODY_RADIUS_M
-        least = self.record.min_margin
+        swept = min((chord_to_box(x0, y0, dx, dy, box) for box in boxes), default=inf) - self._keep_m
+        least, robots = self.record.min_margin, (self._ids[index],)
         if swept < least["obstacle"]:
             least["obstacle"] = swept
-        if swept < -PENETRATION_M:
+        if swept + self._clear_m < -PENETRATION_M:
             self.hit_box(index, step * self._step_s)
-        if self._touches_box[index] and clearance > TOUCH_M:
+        if swept < 0.0 < self._clear_m:
+            self.record.begin("obstacle", robots, step * self._step_s)
+        if self._touches_box[index] and clearance + self._clear_m > TOUCH_M:
             self._touches_box[index] = False
-            self.record.end("obstacle", (self._ids[index],), (step + 1) * self._step_s)
+        if clearance >= 0.0 and not self._touches_box[index]:
+            self.record.end("obstacle", robots, (step + 1) * self._step_s)
 
     def _find_pairs(self, step: int, x: list[float], y: list[float]) -> None:
         """List the pairs that, until the next time, can come into contact, into collision or to the least margin."""
@@ -213,7 +226,7 @@ class Judge:
         if self._count < 2:
             return
         reach = 2.0 * self._reach_m
-        wanted = COLLISION_M + max(self.record.min_margin["collision"], 0.0)
+        wanted = self._apart_m + max(self.record.min_margin["collision"], 0.0)
         near = wanted + REBUILD_STEPS * reach
         near_sq = near * near
         order = sorted(range(self._count), key=x.__getitem__)
@@ -242,7 +255,7 @@ class Judge:
         least = self.record.min_margin
         if stops is None or (i not in stops and j not in stops):
             nearest = nearest_to_origin(rx, ry, end_x - rx, end_y - ry)
-            if nearest < COLLISION_M or self.record.open:
+            if nearest < self._apart_m or self.record.open:
                 self._look_at_piece(pair, step, 0.0, 1.0, rx, ry, end_x, end_y)
         else:
             nearest = inf
@@ -258,13 +271,15 @@ class Judge:
                 nearest = min(nearest, nearest_to_origin(was_x, was_y, now_x - was_x, now_y - was_y))
                 self._look_at_piece(pair, step, was, at, was_x, was_y, now_x, now_y)
                 was, was_x, was_y = at, now_x, now_y
-        margin = nearest - COLLISION_M
+        margin = nearest - self._apart_m
         if margin < least["collision"]:
             least["collision"] = margin
         distance = sqrt(end_x * end_x + end_y * end_y)
-        if self._touching and (i, j) in self._touching and distance > _CONTACT_M + TOUCH_M:
+        if self._touching and (i, j) in self._touching and distance > _CONTACT_M + 2.0 * TOUCH_M:
             self._touching.discard((i, j))
-        slack = max(distance - COLLISION_M - max(least["collision"], 0.0), 0.0)
+            if distance >= self._apart_m:
+                self.record.end("collision", (self._ids[i], self._ids[j]), (step + 1) * self._step_s)
+        slack = max(distance - self._apart_m - max(least["collision"], 0.0), 0.0)
         pair.due = step + 1 + int(slack / (2.0 * self._reach_m))
 
     def _look_at_piece(
@@ -273,15 +288,16 @@ class Judge:
         """Note when, between two parts of a step, a pair comes into collision and out of it."""
         robots = (self._ids[pair.i], self._ids[pair.j])
         at_s, step_s = step * self._step_s, self._step_s
-        inside = inside_disc(rx, ry, end_x - rx, end_y - ry, COLLISION_M)
+        inside = inside_disc(rx, ry, end_x - rx, end_y - ry, self._apart_m)
         if inside is None:
-            self.record.end("collision", robots, at_s + since * step_s)
+            if (pair.i, pair.j) not in self._touching:
+                self.record.end("collision", robots, at_s + since * step_s)
             return
         first, last = inside
-        if first > 0.0:
+        if first > 0.0 and (pair.i, pair.j) not in self._touching:
             self.record.end("collision", robots, at_s + since * step_s)
         self.record.begin("collision", robots, at_s + (since + first * (until - since)) * step_s)
-        if last < 1.0:
+        if last < 1.0 and (pair.i, pair.j) not in self._touching:
             self.record.end("collision", robots, at_s + (since + last * (until - since)) * step_s)
 
     # --- time 0 --------------------------------------------------------------------------------------------
@@ -297,19 +313,21 @@ class Judge:
             least["geofence"] = min(least["geofence"], margin)
             if margin < -FENCE_TOLERANCE_M:
                 self.record.begin("geofence", robots, 0.0)
-            near = min((point_to_box(here_x, here_y, box) for box in self.boxes.all), default=inf) - BODY_RADIUS_M
+            near = min((point_to_box(here_x, here_y, box) for box in self.boxes.all), default=inf) - self._keep_m
             least["obstacle"] = min(least["obstacle"], near)
-            if near < -PENETRATION_M:
+            if near + self._clear_m < -PENETRATION_M:
                 self.hit_box(index, 0.0)
+            if near < 0.0 < self._clear_m:
+                self.record.begin("obstacle", robots, 0.0)
             self.on_charger[index] = any(point_to_box(here_x, here_y, patch) <= 0.0 for patch in self._chargers.all)
             least["battery"] = min(least["battery"], bodies.charge[index])
             if bodies.charge[index] <= 0.0 and not self.on_charger[index]:
                 self.flat(index, 0.0)
             for other in range(index):
                 distance = sqrt((x[other] - here_x) ** 2 + (y[other] - here_y) ** 2)
-                least["collision"] = min(least["collision"], distance - COLLISION_M)
-                if distance < COLLISION_M:
+                least["collision"] = min(least["collision"], distance - self._apart_m)
+                if distance < self._apart_m:
                     self.record.begin("collision", (self._ids[other], self._ids[index]), 0.0)
                 if distance < _CONTACT_M - PENETRATION_M:
-                    self.hit_robot(other, index)
+                    self.hit_robot(other, index, 0.0)
         self._find_pairs(0, x, y)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from math import cos, pi, sin
 from typing import Final
 
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import LIMITS, Bodies
 from soter_sim.contacts import Contacts
@@ -31,13 +31,20 @@ class KinematicEngine:
     Args:
         workspace: fence, boxes and chargers.
         specs: the robots and where they start.
+        limits: what the mission promises.
         step_s: control period and integration step.
     """
 
-    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec], step_s: float = STEP_S) -> None:
+    def __init__(
+        self,
+        workspace: Workspace,
+        specs: Sequence[RobotSpec],
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
+        step_s: float = STEP_S,
+    ) -> None:
         self.bodies = Bodies(specs)
         self.period_s = step_s
-        self._judge = Judge(workspace, self.bodies, step_s, LIMITS.v_max_m_s)
+        self._judge = Judge(workspace, self.bodies, step_s, LIMITS.v_max_m_s, limits)
         self.record = self._judge.record
         self._done = 0
         self._to_x = [*self.bodies.x]

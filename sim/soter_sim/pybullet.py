@@ -14,7 +14,7 @@ from math import atan2, cos, sin
 from typing import Final
 
 from soter.errors import BackendError
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import BODY_RADIUS_M, LIMITS, Bodies
 from soter_sim.judge import Judge
@@ -64,15 +64,21 @@ class PyBulletEngine:
     Args:
         workspace: fence, boxes and chargers.
         specs: the robots and where they start.
+        limits: what the mission promises.
 
     Raises:
         BackendError: PyBullet has no room for another world in this process.
     """
 
-    def __init__(self, workspace: Workspace, specs: Sequence[RobotSpec]) -> None:
+    def __init__(
+        self,
+        workspace: Workspace,
+        specs: Sequence[RobotSpec],
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
+    ) -> None:
         self.bodies = Bodies(specs)
         self.period_s = PERIOD_S
-        self._judge = Judge(workspace, self.bodies, _STEP_S, _BOUND_M_S)
+        self._judge = Judge(workspace, self.bodies, _STEP_S, _BOUND_M_S, limits)
         self.record = self._judge.record
         self._done = 0
         count = len(specs)
@@ -271,7 +277,7 @@ class PyBulletEngine:
             if pair.due <= step and self._near(pair.i, pair.j):
                 points = bullet.getContactPoints(bodyA=robots[pair.i], bodyB=robots[pair.j], physicsClientId=client)
                 if any(point[9] > 0.0 for point in points):
-                    judge.hit_robot(pair.i, pair.j)
+                    judge.hit_robot(pair.i, pair.j, (step + 1) * _STEP_S)
 
     def _near(self, i: int, j: int) -> bool:
         dx, dy = self._to_x[j] - self._to_x[i], self._to_y[j] - self._to_y[i]

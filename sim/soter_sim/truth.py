@@ -4,10 +4,12 @@ The rules, as `soter_sim.judge` applies them:
 
 - battery: the charge is 0 away from every charger.
 - geofence: the centre is more than 1e-6 m beyond an edge of the fence.
-- collision: two centres are less than 0.3 m apart.
-- obstacle: the body reaches more than 1 mm into a box, or is in contact with one. Contact begins when a body is
-  stopped by what it moves against and ends when the two are more than 2 mm apart. Contacts of two robots are
-  counted in the same way; they are no rule of their own, since two robots in contact are in collision.
+- collision: two centres are nearer than the mission's separation, or two bodies overlap or are in contact.
+- obstacle: the body is nearer to a box than the mission's clearance; where that is 0, it reaches more than 1 mm into a
+  box. Or it is in contact with one.
+
+Contact begins when a body is stopped by what it moves against and ends when it is more than 2 mm away, 4 mm where that
+is another body. What the mission promises of distances and bodies comes as `soter.sdk.RuleLimits`.
 """
 
 from __future__ import annotations
@@ -20,7 +22,6 @@ from soter.sdk.values import RULES, TruthReport, Violation
 from soter_sim.bodies import Bodies
 
 FENCE_TOLERANCE_M: Final = 1e-6
-COLLISION_M: Final = 0.3
 PENETRATION_M: Final = 1e-3
 
 # The rigid body of the PyBullet engine tilts a little and has facets, so it presses on things when its disc is still

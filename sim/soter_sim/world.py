@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from soter.errors import nearest
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import Control, stand_still
 from soter_sim.engine import Engine, EngineFactory
@@ -17,11 +17,11 @@ from soter_sim.kinematic import KinematicEngine
 from soter_sim.truth import WorldTruth
 
 
-def _pybullet(workspace: Workspace, specs: Sequence[RobotSpec]) -> Engine:
+def _pybullet(workspace: Workspace, specs: Sequence[RobotSpec], limits: RuleLimits) -> Engine:
     # Imported here, so that the other engine works where PyBullet is not installed.
     from soter_sim.pybullet import PyBulletEngine
 
-    return PyBulletEngine(workspace, specs)
+    return PyBulletEngine(workspace, specs, limits)
 
 
 ENGINES: Final[dict[str, EngineFactory]] = {"kinematic": KinematicEngine, "pybullet": _pybullet}
@@ -40,6 +40,7 @@ class World:
         workspace: fence, boxes and chargers; where its robots start does not matter here.
         robots: which robots, where they start and with what charge.
         engine: a name out of `ENGINES`, or what makes an engine.
+        limits: what the mission promises, which truth judges by.
 
     Attributes:
         engine: the engine; read its `bodies`, leave running it to the world.
@@ -54,14 +55,18 @@ class World:
     """
 
     def __init__(
-        self, workspace: Workspace, robots: Sequence[RobotSpec], engine: str | EngineFactory = "kinematic"
+        self,
+        workspace: Workspace,
+        robots: Sequence[RobotSpec],
+        engine: str | EngineFactory = "kinematic",
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
     ) -> None:
         if isinstance(engine, str):
             if engine not in ENGINES:
                 raise ValueError(f"engine is '{engine}', allowed: {sorted(ENGINES)}{nearest(engine, [*ENGINES])}")
             engine = ENGINES[engine]
         self.workspace = workspace
-        self.engine = engine(workspace, robots)
+        self.engine = engine(workspace, robots, limits)
         self.bodies = self.engine.bodies
         self.period_s = self.engine.period_s
         self.truth = WorldTruth(self.engine.record, self.bodies)

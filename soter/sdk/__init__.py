@@ -20,6 +20,7 @@ from soter.sdk.values import (
     Link,
     RobotSpec,
     RobotState,
+    RuleLimits,
     Waypoint,
 )
 
@@ -38,6 +39,7 @@ __all__ = [
     "Robot",
     "RobotSpec",
     "RobotState",
+    "RuleLimits",
     "Switch",
     "Truth",
     "TruthReport",

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, InstanceOf
 
 from soter.clock import Clock
 from soter.sdk.robot import Robot
-from soter.sdk.values import RULES, Capabilities, RobotSpec, TruthReport, Violation
+from soter.sdk.values import RULES, Capabilities, RobotSpec, RuleLimits, TruthReport, Violation
 from soter.workspace import Workspace
 
 __all__ = ["INTERFACE_VERSION", "RULES", "Backend", "BackendConfig", "Fleet", "Truth", "TruthReport", "Violation"]
@@ -38,11 +38,13 @@ class BackendConfig(BaseModel):
     Attributes:
         workspace: filled in by the runner; a simulated backend builds its world from it.
         seed: filled in by the runner.
+        limits: filled in by the runner; a simulated backend judges its world by them.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     workspace: InstanceOf[Workspace]
     seed: int = 0
+    limits: InstanceOf[RuleLimits] = RuleLimits()
 
 
 class Fleet(ABC):
@@ -85,6 +87,13 @@ class Fleet(ABC):
             failures.append(failure)
         if failures:
             raise failures[0]
+
+    def lost(self) -> str:
+        """Return which process of a world that was started for these robots has ended, in words; empty for none.
+
+        Asked at every tick; must not wait. Whoever was given robots has none.
+        """
+        return ""
 
     @abstractmethod
     def _close(self) -> None:

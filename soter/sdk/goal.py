@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from soter.sdk.values import Controller, GoalStatus, Waypoint
-
-if TYPE_CHECKING:
-    from soter.sdk.robot import Robot
 
 
 class Goal:
@@ -23,10 +20,12 @@ class Goal:
         ended_s: fleet time at which it ended, or None.
     """
 
-    __slots__ = ("_robot", "by", "deadline_s", "ended_s", "id", "radius_sq_m2", "reason", "sent_s", "status", "target")
+    __slots__ = ("_cancel", "by", "deadline_s", "ended_s", "id", "radius_sq_m2", "reason", "sent_s", "status", "target")
 
-    def __init__(self, robot: Robot, goal_id: int, target: Waypoint, by: Controller, sent_s: float) -> None:
-        self._robot = robot
+    def __init__(
+        self, cancel: Callable[[Goal], None], goal_id: int, target: Waypoint, by: Controller, sent_s: float
+    ) -> None:
+        self._cancel = cancel
         self.id = goal_id
         self.target = target
         self.by = by
@@ -44,7 +43,7 @@ class Goal:
 
     def cancel(self) -> None:
         """End this goal, and no other, as CANCELLED; the robot stops if it was the one that it worked on."""
-        self._robot._cancel(self)
+        self._cancel(self)
 
     def _end(self, status: GoalStatus, reason: str, now_s: float) -> None:
         if self.status is GoalStatus.ACTIVE:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import subprocess
 import sys
 import time
@@ -85,6 +86,15 @@ def first_line(process: subprocess.Popen[bytes], described: bytes = b"") -> byte
             raise OSError(f"their process ended with code {process.wait()}")
         line += part
     return line
+
+
+def ended(what: str, process: subprocess.Popen[bytes]) -> str:
+    """Return how a process has ended, in words; empty while it runs."""
+    code = process.poll()
+    if code is None:
+        return ""
+    how = f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
+    return f"{what}, process {process.pid}, has ended with {how}"
 
 
 def end(processes: Sequence[subprocess.Popen[bytes]]) -> None:

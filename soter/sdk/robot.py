@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from typing import ClassVar, Final
 
 from soter.clock import Clock
@@ -39,28 +40,75 @@ class Robot(ABC):
     """A sample older than this makes the link DOWN."""
 
     def __init__(self, spec: RobotSpec, clock: Clock) -> None:
-        self.spec: Final = spec
-        self.id: Final = spec.id
-        self.clock: Final = clock
-        self._in_charge = Controller.SC
-        self._in_doubt = False
-        self._capabilities: Capabilities | None = None
-        self._closed = False
-        self._next_goal_id = 1
-        self._goal: Goal | None = None
-        self._state: RobotState | None = None
-        self._switch: Switch | None = None
-        self.discarded = 0
-        """Samples dropped: not finite, not this robot's, older than the one before, or from the future."""
+        # Two underscores: a subclass may call its own attributes whatever it likes.
+        self.__spec: Final = spec
+        self.__id: Final = spec.id
+        self.__clock: Final = clock
+        self.__in_charge = Controller.SC
+        self.__in_doubt = False
+        self.__capabilities: Capabilities | None = None
+        self.__closed = False
+        self.__next_goal_id = 1
+        self.__goal: Goal | None = None
+        self.__state: RobotState | None = None
+        self.__switch: Switch | None = None
+        self.__discarded = 0
+
+    def __init_subclass__(cls, *, overrides: Collection[str] = (), **options: object) -> None:
+        """See that a subclass fills hooks and overrides nothing that must be the same for all robots.
+
+        Args:
+            overrides: public names of this class that it overrides on purpose, as in
+                `class Mine(Robot, overrides=("goto",))`.
+            options: of other base classes.
+
+        Raises:
+            TypeError: it overrides one by accident.
+        """
+        super().__init_subclass__(**options)
+        above = next(each for each in cls.__mro__[1:] if issubclass(each, Robot))
+        for name in sorted(_OWN.keys() - overrides):
+            if getattr(cls, name) is not getattr(above, name):
+                raise TypeError(f"{cls.__qualname__}.{name} {_collides(name)}")
 
     # --- the interface -------------------------------------------------------------------------------------
 
     @property
+    def spec(self) -> RobotSpec:
+        """Which robot this is, and where it starts."""
+        return self.__spec
+
+    @property
+    def id(self) -> int:
+        """The robot's number in its fleet."""
+        return self.__id
+
+    @property
+    def clock(self) -> Clock:
+        """The fleet's clock."""
+        return self.__clock
+
+    @property
+    def in_charge(self) -> Controller:
+        """The controller that was put in charge last."""
+        return self.__in_charge
+
+    @property
+    def initialised(self) -> bool:
+        """Whether `init()` has succeeded; it stays so after `close()`."""
+        return self.__capabilities is not None
+
+    @property
+    def discarded(self) -> int:
+        """Samples dropped: not finite, not this robot's, older than the one before, or from the future."""
+        return self.__discarded
+
+    @property
     def capabilities(self) -> Capabilities:
         """What this very robot promises: `declared`, or narrower. Known after `init()`."""
-        if self._capabilities is None:
-            raise LifecycleError(f"robot {self.id}: capabilities are known only after init()")
-        return self._capabilities
+        if self.__capabilities is None:
+            raise LifecycleError(f"robot {self.__id}: capabilities are known only after init()")
+        return self.__capabilities
 
     def init(self, timeout_s: float) -> None:
         """Connect, arm and get ready. Blocks for at most `timeout_s`; afterwards the SC is in charge and all is still.
@@ -68,17 +116,20 @@ class Robot(ABC):
         Raises:
             RobotUnavailable: the robot is not there, does not answer, or refuses; the message says which and why.
             LifecycleError: it was closed, or is ready already.
+            TypeError: an attribute of the object hides one of this class.
         """
-        if self._closed or self._capabilities is not None:
-            raise LifecycleError(f"robot {self.id}: init() after {'close()' if self._closed else 'init()'}")
+        for hidden in sorted(_OWN.keys() & vars(self).keys()):
+            raise TypeError(f"{type(self).__qualname__}: self.{hidden} {_collides(hidden)}")
+        if self.__closed or self.__capabilities is not None:
+            raise LifecycleError(f"robot {self.__id}: init() after {'close()' if self.__closed else 'init()'}")
         found = self._connect(timeout_s)
         wider = found.widened_beyond(self.declared)
         if wider is not None:
             raise RobotUnavailable(
-                f"robot {self.id}: it claims more than its adapter declares: {wider} is {getattr(found, wider)}, "
+                f"robot {self.__id}: it claims more than its adapter declares: {wider} is {getattr(found, wider)}, "
                 f"declared {getattr(self.declared, wider)}"
             )
-        self._capabilities = found
+        self.__capabilities = found
         self._hand_over(Controller.SC)
 
     def goto(self, target: Waypoint, by: Controller) -> Goal:
@@ -92,22 +143,22 @@ class Robot(ABC):
             TypeError: it is no waypoint, or a value in it is no number; nothing was sent.
             LifecycleError: before `init()` or after `close()`.
         """
-        self._require_ready("goto")
+        self.__require_ready("goto")
         # Targets come from untrusted code: a look-alike or a subclass could pass its own check and fail in the vehicle.
         if type(target) is not Waypoint:
-            raise TypeError(f"robot {self.id}: a target is a Waypoint, not a {type(target).__name__}")
+            raise TypeError(f"robot {self.__id}: a target is a Waypoint, not a {type(target).__name__}")
         target.check()
-        now_s = self.clock.now()
-        goal = Goal(self, self._next_goal_id, target, by, now_s)
-        self._next_goal_id += 1
-        if by is not self._in_charge:
-            goal._end(GoalStatus.REJECTED, f"{by} is not in charge, {self._in_charge} is", now_s)
+        now_s = self.__clock.now()
+        goal = Goal(self.__cancel, self.__next_goal_id, target, by, now_s)
+        self.__next_goal_id += 1
+        if by is not self.__in_charge:
+            goal._end(GoalStatus.REJECTED, f"{by} is not in charge, {self.__in_charge} is", now_s)
             return goal
         # Before anything changes here: where it fails, the vehicle works on what it had, and can be told to stop.
         self._send_goto(goal)
-        if self._goal is not None:
-            self._goal._end(GoalStatus.SUPERSEDED, f"goal {goal.id} took its place", now_s)
-        self._goal = goal
+        if self.__goal is not None:
+            self.__goal._end(GoalStatus.SUPERSEDED, f"goal {goal.id} took its place", now_s)
+        self.__goal = goal
         return goal
 
     def read_state(self) -> RobotState:
@@ -116,27 +167,27 @@ class Robot(ABC):
         Raises:
             LifecycleError: before `init()` or after `close()`.
         """
-        if self._capabilities is None or self._closed:
-            self._require_ready("read_state")
+        if self.__capabilities is None or self.__closed:
+            self.__require_ready("read_state")
         sample = self._sample()
-        state = self._state
+        state = self.__state
         if sample is not None and sample is not state:
-            state = self._admit(sample)
+            state = self.__admit(sample)
         if state is None:
-            raise RobotUnavailable(f"robot {self.id}: no valid sample has arrived yet")
-        now_s = self.clock.now()
+            raise RobotUnavailable(f"robot {self.__id}: no valid sample has arrived yet")
+        now_s = self.__clock.now()
         age_s = now_s - state.stamp_s
         if age_s > self.stale_after_s:
             link = Link.DOWN if age_s > self.down_after_s else Link.STALE
             state = state._replace(link=link)
-        self._state = state
-        goal = self._goal
+        self.__state = state
+        goal = self.__goal
         if goal is not None:
-            self._judge(goal, state, now_s)
-        switch = self._switch
+            self.__judge(goal, state, now_s)
+        switch = self.__switch
         if switch is not None and state.controller is switch.to and state.stamp_s >= switch.requested_s:
             switch.confirmed_s = now_s
-            self._switch = None
+            self.__switch = None
         return state
 
     def switch_ac_sc(self, to: Controller, reason: str) -> Switch:
@@ -145,28 +196,28 @@ class Robot(ABC):
         Raises:
             LifecycleError: before `init()` or after `close()`.
         """
-        self._require_ready("switch_ac_sc")
-        now_s = self.clock.now()
+        self.__require_ready("switch_ac_sc")
+        now_s = self.__clock.now()
         switch = Switch(to, reason, now_s)
-        if to is self._in_charge and not self._in_doubt:
+        if to is self.__in_charge and not self.__in_doubt:
             self._renew_lease()
             switch.effective_s = now_s
             # Only the robot's own report confirms; a change that is not confirmed yet is not by being repeated.
-            if self._switch is None and self._state is not None and self._state.controller is to:
+            if self.__switch is None and self.__state is not None and self.__state.controller is to:
                 switch.confirmed_s = now_s
             return switch
         # First of all, so that where it fails nothing has changed here, and calling again tries again. It may have
         # reached the vehicle all the same, which has to hear of whoever is to be in charge next.
-        self._in_doubt = True
+        self.__in_doubt = True
         self._hand_over(to)
-        self._in_doubt = False
-        self._in_charge = to
-        if self._goal is not None:
-            self._goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
-            self._goal = None
+        self.__in_doubt = False
+        self.__in_charge = to
+        if self.__goal is not None:
+            self.__goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
+            self.__goal = None
         self._renew_lease()
         switch.effective_s = now_s
-        self._switch = switch
+        self.__switch = switch
         return switch
 
     def hand_over_again(self) -> None:
@@ -175,22 +226,22 @@ class Robot(ABC):
         Raises:
             LifecycleError: before `init()` or after `close()`.
         """
-        self._require_ready("hand_over_again")
-        self._hand_over(self._in_charge)
+        self.__require_ready("hand_over_again")
+        self._hand_over(self.__in_charge)
 
     def renew_lease(self) -> None:
         """Renew the lease of the controller in charge: `switch_ac_sc` to the same one, without a handle."""
-        self._require_ready("renew_lease")
+        self.__require_ready("renew_lease")
         self._renew_lease()
 
     def close(self, timeout_s: float) -> None:
         """Stop the robot and let go of it. Idempotent; may be called at any time."""
-        if self._closed:
+        if self.__closed:
             return
-        self._closed = True
-        if self._goal is not None:
-            self._goal._end(GoalStatus.CANCELLED, "the robot was closed", self.clock.now())
-            self._goal = None
+        self.__closed = True
+        if self.__goal is not None:
+            self.__goal._end(GoalStatus.CANCELLED, "the robot was closed", self.__clock.now())
+            self.__goal = None
         self._disconnect(timeout_s)
 
     # --- the hooks that an adapter fills -------------------------------------------------------------------
@@ -225,14 +276,14 @@ class Robot(ABC):
 
     # --- what is enforced once -----------------------------------------------------------------------------
 
-    def _require_ready(self, call: str) -> None:
-        if self._closed:
-            raise LifecycleError(f"robot {self.id}: {call}() after close()")
-        if self._capabilities is None:
-            raise LifecycleError(f"robot {self.id}: {call}() before init()")
+    def __require_ready(self, call: str) -> None:
+        if self.__closed:
+            raise LifecycleError(f"robot {self.__id}: {call}() after close()")
+        if self.__capabilities is None:
+            raise LifecycleError(f"robot {self.__id}: {call}() before init()")
 
-    def _admit(self, sample: RobotState) -> RobotState | None:
-        previous = self._state
+    def __admit(self, sample: RobotState) -> RobotState | None:
+        previous = self.__state
         finite = math.isfinite(
             sample.x_m
             + sample.y_m
@@ -246,29 +297,46 @@ class Robot(ABC):
         battery = sample.battery
         if (
             not finite
-            or sample.robot_id != self.id
+            or sample.robot_id != self.__id
             or (battery is not None and not 0.0 <= battery <= 1.0)
             or (previous is not None and sample.stamp_s < previous.stamp_s)
-            or sample.stamp_s > self.clock.now() + FUTURE_S
+            or sample.stamp_s > self.__clock.now() + FUTURE_S
         ):
-            self.discarded += 1
+            self.__discarded += 1
             return previous
         return sample
 
-    def _judge(self, goal: Goal, state: RobotState, now_s: float) -> None:
+    def __judge(self, goal: Goal, state: RobotState, now_s: float) -> None:
         target = goal.target
         dx, dy, dz = state.x_m - target.x_m, state.y_m - target.y_m, state.z_m - target.z_m
         if dx * dx + dy * dy + dz * dz <= goal.radius_sq_m2 and state.stamp_s >= goal.sent_s:
             goal._end(GoalStatus.REACHED, "", now_s)
-            self._goal = None
+            self.__goal = None
         elif now_s >= goal.deadline_s:
             # First of all: a goal whose robot could not be told to stop has not ended.
             self._halt()
             goal._end(GoalStatus.TIMED_OUT, f"not there after {target.timeout_s:g} s", now_s)
-            self._goal = None
+            self.__goal = None
 
-    def _cancel(self, goal: Goal) -> None:
-        if goal is self._goal:
+    def __cancel(self, goal: Goal) -> None:
+        if goal is self.__goal:
             self._halt()
-            goal._end(GoalStatus.CANCELLED, "cancelled by its owner", self.clock.now())
-            self._goal = None
+            goal._end(GoalStatus.CANCELLED, "cancelled by its owner", self.__clock.now())
+            self.__goal = None
+
+
+_OWN: Final = {
+    "spec": "", "id": "", "clock": "", "in_charge": "", "initialised": "", "discarded": "", "hand_over_again": "",
+    "capabilities": "return them from _connect()", "init": "fill _connect()", "goto": "fill _send_goto()",
+    "read_state": "fill _sample()", "switch_ac_sc": "fill _hand_over()", "renew_lease": "fill _renew_lease()",
+    "close": "fill _disconnect()",
+}  # fmt: skip
+"""What adapters do not override, by name, and what they do instead."""
+
+
+def _collides(name: str) -> str:
+    instead = _OWN[name]
+    return (
+        f"hides soter.sdk.Robot.{name}, which is the same for all robots: {f'{instead} instead, or ' * bool(instead)}"
+        f"choose another name; where it is meant, say so: class ...(Robot, overrides=({name!r},))"
+    )

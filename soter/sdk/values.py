@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from numbers import Real
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 MAX_COORDINATE_M = 10_000.0
 """A coordinate beyond this is a mistake, not a place."""
@@ -189,13 +189,52 @@ class Capabilities:
     heading_noise_rad: float | None = None
 
     def widened_beyond(self, declared: Capabilities) -> str | None:
-        """Return the name of a promise that is larger than `declared` allows, or None."""
+        """Return the name of a promise that is worse than `declared` allows, by `WIDENS`, or None."""
         for name in self.__slots__:
             mine, theirs = getattr(self, name), getattr(declared, name)
-            # What is not promised may be anything. Written so that NaN counts as larger.
-            if not (math.inf if mine is None else mine) <= (math.inf if theirs is None else theirs):
+            # What is not promised may be anything.
+            mine, theirs = (math.inf if each is None else each for each in (mine, theirs))
+            # Written so that NaN counts as worse.
+            up, down = mine <= theirs, mine >= theirs
+            if not {Widens.UP: up, Widens.DOWN: down, Widens.EITHER_WAY: up and down}[WIDENS[name]]:
                 return name
         return None
+
+
+class Widens(Enum):
+    """Which change of a promise lets a robot do what the proofs do not count on."""
+
+    UP = "up"
+    DOWN = "down"
+    EITHER_WAY = "either way"
+
+
+WIDENS: Final[Mapping[str, Widens]] = {
+    "in_process": Widens.EITHER_WAY,
+    "deterministic": Widens.UP,
+    # A robot may lack what its kind can do, and is then supervised as one that cannot; it may not claim more.
+    "reverses": Widens.UP,
+    "reports_battery": Widens.UP,
+    "reports_controller": Widens.UP,
+    "v_max_m_s": Widens.UP,
+    # A fast turn leads where nothing was looked at; a slow one takes longer than waiting and ways home are paid for.
+    "yaw_rate_max_rad_s": Widens.EITHER_WAY,
+    "brake_m_s2": Widens.DOWN,
+    "body_radius_m": Widens.UP,
+    "latency_s": Widens.UP,
+    "sample_age_s": Widens.UP,
+    "jitter_s": Widens.UP,
+    "setpoint_period_s": Widens.UP,
+    "lease_s": Widens.UP,
+    "tube_m": Widens.UP,
+    "overshoot_m": Widens.UP,
+    "position_noise_m": Widens.UP,
+    "pivots_first": Widens.UP,
+    "accel_m_s2": Widens.UP,
+    "speed_noise_m_s": Widens.UP,
+    "heading_noise_rad": Widens.UP,
+}
+"""By promise of `Capabilities`, all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,6 +266,23 @@ class RobotSpec:
 
 RULES = ("battery", "geofence", "collision", "obstacle")
 """The safety rules that a simulated world judges, in the order in which reports name them."""
+
+
+@dataclass(frozen=True, slots=True)
+class RuleLimits:
+    """From where on a simulated world counts a rule as broken: what the mission promises, with its modules or without.
+
+    Bodies that overlap are in collision, and a body in a box breaks a rule, whatever stands here.
+
+    Attributes:
+        separation_m: two centres are no nearer.
+        clearance_m: a body is no nearer to a box.
+        body_radius_m: of the disc that is a body, where it is promised to be larger than the simulated one.
+    """
+
+    separation_m: float = 0.3
+    clearance_m: float = 0.0
+    body_radius_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,72 @@ FINITE = ("x_m", "y_m", "z_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_
 BAD_NUMBERS = [math.nan, math.inf, -math.inf, 1.1 * MAX_COORDINATE_M, -1.1 * MAX_COORDINATE_M, 1e300]
 
 
+# --- names ---------------------------------------------------------------------------------------------------
+
+SETTINGS = {"declared", "stale_after_s", "down_after_s"}
+OWN = sorted(name for name in dir(Robot) if not name.startswith("_") and name not in SETTINGS)
+
+
+def test_an_adapter_may_call_its_own_attributes_what_the_base_class_calls_its_own() -> None:
+    class Greedy(FakeRobot):
+        def __init__(self) -> None:
+            super().__init__()
+            private = [name.removeprefix("_Robot_") for name in vars(self) if name.startswith("_Robot__")]
+            assert "_goal" in private
+            for name in private:
+                setattr(self, name, "mine")
+
+        def _admit(self) -> None:
+            raise AssertionError("this is the adapter's own")
+
+        _judge = _cancel = _require_ready = _admit
+
+    robot = Greedy()
+    robot.init(1.0)
+    robot.switch_ac_sc(AC, "test")
+    goal = robot.goto(THERE, AC)
+    assert goal.active
+    assert not robot.goto(THERE, SC).active
+    robot.read_state()
+    goal.cancel()
+    assert goal.status is GoalStatus.CANCELLED
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_what_is_the_same_for_all_robots_is_not_overridden_by_accident(name: str) -> None:
+    with pytest.raises(TypeError, match=rf"Mine\.{name} hides soter\.sdk\.Robot\.{name}, .* overrides=\('{name}',\)"):
+        type("Mine", (FakeRobot,), {name: None})
+
+    class Mixin:
+        pass
+
+    setattr(Mixin, name, None)
+    with pytest.raises(TypeError, match=f"hides soter.sdk.Robot.{name}"):
+        type("Mine", (Mixin, FakeRobot), {})
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_nor_hidden_by_an_attribute_of_the_object(name: str) -> None:
+    class Mine(FakeRobot):
+        def __init__(self) -> None:
+            super().__init__()
+            setattr(self, name, None)
+
+    with pytest.raises((AttributeError, TypeError), match=rf"'{name}'|self\.{name} hides"):
+        Robot.init(Mine(), 1.0)
+
+
+def test_what_is_overridden_on_purpose_is_inherited() -> None:
+    class Meant(FakeRobot, overrides=("goto",)):
+        def goto(self, target: Waypoint, by: Controller) -> Goal:
+            return super().goto(target._replace(z_m=1.0), by)
+
+    class Heir(Meant):
+        pass
+
+    assert Heir.goto is Meant.goto
+
+
 # --- life cycle --------------------------------------------------------------------------------------------
 
 
@@ -99,12 +165,12 @@ def test_a_close_that_fails_is_not_done_twice() -> None:
 
 
 WIDER = {
-    "reverses": True, "reports_battery": True, "pivots_first": True, "brake_m_s2": 1.01, "yaw_rate_max_rad_s": 3.0,
+    "reverses": True, "reports_battery": True, "pivots_first": True, "brake_m_s2": 0.5, "yaw_rate_max_rad_s": 3.0,
     "v_max_m_s": 0.23, "body_radius_m": 0.2, "latency_s": 0.06, "sample_age_s": 0.01, "jitter_s": 0.01,
     "setpoint_period_s": 0.1, "lease_s": 0.2, "tube_m": 0.03, "overshoot_m": 0.02, "position_noise_m": 0.01,
 }  # fmt: skip
 NARROWER = {
-    "reverses": False, "brake_m_s2": 0.5, "v_max_m_s": 0.1, "latency_s": 0.01, "lease_s": 0.05, "tube_m": 0.0,
+    "reverses": False, "brake_m_s2": 1.01, "v_max_m_s": 0.1, "latency_s": 0.01, "lease_s": 0.05, "tube_m": 0.0,
 }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soter.sdk.values import RobotSpec, Waypoint
+from soter.sdk.values import RobotSpec, RuleLimits, Waypoint
 from soter.workspace import Box, Workspace
 from soter_sim import BODY_RADIUS_M, LIMITS, World
 from soter_sim.kinematic import KinematicEngine
@@ -199,8 +199,8 @@ def test_how_time_is_cut_into_calls_changes_nothing() -> None:
 
 
 def test_a_finer_step_is_the_same_motion() -> None:
-    def engine(workspace: Workspace, robots: Sequence[RobotSpec]) -> KinematicEngine:
-        return KinematicEngine(workspace, robots, 1 / 60)
+    def engine(workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits) -> KinematicEngine:
+        return KinematicEngine(workspace, robots, limits, 1 / 60)
 
     coarse = World(empty(), specs((5.0, 5.0, 0.3)))
     fine = World(empty(), specs((5.0, 5.0, 0.3)), engine)

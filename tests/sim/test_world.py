@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from soter.drive import OVERSHOOT_M, TUBE_M
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M
 from soter.sdk.values import RobotSpec, Waypoint
 from soter_sim import LIMITS, World
 from tests.sim.worlds import CASE, constant, driven, empty, from_segment, positions, specs, touring

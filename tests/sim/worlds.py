@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from soter.drive import Drive
+from soter.onboard.drive import Drive
 from soter.sdk.values import RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim import LIMITS, Control, World

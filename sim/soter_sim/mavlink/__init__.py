@@ -43,10 +43,10 @@ from there. On earth it is 47.397742 N, 8.545594 E, 488 m, or `--origin`; GPS_GL
 
 **Targets** (SET_POSITION_TARGET_LOCAL_NED, _GLOBAL_INT; never acknowledged; dropped in silence outside GUIDED or when
 disarmed, with a STATUSTEXT when a number in use is not finite). A position (mask bits 0-2 clear) is driven to as
-`soter.drive` does: brake, pivot, straight, stop; a later one replaces it, and one nearly along the motion is steered to
-without stopping. While SOTER_YAW_SPEED is 1, which is the default and more than ArduPilot's rover does, a yaw (bit 10
-clear) is arrived with, backwards where that is nearer, and a velocity beside a position (bits 3-5 clear) caps the speed
-by its horizontal length. A velocity alone is kept for 3 s of vehicle time. Copters must have taken off
+`soter.onboard.drive` does: brake, pivot, straight, stop; a later one replaces it, and one nearly along the motion is
+steered to without stopping. While SOTER_YAW_SPEED is 1, which is the default and more than ArduPilot's rover does, a
+yaw (bit 10 clear) is arrived with, backwards where that is nearer, and a velocity beside a position (bits 3-5 clear)
+caps the speed by its horizontal length. A velocity alone is kept for 3 s of vehicle time. Copters must have taken off
 (MAV_CMD_NAV_TAKEOFF).
 
 **Authority and lease.** At first, everybody's targets are obeyed, as on any autopilot. MAV_CMD_DO_GUIDED_MASTER (221)

@@ -28,7 +28,7 @@ def main() -> int:
     arguments = _parser().parse_args()
     try:
         data = sys.stdin.buffer.read() if arguments.world == "-" else Path(arguments.world).read_bytes()
-        workspace, robots = read_world(data, arguments.world)
+        workspace, robots, limits = read_world(data, arguments.world)
         settings = Settings(
             vehicle=arguments.vehicle,
             engine=arguments.engine,
@@ -42,6 +42,7 @@ def main() -> int:
             boot_s=arguments.boot,
             origin=Origin() if arguments.origin is None else Origin.read(arguments.origin),
             key=None if arguments.sign is None else read_key(arguments.sign),
+            limits=limits,
         )
         simulation = Simulation(workspace, robots, settings)
     except (SoterError, ValueError, OSError, ImportError) as failure:

@@ -92,15 +92,30 @@ class Channel:
     def parse(self, data: bytes) -> Iterator[tuple[Source, mav.MAVLink_message]]:
         """Yield the messages in what was received; what is damaged, unknown or wrongly signed is dropped."""
         parser = self._parser
-        for message in parser.parse_buffer(data) or ():
+        try:
+            messages = parser.parse_buffer(data) or ()
+        except Exception:
+            # What it could not read would be read again with what comes next.
+            self._forget()
+            logger.exception("dropped: %d bytes", len(data))
+            return
+        for message in messages:
             name = message.get_type()
             if name == "BAD_DATA":
                 logger.debug("dropped: %s", message.reason)
             elif not name.startswith("UNKNOWN"):
                 yield Source(message.get_srcSystem(), message.get_srcComponent()), message
-        if self._datagrams and parser.buf_len():
+        if self._datagrams:
             # Half a packet must not swallow the next datagram.
-            parser.buf, parser.buf_index, parser.expected_length = bytearray(), 0, _SHORTEST_FRAME
+            self._forget()
+        else:
+            # It keeps all that it has read until a message ends where a packet does, which need never be.
+            del parser.buf[: parser.buf_index]
+            parser.buf_index = 0
+
+    def _forget(self) -> None:
+        parser = self._parser
+        parser.buf, parser.buf_index, parser.expected_length = bytearray(), 0, _SHORTEST_FRAME
 
     def send(self, system_id: int, message: mav.MAVLink_message) -> None:
         """Send a message in the name of a vehicle."""

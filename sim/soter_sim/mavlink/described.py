@@ -3,10 +3,12 @@
 ```json
 {"width_m": 5, "depth_m": 5, "boxes": [[2, 0, 3, 1]], "chargers": [[0.8, 0.8, 1.2, 1.2]],
  "robots": [{"id": 1, "x_m": 1, "y_m": 1, "heading_rad": 0, "battery": 1.0,
-             "drive_s": 1800, "idle_s": 7200, "charge_s": 60}]}
+             "drive_s": 1800, "idle_s": 7200, "charge_s": 60}],
+ "limits": {"separation_m": 0.3, "clearance_m": 0, "body_radius_m": 0.105}}
 ```
 
-Rectangles are west, south, east and north edge. All but `id`, `x_m` and `y_m` of a robot may be left out.
+Rectangles are west, south, east and north edge. The limits are those that the truth judges by, see
+`soter.sdk.RuleLimits`. They may be left out, and so may all but `id`, `x_m` and `y_m` of a robot.
 """
 
 from __future__ import annotations
@@ -16,10 +18,11 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from soter.problems import Problem, config_error, pydantic_problems
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Box, RobotPlace, Workspace
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Rectangle = tuple[Metres, Metres, Metres, Metres]
 
@@ -41,6 +44,14 @@ class RobotModel(_Described):
     charge_s: Seconds = 60.0
 
 
+class LimitsModel(_Described):
+    """What a mission promises; see `soter.sdk.RuleLimits`."""
+
+    separation_m: NotNegative = RuleLimits().separation_m
+    clearance_m: NotNegative = RuleLimits().clearance_m
+    body_radius_m: NotNegative = RuleLimits().body_radius_m
+
+
 class WorldModel(_Described):
     """A world and the robots in it."""
 
@@ -49,10 +60,11 @@ class WorldModel(_Described):
     boxes: tuple[Rectangle, ...] = ()
     chargers: tuple[Rectangle, ...] = ()
     robots: Annotated[tuple[RobotModel, ...], Field(min_length=1)]
+    limits: LimitsModel = LimitsModel()
 
 
-def read_world(data: bytes, source: str) -> tuple[Workspace, list[RobotSpec]]:
-    """Read a world; `source` names it in errors.
+def read_world(data: bytes, source: str) -> tuple[Workspace, list[RobotSpec], RuleLimits]:
+    """Read a world, its robots and its limits; `source` names it in errors.
 
     Raises:
         ConfigError: it is no JSON, or says something that is not allowed; every mistake is named.
@@ -74,4 +86,5 @@ def read_world(data: bytes, source: str) -> tuple[Workspace, list[RobotSpec]]:
         charger = Box(*patch)
         places.append(RobotPlace(number, *charger.centre, charger))
     workspace = Workspace(world.width_m, world.depth_m, tuple(Box(*box) for box in world.boxes), tuple(places))
-    return workspace, [RobotSpec(**robot.model_dump()) for robot in world.robots]
+    robots = [RobotSpec(**robot.model_dump()) for robot in world.robots]
+    return workspace, robots, RuleLimits(**world.limits.model_dump())

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 from typing import Final
 
-from soter.mux import Mux
+from soter.onboard.mux import Mux
 from soter_sim.mavlink.channel import Source
 from soter_sim.mavlink.setpoint import Place, Setpoint, Velocity
 

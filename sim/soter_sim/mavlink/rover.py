@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import atan2, copysign, cos, hypot, sin
 from typing import Final
 
-from soter.drive import Drive
+from soter.onboard.drive import Drive
 from soter_sim.bodies import LIMITS
 from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
@@ -20,7 +20,7 @@ _SLOWEST_M_S: Final = 1e-3
 class Rover:
     """Implements `soter_sim.mavlink.setpoint.Vehicle`.
 
-    It drives to places as `soter.drive` does: pivot, drive straight, stop.
+    It drives to places as `soter.onboard.drive` does: pivot, drive straight, stop.
 
     Args:
         world: where it is.

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """A place to go to; a `soter.drive.Target`. Compared by identity, because each is one order to go there.
+    """A place to go to; a `soter.onboard.drive.Target`. Compared by identity, because each is one order to go there.
 
     Attributes:
         x_m: east.

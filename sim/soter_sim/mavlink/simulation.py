@@ -12,7 +12,7 @@ from functools import partial
 from math import inf
 from typing import Final, Literal, Self
 
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.copter import CopterEngine
 from soter_sim.engine import EngineFactory
@@ -55,6 +55,7 @@ class Settings:
         boot_s: simulated time from power-on until an autopilot is ready.
         key: for signing, of 32 bytes, or None.
         origin: of the EKF, on earth.
+        limits: what the mission promises, which the truth is judged by.
 
     Raises:
         ValueError: one of them is not allowed; the message names it.
@@ -72,6 +73,7 @@ class Settings:
     boot_s: float = 2.0
     key: bytes | None = None
     origin: Origin = field(default_factory=Origin)
+    limits: RuleLimits = field(default_factory=RuleLimits)
 
     def __post_init__(self) -> None:
         if self.vehicle not in KINDS:
@@ -135,7 +137,7 @@ class Simulation:
         self.links: Final[list[Link]] = []
         with ExitStack() as stack:
             selector = self._selector = stack.enter_context(selectors.DefaultSelector())
-            self.world: Final = stack.enter_context(World(workspace, robots, _engine(settings)))
+            self.world: Final = stack.enter_context(World(workspace, robots, _engine(settings), settings.limits))
             self._stations: Final = [self._man(spec.id, kind) for spec in robots]
             self.autopilots: Final = [station.autopilot for station in self._stations]
             for port in settings.udp:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from soter.mux.program import Ending
+from soter.onboard.program import Ending
+from soter_sim.program import make_parser, read_namespaces, read_world, serve
 from soter_sim.ros2.face import Face
-from soter_sim.streamed_program import make_parser, read_namespaces, read_world, serve
 
 
 def main() -> None:
     """Run until interrupted or, with `--parent PID`, until that process is gone."""
     given = make_parser("soter_sim.ros2", "ROS 2 robots", "/robot1").parse_args()
-    workspace, robots = read_world()
+    workspace, robots, limits = read_world()
     ended = Ending(given.parent)
     namespaces = read_namespaces(given.namespaces)
-    serve(Face(workspace, robots, namespaces, stamped=given.stamped, truth_port=given.truth_port), ended)
+    serve(Face(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port), ended)
 
 
 if __name__ == "__main__":

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.ros2.base import Base
 from soter_sim.streamed import StreamedFace
+
+logger = logging.getLogger(__name__)
 
 
 class Face(StreamedFace):
@@ -26,6 +29,7 @@ class Face(StreamedFace):
         workspace: fence, boxes, chargers.
         robots: its robots.
         namespaces: by robot, where its topics are.
+        limits: what the mission promises.
         stamped: whether velocities come as TwistStamped.
         truth_port: where to tell the truth; 0 for any port that is free.
     """
@@ -35,11 +39,13 @@ class Face(StreamedFace):
         workspace: Workspace,
         robots: Sequence[RobotSpec],
         namespaces: Mapping[int, str],
+        limits: RuleLimits,
         *,
         stamped: bool = False,
         truth_port: int = 0,
     ) -> None:
-        super().__init__(workspace, robots, truth_port)
+        super().__init__(workspace, robots, limits, truth_port)
+        self._failed = 0
         self._context: Final = Context()
         rclpy.init(context=self._context)
         self._executor: Final = SingleThreadedExecutor(context=self._context)
@@ -55,7 +61,14 @@ class Face(StreamedFace):
             self.bases.append(Base(node, self.world, robot.id, self._stamp, stamped=stamped))
 
     def _wait(self, seconds: float) -> None:
-        self._executor.spin_once(timeout_sec=seconds)
+        try:
+            self._executor.spin_once(timeout_sec=seconds)
+        except ExternalShutdownException:
+            raise
+        except Exception:
+            self._failed += 1
+            if self._failed == 1:
+                logger.exception("dropped what could not be taken")
 
     def _tell_clock(self) -> None:
         self._clock.publish(Clock(clock=self._stamp()))

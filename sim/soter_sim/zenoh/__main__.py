@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
 from soter.adapters.zenoh.session import close_session, endpoints, open_session
-from soter.mux.program import Ending
-from soter_sim.streamed_program import make_parser, read_namespaces, read_world, serve
+from soter.onboard.program import Ending
+from soter_sim.program import make_parser, read_namespaces, read_world, serve
 from soter_sim.zenoh.face import Face
 
 
@@ -17,12 +17,12 @@ def main() -> None:
     given = parser.parse_args()
     with refusing(parser):
         options = read_session(given)
-        workspace, robots = read_world()
+        workspace, robots, limits = read_world()
         ended = Ending(given.parent)
         session = open_session(options)
         try:
             face = Face(
-                workspace, robots, read_namespaces(given.namespaces), session, stamped=given.stamped,
+                workspace, robots, read_namespaces(given.namespaces), session, limits, stamped=given.stamped,
                 truth_port=given.truth_port, speedup=given.speedup,
             )  # fmt: skip
             serve(face, ended, endpoints=endpoints(session))

@@ -12,7 +12,7 @@ from soter.adapters.zenoh.messages import Clock, Time
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.talk import Voice
 from soter.adapters.zenoh.velocities import stamp_of
-from soter.sdk.values import RobotSpec
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.streamed import StreamedFace
 from soter_sim.zenoh.base import Base
@@ -26,6 +26,7 @@ class Face(StreamedFace):
         robots: its robots.
         namespaces: by robot, what its keys begin with.
         session: to hear and say over; somebody else's to close.
+        limits: what the mission promises.
         stamped: whether velocities come as TwistStamped.
         truth_port: where to tell the truth; 0 for any port that is free.
         speedup: seconds of the world in one of the host.
@@ -37,12 +38,13 @@ class Face(StreamedFace):
         robots: Sequence[RobotSpec],
         namespaces: Mapping[int, str],
         session: zenoh.Session,
+        limits: RuleLimits,
         *,
         stamped: bool = False,
         truth_port: int = 0,
         speedup: float = 1.0,
     ) -> None:
-        super().__init__(workspace, robots, truth_port, speedup)
+        super().__init__(workspace, robots, limits, truth_port, speedup)
         self._clock: Final = Voice(session, CLOCK)
         self.bases.extend(
             Base(session, namespaces[robot.id], self.world, robot.id, self._stamp, stamped=stamped) for robot in robots

@@ -52,6 +52,9 @@ class MavlinkFleet(Fleet):
         self._link: Final = link
         self._streamed: Final = truth
 
+    def lost(self) -> str:
+        return "" if self.simulator is None else self.simulator.lost()
+
     def _close(self) -> None:
         with ExitStack() as stack:
             for shared in (self.simulator, self._streamed, self._link):
@@ -97,7 +100,7 @@ class VehicleBackend(Backend):
             vehicles = [robot_class(spec, clock, link, config) for spec in robots]
             link.start()
             if simulated:
-                simulator = Simulator(describe(config.workspace, robots), port, *_options(config))
+                simulator = Simulator(describe(config.workspace, robots, config.limits), port, *_options(config))
             address = config.truth if simulator is None else simulator.truth
             truth = None if address is None else StreamedTruth(address, clock)
         except BaseException:

@@ -32,6 +32,7 @@ class MavlinkHarness(RelayedHarness):
 
     name = "mavlink"
     room_m = 2.4
+    side_by_side = True
     connect_timeout_s = 30.0
     backend: ClassVar[type[VehicleBackend]] = MavlinkBackend
     options: ClassVar[dict[str, Any]] = {}

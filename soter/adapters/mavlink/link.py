@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 from soter.clock import Clock
+
+logger = logging.getLogger(__name__)
 
 AUTOPILOT: Final = 1
 """The component id of autopilots. Other components of a vehicle, such as cameras, say nothing of interest here."""
@@ -26,6 +29,25 @@ class Heard(NamedTuple):
 
     message: Any
     received_s: float
+
+
+class Twin(NamedTuple):
+    """Two who say to be one vehicle.
+
+    Attributes:
+        agreed: the address of the one that is heard, and told what to do.
+        other: that of the one that is not.
+        messages: how many of its messages were dropped.
+        last_s: steady time of the last of them.
+    """
+
+    agreed: str
+    other: str
+    messages: int
+    last_s: float
+
+    def __str__(self) -> str:
+        return f"two say to be it, at {self.agreed}, which is obeyed, and at {self.other}"
 
 
 class Inbox:
@@ -69,6 +91,8 @@ class Link(ABC):
         system: the same.
         inboxes: by system id, of the vehicles that are listened to; filled before `start`.
         strangers: system ids of other autopilots that were heard, to say so.
+        twins: by system id, those who say to be a vehicle that is at another address already; they are not heard.
+        failed: how many messages could not be dealt with. The first is logged.
     """
 
     def __init__(self, clock: Clock, system: int) -> None:
@@ -76,6 +100,8 @@ class Link(ABC):
         self.system: Final = system
         self.inboxes: Final[dict[int, Inbox]] = {}
         self.strangers: Final[set[int]] = set()
+        self.twins: Final[dict[int, Twin]] = {}
+        self.failed = 0
 
     def send(self, system: int, component: int, name: str, fields: Fields) -> None:
         """Send a message to a vehicle in the name of one of our components; never wait.
@@ -95,6 +121,12 @@ class Link(ABC):
             if isinstance(value, float) and not math.isfinite(value):
                 raise ValueError(f"{name}.{key} is {value}, allowed: finite")
         self._send(system, component, name, fields)
+
+    def _dropped(self, what: str, failure: Exception) -> None:
+        """Note that a message could not be dealt with: what arrives is anybody's, and must not deafen the others."""
+        self.failed += 1
+        if self.failed == 1:
+            logger.error("dropped %s", what, exc_info=failure)
 
     @abstractmethod
     def start(self) -> None:

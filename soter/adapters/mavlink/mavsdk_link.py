@@ -93,9 +93,8 @@ class MavsdkLink(Link):
         received_s = self.clock.steady_s()
         try:
             self._take(message, received_s)
-        except Exception:
-            # MAVSDK would print it. What arrives is anybody's; it must not deafen the others.
-            logger.exception("a message %s was dropped", message.message_name)
+        except Exception as failure:  # noqa: BLE001 - MAVSDK would print it
+            self._dropped("a message", failure)
 
     def _take(self, message: MavlinkMessage, received_s: float) -> None:
         if message.component_id != AUTOPILOT:

@@ -12,7 +12,7 @@ from soter.adapters.mavlink.address import Address
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.sdk import BackendConfig, Capabilities
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 ROVER: Final = Capabilities(

@@ -22,6 +22,9 @@ from soter.adapters.mavlink.vehicle import Vehicle
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller
 
+_TWIN_MESSAGES: Final = 3
+"""So many are no stray packet."""
+
 _RETRY_S: Final = 0.4
 _KEEP_S: Final = 0.05
 _SLOWER: Final = 0.8
@@ -139,6 +142,7 @@ class Preparation:
         self.taken = True
         for name, message_id in STREAMS.items():
             yield from self._stream(name, message_id)
+        self._refuse_twins()
         for message_id in _SLOW_STREAMS:
             vehicle.ask_for(KEEPER, message_id, _SLOW_HZ)
         yield from self._until(
@@ -197,6 +201,12 @@ class Preparation:
             return False
         self._asked_s = now_s
         return True
+
+    def _refuse_twins(self) -> None:
+        vehicle = self._vehicle
+        twin = vehicle.link.twins.get(vehicle.system)
+        if twin is not None and twin.messages >= _TWIN_MESSAGES and twin.last_s >= self._since_s:
+            raise RobotUnavailable(f"{twin}; end one of them, or give it a system id of its own")
 
     def _stream(self, name: str, message_id: int) -> Iterator[str]:
         """Ask for a message at a high rate, for less where that is denied, and see it come."""

@@ -12,11 +12,14 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.address import Address
-from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, Link
+from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, Link, Twin
 from soter.adapters.mavlink.transport import Peer, Transport, open_transport
 from soter.clock import Clock
 
 logger = logging.getLogger(__name__)
+
+SILENT_S: Final = 2.0
+"""A vehicle that was not heard for so long may speak from another address, as one does that was started anew."""
 
 _WAIT_S: Final = 0.05
 _CLOSE_S: Final = 2.0
@@ -68,7 +71,7 @@ class PymavlinkLink(Link):
         self._key: Final = key
         self._voice: Final = components[0]
         self._senders: Final = {component: _codec(system, component, key) for component in components}
-        self._peers: Final[dict[int, Peer]] = {}
+        self._peers: Final[dict[int, tuple[Peer, float]]] = {}
         self._parser: Final = _codec(0, 0, key)
         self._done: Final = threading.Event()
         self._transport: Transport | None = None
@@ -95,7 +98,8 @@ class PymavlinkLink(Link):
         values = {key: value.encode() if isinstance(value, str) else value for key, value in fields.items()}
         packet = _MESSAGES[name](**values).pack(sender)
         sender.seq = (sender.seq + 1) % 256
-        transport.send(packet, self._peers.get(system))
+        agreed = self._peers.get(system)
+        transport.send(packet, None if agreed is None else agreed[0])
 
     # --- the receiving thread ------------------------------------------------------------------------------
 
@@ -106,23 +110,47 @@ class PymavlinkLink(Link):
             for data, peer in transport.receive(_WAIT_S):
                 try:
                     self._take(data, peer)
-                except Exception:
-                    # What arrives is anybody's; a message that cannot be dealt with must not deafen the others.
-                    logger.exception("a packet from %s was dropped", peer)
+                except Exception as failure:  # noqa: BLE001 - it is noted
+                    self._dropped(f"a packet from {_place(peer)}", failure)
 
     def _take(self, data: bytes, peer: Peer) -> None:
         received_s = self.clock.steady_s()
         inboxes = self.inboxes
-        for message in self._parser.parse_buffer(data) or () if peer is None else self._frames(data):
+        for message in self._stream(data) if peer is None else self._frames(data):
             name, header = message.msgname, message._header
             if header.srcComponent != AUTOPILOT or name not in _MESSAGES:
                 continue
             inbox: Inbox | None = inboxes.get(header.srcSystem)
             if inbox is None:
                 self.strangers.add(header.srcSystem)
-            else:
-                self._peers[header.srcSystem] = peer
+            elif self._agreed(header.srcSystem, peer, received_s):
                 inbox.put(name, message, received_s)
+
+    def _agreed(self, system: int, peer: Peer, received_s: float) -> bool:
+        """Return whether a vehicle speaks from where it is; the first place counts until it has fallen silent there."""
+        agreed = self._peers.get(system)
+        if agreed is not None and agreed[0] != peer and received_s - agreed[1] < SILENT_S:
+            twin = self.twins.get(system)
+            self.twins[system] = Twin(
+                _place(agreed[0]), _place(peer), 1 if twin is None else twin.messages + 1, received_s
+            )
+            if twin is None:
+                logger.warning("system %d: %s; give each vehicle a system id of its own", system, self.twins[system])
+            return False
+        if agreed is not None and agreed[0] != peer:
+            logger.warning("system %d: silent at %s, and now at %s", system, _place(agreed[0]), _place(peer))
+        self._peers[system] = peer, received_s
+        return True
+
+    def _stream(self, data: bytes) -> Sequence[Any]:
+        """Return the messages of a stream up to now."""
+        parser = self._parser
+        try:
+            return parser.parse_buffer(data) or ()
+        finally:
+            # It keeps all that it has read until a message ends where a packet does, which need never be.
+            del parser.buf[: parser.buf_index]
+            parser.buf_index = 0
 
     def _frames(self, datagram: bytes) -> Iterator[Any]:
         """Yield the messages of a datagram. It has whole frames, so that nothing has to be looked for or kept."""
@@ -141,8 +169,28 @@ class PymavlinkLink(Link):
             begin = end
 
 
+def _place(peer: Peer) -> str:
+    return "the other end" if peer is None else f"{peer[0]}:{peer[1]}"
+
+
+class _Codec(mav.MAVLink):
+    """Packs and parses, and takes the time of no signature that is not right: who forges one would deafen us."""
+
+    def check_signature(self, frame: bytearray, system: int, component: int) -> bool:
+        """Return whether a frame was signed with our key, later than the one before."""
+        stamps, sender = self.signing.stream_timestamps, (frame[-_SIGNATURE], system, component)
+        before = stamps.get(sender)
+        if super().check_signature(frame, system, component):
+            return True
+        if before is None:
+            stamps.pop(sender, None)
+        else:
+            stamps[sender] = before
+        return False
+
+
 def _codec(system: int, component: int, key: bytes | None) -> mav.MAVLink:
-    codec = mav.MAVLink(None, system, component)
+    codec = _Codec(None, system, component)
     codec.robust_parsing = True
     if key is not None:
         codec.signing.secret_key = key

@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
-from soter.sdk import RobotSpec, program
+from soter.sdk import RobotSpec, RuleLimits, program
 from soter.workspace import Box, Workspace
 
 _MODULE: Final = "soter_sim.mavlink"
 
 
-def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any]:
+def describe(
+    workspace: Workspace,
+    robots: Sequence[RobotSpec],
+    limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
+) -> dict[str, Any]:
     """Return a world as `soter_sim.mavlink` reads it: metres, east and north, radians counter-clockwise from east."""
     return {
         "width_m": workspace.width_m,
@@ -27,6 +32,7 @@ def describe(workspace: Workspace, robots: Sequence[RobotSpec]) -> dict[str, Any
             }
             for spec in robots
         ],
+        "limits": asdict(limits),
     }  # fmt: skip
 
 
@@ -60,6 +66,10 @@ class Simulator:
         except BaseException:
             self.close()
             raise
+
+    def lost(self) -> str:
+        """Return how the process has ended, in words; empty while it runs."""
+        return program.ended("the simulator of the vehicles", self.process)
 
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""

@@ -77,8 +77,8 @@ class TimeSync:
         """Return the fields of the next TIMESYNC to send."""
         self._asked += 1
         sent_ns = int(self._clock.steady_s() * 1e9)
-        # The last digits say that it is ours: a nanosecond more or less does not matter.
-        return {"tc1": 0, "ts1": sent_ns - sent_ns % _TOKEN + self._token}
+        # The last digits say that it is ours: some microseconds too early do not matter, too late would be no answer.
+        return {"tc1": 0, "ts1": sent_ns - sent_ns % _TOKEN - _TOKEN + self._token}
 
     # --- the receiving thread ------------------------------------------------------------------------------
 

@@ -71,7 +71,7 @@ class PyBulletBackend(Backend):
             BackendUnavailable: PyBullet is not installed.
         """
         try:
-            world = World(config.workspace, robots, config.engine)
+            world = World(config.workspace, robots, config.engine, config.limits)
         except ImportError as missing:
             raise BackendUnavailable(
                 f"the engine '{config.engine}' needs PyBullet: {missing}; run: {install_command('pybullet')}; "

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 from soter.adapters.pybullet.vehicle import Vehicle
 from soter.clock import Clock
-from soter.drive import OVERSHOOT_M, TUBE_M
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState
 from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World
 

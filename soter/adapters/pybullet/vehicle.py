@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from soter.drive import Drive
-from soter.mux import Mux
+from soter.onboard.drive import Drive
+from soter.onboard.mux import Mux
 from soter.sdk import Controller, Goal
 from soter_sim import LIMITS
 

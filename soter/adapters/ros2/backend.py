@@ -62,7 +62,9 @@ class Ros2Backend(Backend):
         if config.robots:
             require_places(config.robots, robots, "backends.ros2.robots")
             return Ros2Fleet(config, robots, None)
-        simulator = Simulator(config.workspace, robots, stamped=config.stamped, domain_id=config.domain_id)
+        simulator = Simulator(
+            config.workspace, robots, stamped=config.stamped, domain_id=config.domain_id, limits=config.limits
+        )
         try:
             return Ros2Fleet(simulated(config, simulator), robots, simulator)
         except BaseException:

@@ -49,6 +49,9 @@ class Graph:
         domain_id: of ROS; None for that of the environment.
         use_sim_time: whether its nodes follow `/clock`.
         on_loopback: whether DDS stays on this host.
+
+    Attributes:
+        failed: how many messages a callback could not take. The first is logged.
     """
 
     def __init__(self, domain_id: int | None, *, use_sim_time: bool, on_loopback: bool) -> None:
@@ -59,6 +62,8 @@ class Graph:
         with self._bound():
             rclpy.init(context=self._context, domain_id=domain_id)
         self._executor: Final = SingleThreadedExecutor(context=self._context)
+        self.failed = 0
+        self._closed = False
         self._thread: Final = threading.Thread(target=self._run, name="ros2", daemon=True)
         self._thread.start()
 
@@ -80,6 +85,7 @@ class Graph:
 
     def close(self) -> None:
         """End everything: the executor, its thread, the nodes, the context. Idempotent."""
+        self._closed = True
         self._executor.shutdown()
         self._thread.join(_END_TIMEOUT_S)
         while self._nodes:
@@ -90,13 +96,18 @@ class Graph:
         return loopback() if self._on_loopback else nullcontext()
 
     def _run(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return
-        except Exception:
-            # Nothing is heard from now on: samples grow old, and the robots stop.
-            logger.exception("the thread that hears ROS has ended")
+        while not self._closed and self._context.ok():
+            try:
+                self._executor.spin()
+            except ExternalShutdownException:
+                return
+            except Exception:
+                # What a callback cannot take must not deafen the others.
+                self.failed += 1
+                if self.failed == 1:
+                    logger.exception("dropped a message that could not be taken")
+            else:
+                return
 
 
 def heard_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:
@@ -109,9 +120,10 @@ def said_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) ->
     return _wrong(node.get_subscriptions_info_by_topic(topic), topic, type_name, "subscribes to", profile, hears=False)
 
 
-def publishers(node: Node, topic: str) -> list[str]:
-    """Return the names of all nodes that publish a topic."""
-    return sorted({_name(each) for each in node.get_publishers_info_by_topic(topic)})
+def publishers(node: Node, topic: str, nameless: bool = True) -> list[str]:
+    """Return the names of all nodes that publish a topic; those whose names are not known yet only if wanted."""
+    names = {_name(each) for each in node.get_publishers_info_by_topic(topic)}
+    return sorted(name for name in names if nameless or _UNNAMED not in name)
 
 
 def all_named(node: Node, *topics: str) -> bool:

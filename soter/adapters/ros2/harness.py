@@ -20,13 +20,18 @@ class Ros2Harness(RelayedHarness):
 
     name = "ros2"
     room_m = 2.4
+    side_by_side = True
     connect_timeout_s = 20.0
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
         self.relay = Relay(simulator.domain_id, simulator.namespaces)
-        self.fleet = _fleet(simulator.domain_id, simulator.truth, FAR, simulator.namespaces)
+        self._seen_by_soter = simulator.domain_id, simulator.truth, FAR, simulator.namespaces
+        self.fleet = self.second()
         return self.fleet
+
+    def second(self) -> Fleet:
+        return _fleet(*self._seen_by_soter)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

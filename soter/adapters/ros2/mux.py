@@ -26,10 +26,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from soter.mux.gate import REST, Gate, Velocity
-from soter.mux.program import Ending, favour
-from soter.mux.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
-from soter.mux.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC
+from soter.onboard.program import Ending, favour
+from soter.onboard.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
+from soter.onboard.velocity import REST, Velocity, VelocityGate
+from soter.onboard.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC
 
 # What matches publishers of either kind: a controller that streams has sent something newer before a repeat arrives.
 _STREAM: Final = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -49,7 +49,7 @@ class MuxNode(Node):
     def __init__(self, namespace: str = "", **options: Any) -> None:
         super().__init__("soter_mux", namespace=namespace or None, start_parameter_services=False, **options)
         number = self._number
-        gate = Gate(
+        gate = VelocityGate(
             number("lease_s", LEASE_S), number("command_s", COMMAND_S), number("v_max_m_s", V_MAX_M_S),
             number("yaw_rate_max_rad_s", YAW_RATE_MAX_RAD_S),
         )  # fmt: skip
@@ -58,7 +58,7 @@ class MuxNode(Node):
         self._velocities: Final = self.create_publisher(kind, CMD_VEL, 1)
         self._reports: Final = self.create_publisher(String, GATE, _LATCHED)
         self._station: Final = _RosStation(gate, self)
-        self.create_subscription(String, ORDER, self._hear_order, _LATCHED)
+        self.create_subscription(String, ORDER, lambda message: self._station.hear_order(message.data), _LATCHED)
         self.create_subscription(kind, CMD_VEL_AC, lambda message: self._hear(AC, message), _STREAM)
         self.create_subscription(kind, CMD_VEL_SC, lambda message: self._hear(SC, message), _STREAM)
         # Not ROS time: where that stands still, the robot must stop all the same.
@@ -84,12 +84,6 @@ class MuxNode(Node):
             raise ValueError(f"parameter {name} is {value!r}, allowed: above 0")
         return float(value)
 
-    def _hear_order(self, message: String) -> None:
-        try:
-            self._station.hear_order(message.data)
-        except ValueError as failure:
-            self.get_logger().warning(f"dropped an order that makes no sense: {failure}")
-
     def _hear(self, by: str, message: Any) -> None:
         twist = message.twist if self._stamped else message
         self._station.hear(by, Velocity(twist.linear.x, twist.angular.z))
@@ -98,7 +92,7 @@ class MuxNode(Node):
 class _RosStation(Station):
     """The gate at work behind a node."""
 
-    def __init__(self, gate: Gate, node: MuxNode) -> None:
+    def __init__(self, gate: VelocityGate, node: MuxNode) -> None:
         super().__init__(gate)
         self._node: Final = node
 
@@ -112,6 +106,9 @@ class _RosStation(Station):
 
     def _say(self, report: str) -> None:
         self._node.say(report)
+
+    def _warn(self, text: str) -> None:
+        self._node.get_logger().warning(text)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -136,9 +133,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     favour()
+    failed = 0
     try:
         while not ended():
-            executor.spin_once(timeout_sec=0.5)
+            try:
+                executor.spin_once(timeout_sec=0.5)
+            except ExternalShutdownException:
+                raise
+            except Exception as failure:  # noqa: BLE001 - whatever one message does, the robot needs its mux
+                failed += 1
+                if failed == 1:
+                    node.get_logger().warning(f"dropped what could not be taken: {failure!r}")
     except ExternalShutdownException:
         return
     finally:

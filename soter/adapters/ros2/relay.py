@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.conformance.impaired import ImpairedRelay, Line
-from soter.mux.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
+from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 
 FAR: Final = "/far"
 """What stands before a robot's namespace on SOTER's side of the relay."""

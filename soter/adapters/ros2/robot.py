@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from soter.adapters.ros2.options import Ros2Config
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
-from soter.mux.wire import AC, SC
+from soter.onboard.wire import AC, SC
 from soter.sdk import Capabilities, RobotSpec
 from soter.streamed.robot import SETTLED, StreamedRobot
 
@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from soter.adapters.ros2.graph import Graph
 
 _MUX: Final = "soter_mux"
+_WATCH_S: Final = 0.08
+"""How often it is looked who publishes what moves the robot; less than for how long an intruder counts."""
+
+_NAMELESS_S: Final = 3.0
+"""The name of a node is known this long after the node at the latest, unless it hides it."""
 
 
 class Ros2Robot(StreamedRobot):
@@ -79,6 +84,7 @@ class Ros2Robot(StreamedRobot):
                 f"its mux takes no order; does it hear {self._config.topics.order}, and use_sim_time as the robot does?"
             )
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {why}")
+        self._watch()
         return replace(self.declared, reports_battery=battery)
 
     def _missing(self) -> str:
@@ -108,6 +114,46 @@ class Ros2Robot(StreamedRobot):
             "beside it, and are the namespace, the topics and the ROS domain in [backends.ros2] right?"
         )
 
+    def _watch(self) -> None:
+        """Look again and again who may move the robot, in the thread that hears it."""
+        from rclpy.clock import Clock, ClockType
+
+        from soter.adapters.ros2 import graph
+
+        named_s = self.clock.steady_s()
+
+        def look() -> None:
+            nonlocal named_s
+            now_s, topics = self.clock.steady_s(), self._config.topics
+            if graph.all_named(self.node, topics.cmd_vel, topics.cmd_vel_sc):
+                named_s = now_s
+            # A node is found before its name is; one that has none for long is as good as a stranger.
+            found = self._others(nameless=now_s - named_s > _NAMELESS_S)
+            if found:
+                self._take_intruder(found)
+
+        self.node.create_timer(_WATCH_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _others(self, *, nameless: bool = True) -> str:
+        """Return who may drive the robot past the mux, or in the SC's name, in words; empty for nobody.
+
+        Args:
+            nameless: whether those count whose names are not known.
+        """
+        from soter.adapters.ros2 import graph
+
+        node, topics = self.node, self._config.topics
+        own = f"{node.get_namespace().rstrip('/')}/{graph.NODE_NAME}"
+        past = [name for name in graph.publishers(node, topics.cmd_vel, nameless) if not name.endswith(f"/{_MUX}")]
+        forged = [name for name in graph.publishers(node, topics.cmd_vel_sc, nameless) if name != own]
+        for names, topic, what in (
+            (past, topics.cmd_vel, "drive it past the mux"),
+            (forged, topics.cmd_vel_sc, "speak for its safe controller"),
+        ):
+            if names:
+                return f"{', '.join(names)} publish on {topic} and may {what}; let them publish on {topics.cmd_vel_ac}"
+        return ""
+
     def _refuse_others(self, timeout_s: float) -> None:
         """Refuse a robot that others may drive past the mux, or in the SC's name."""
         from soter.adapters.ros2 import graph
@@ -115,18 +161,9 @@ class Ros2Robot(StreamedRobot):
 
         node, topics = self.node, self._config.topics
         self._ros.wait_for(lambda: graph.all_named(node, topics.cmd_vel, topics.cmd_vel_sc), timeout_s)
-        own = f"{node.get_namespace().rstrip('/')}/{graph.NODE_NAME}"
-        past = [name for name in graph.publishers(node, topics.cmd_vel) if not name.endswith(f"/{_MUX}")]
-        forged = [name for name in graph.publishers(node, topics.cmd_vel_sc) if name != own]
+        found = self._others()
+        if found:
+            raise RobotUnavailable(f"robot {self.id} at {node.get_namespace()}: {found}")
         wrong = graph.said_wrongly(node, topics.cmd_vel_sc, KINDS[self._config.stamped], graph.COMMAND)
-        for names, topic, what in (
-            (past, topics.cmd_vel, "drive it past the mux"),
-            (forged, topics.cmd_vel_sc, "speak for its safe controller"),
-        ):
-            if names:
-                raise RobotUnavailable(
-                    f"robot {self.id} at {node.get_namespace()}: {', '.join(names)} publish on {topic} and may {what}; "
-                    f"let them publish on {topics.cmd_vel_ac}"
-                )
         if wrong:
             raise RobotUnavailable(f"robot {self.id} at {node.get_namespace()}: {'; '.join(wrong)}")

@@ -9,7 +9,7 @@ from typing import Final
 
 from soter.adapters.ros2.loopback import environment
 from soter.errors import RobotUnavailable
-from soter.sdk import RobotSpec
+from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.simulator import StreamedSimulator
 from soter.workspace import Workspace
 
@@ -80,6 +80,7 @@ class Simulator(StreamedSimulator):
         stamped: whether velocities are TwistStamped.
         domain_id: of ROS; None for one that nobody uses here.
         truth_port: where the world tells the truth; 0 for any port that is free.
+        limits: what the mission promises, which the truth is judged by.
 
     Attributes:
         domain_id: of ROS.
@@ -96,6 +97,7 @@ class Simulator(StreamedSimulator):
         stamped: bool = False,
         domain_id: int | None = None,
         truth_port: int = 0,
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
     ) -> None:
         self._domain: Domain | None = None
         if domain_id is None:
@@ -110,7 +112,7 @@ class Simulator(StreamedSimulator):
         # Meanwhile: they take their time to start.
         for robot_id in self.namespaces:
             self.start_mux(robot_id)
-        self._hand_over(workspace)
+        self._hand_over(workspace, limits)
 
     def start_mux(self, robot_id: int) -> None:
         stamped = "true" if self._stamped else "false"

@@ -13,7 +13,7 @@ from std_msgs.msg import Float64, String
 
 from soter.adapters.ros2.graph import LATCHED
 from soter.adapters.ros2.robot import Ros2Robot
-from soter.mux.wire import AC, SC
+from soter.onboard.wire import AC, SC
 
 _PERIOD_TICKS: Final = 20
 _KEPT: Final = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

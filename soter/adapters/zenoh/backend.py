@@ -58,7 +58,10 @@ class ZenohBackend(Backend):
         if config.robots:
             require_places(config.robots, robots, "backends.zenoh.robots")
             return ZenohFleet(config, robots, None)
-        simulator = Simulator(config.workspace, robots, config.session, stamped=config.stamped, speedup=config.speedup)
+        simulator = Simulator(
+            config.workspace, robots, config.session,
+            stamped=config.stamped, speedup=config.speedup, private=True, limits=config.limits,
+        )  # fmt: skip
         try:
             return ZenohFleet(simulated(config, simulator), robots, simulator)
         except BaseException:

@@ -24,21 +24,24 @@ class ZenohHarness(RelayedHarness):
 
     name = "zenoh"
     room_m = 2.4
+    side_by_side = True
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
         relay = Relay(self.beside(simulator.session), self.of_relay(), simulator.namespaces, self.prefix())
         self.relay = relay
         namespaces = {robot_id: self.prefix() + name for robot_id, name in simulator.namespaces.items()}
-        self.fleet = ZenohFleet(
-            _config(self.to_relay(relay), simulator.truth, namespaces), in_wide_rooms(len(namespaces)), None
-        )
+        self._seen_by_soter = _config(self.to_relay(relay), simulator.truth, namespaces)
+        self.fleet = self.second()
         return self.fleet
+
+    def second(self) -> Fleet:
+        return ZenohFleet(self._seen_by_soter, in_wide_rooms(len(self._seen_by_soter.robots)), None)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
         config = _config(self.beside(simulator.session), simulator.truth, simulator.namespaces)
-        return self.driven(f"{__name__}:open_given", config.model_dump_json(exclude={"workspace"}), target)
+        return self.driven(f"{__name__}:open_given", config.model_dump_json(exclude={"workspace", "limits"}), target)
 
     def of_robots(self) -> SessionOptions:
         """Return how the simulated world is reached."""

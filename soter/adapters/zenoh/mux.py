@@ -27,10 +27,10 @@ from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
 from soter.config import validate_options
-from soter.mux.gate import REST, Gate, Velocity
-from soter.mux.program import Ending, favour
-from soter.mux.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
-from soter.mux.wire import AC, SC
+from soter.onboard.program import Ending, favour
+from soter.onboard.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
+from soter.onboard.velocity import REST, Velocity, VelocityGate
+from soter.onboard.wire import AC, SC
 from soter.streamed.motion import seconds
 
 logger = logging.getLogger(__name__)
@@ -50,16 +50,13 @@ class ZenohStation(Station):
         clock: the key of the robot's clock; None for that of this host.
         stamped: whether velocities are TwistStamped.
         rate: seconds of the robot's clock by second of the host.
-
-    Attributes:
-        senseless: how many orders were dropped because they make no sense.
     """
 
     def __init__(
         self,
         session: zenoh.Session,
         keys: Keys,
-        gate: Gate,
+        gate: VelocityGate,
         namespace: str,
         *,
         clock: str | None = None,
@@ -70,7 +67,6 @@ class ZenohStation(Station):
         self._turn: Final = threading.RLock()
         self._stamped: Final = stamped
         self._over = False
-        self.senseless = 0
         self._clock: Callable[[], float | None] = time.time if clock is None else lambda: self._shown_s
         self._shown_s: float | None = None
         self._velocities: Final = Voice(session, keys.cmd_vel)
@@ -84,14 +80,9 @@ class ZenohStation(Station):
         if clock is not None:
             self._ears.append(Ear(session, clock, Clock, self._show))
 
-    def hear_order(self, text: str) -> None:
+    def hear_order(self, text: str | bytes) -> None:
         with self._turn:
-            try:
-                super().hear_order(text)
-            except ValueError as failure:
-                self.senseless += 1
-                if self.senseless == 1:
-                    logger.warning("dropped an order that makes no sense: %s", failure)
+            super().hear_order(text)
 
     def hear(self, by: str, velocity: Velocity) -> None:
         with self._turn:
@@ -146,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     logging.basicConfig(format="%(name)s: %(message)s")
     with refusing(parser):
         options = read_session(given)
-        gate = Gate(given.lease, given.command, given.v_max, given.yaw_rate_max)
+        gate = VelocityGate(given.lease, given.command, given.v_max, given.yaw_rate_max)
         try:
             check_key(given.robot)
         except ValueError as failure:

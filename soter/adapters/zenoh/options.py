@@ -9,7 +9,7 @@ from typing import Annotated, Final
 from pydantic import Field, ValidationInfo, field_validator
 
 from soter.adapters.zenoh.session import SessionOptions
-from soter.mux.station import PERIOD_S
+from soter.onboard.station import PERIOD_S
 from soter.problems import not_allowed
 from soter.sdk import Capabilities
 from soter.streamed.options import MessageNames, PlaceOptions, StreamedConfig
@@ -20,7 +20,7 @@ _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
 CLOCK: Final = "clock"
 """The key of a simulated world's clock, which is /clock in ROS."""
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 
 
 class Keys(MessageNames):

@@ -67,6 +67,7 @@ class ZenohRobot(StreamedRobot):
                 self._refusal()
                 or f"its mux takes no order; does it hear {wire.keys.order}, and does it know the robot's clock?"
             )
+        wire.watch(self._take_intruder)
         return replace(self.declared, reports_battery=bool(wire.keys.battery))
 
     def _discover(self, timeout_s: float) -> bool:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.session import SessionOptions
-from soter.sdk import RobotSpec
+from soter.scratch import Scratch
+from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.simulator import StreamedSimulator
 from soter.workspace import Workspace
 
@@ -25,6 +26,9 @@ class Simulator(StreamedSimulator):
         stamped: whether velocities are TwistStamped.
         speedup: seconds of the world in one of the host.
         truth_port: where the world tells the truth; 0 for any port that is free.
+        private: whether all sessions know each other by a name and a password of this world's own, where nothing else
+            is said of how others reach it.
+        limits: what the mission promises, which the truth is judged by.
 
     Attributes:
         session: how somebody else gets in touch with the robots.
@@ -42,14 +46,19 @@ class Simulator(StreamedSimulator):
         stamped: bool = False,
         speedup: float = 1.0,
         truth_port: int = 0,
+        private: bool = False,
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
     ) -> None:
-        self._folder: Final = tempfile.TemporaryDirectory(prefix="soter-zenoh-")
+        # Readable for this user only; what is boxed in cannot read it either.
+        self._folder: Final = Scratch("zenoh")
+        if private and session == SessionOptions(open_timeout_s=session.open_timeout_s, lease_s=session.lease_s):
+            session = self._private(session)
         self._flags: Final = ["--speedup", repr(speedup), *(["--stamped"] if stamped else [])]
         super().__init__(
             "soter_sim.zenoh", "", robots, os.environ,
             "--truth-port", str(truth_port), "--session", self._written("world", session), *self._flags,
         )  # fmt: skip
-        told = self._hand_over(workspace)
+        told = self._hand_over(workspace, limits)
         self.session: Final = _beside(session, told["endpoints"])
         self._session_file: Final = self._written("beside", self.session)
         for robot_id in self.namespaces:
@@ -63,12 +72,27 @@ class Simulator(StreamedSimulator):
 
     def close(self) -> None:
         super().close()
-        self._folder.cleanup()
+        self._folder.close()
+
+    def _private(self, session: SessionOptions) -> SessionOptions:
+        """Return a session with a name and a password, drawn at random, that whoever connects must know.
+
+        It is a router, so that nobody else listens: among peers everybody would have to be asked for the password.
+        """
+        name, password = secrets.token_hex(8), secrets.token_hex(16)
+        return session.model_copy(update={
+            "mode": "router", "listen": ("tcp/127.0.0.1:0",),
+            "username": name, "password_file": self._file("password", password),
+            "users_file": self._file("users", f"{name}:{password}"),
+        })  # fmt: skip
 
     def _written(self, name: str, session: SessionOptions) -> str:
-        path = Path(self._folder.name) / f"{name}.json"
-        path.write_text(session.model_dump_json(), encoding="utf-8")
-        return str(path)
+        return str(self._file(f"{name}.json", session.model_dump_json()))
+
+    def _file(self, name: str, text: str) -> Path:
+        path = self._folder.path / name
+        path.write_text(text, encoding="utf-8")
+        return path
 
 
 def _beside(world: SessionOptions, endpoints: Sequence[str]) -> SessionOptions:
@@ -77,4 +101,4 @@ def _beside(world: SessionOptions, endpoints: Sequence[str]) -> SessionOptions:
         return world
     # A peer finds the other peers of a peer by itself; between clients a router has to pass on.
     mode = "client" if world.mode == "router" else "peer"
-    return world.model_copy(update={"mode": mode, "listen": (), "connect": tuple(endpoints)})
+    return world.model_copy(update={"mode": mode, "listen": (), "connect": tuple(endpoints), "users_file": None})

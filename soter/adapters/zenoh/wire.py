@@ -16,7 +16,8 @@ from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.presence import Presence, announce
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
-from soter.mux.wire import AC, SC
+from soter.onboard.wire import AC, SC
+from soter.streamed.said import Said
 
 logger = logging.getLogger(__name__)
 
@@ -47,6 +48,8 @@ class Wire:
         self._token: Final = announce(session, namespace, who)
         self._velocities: Final = {AC: Voice(session, keys.cmd_vel_ac), SC: Voice(session, keys.cmd_vel_sc)}
         self._orders: Final = Voice(session, keys.order)
+        self._forged: Callable[[], object] = lambda: None
+        self._said: Final = Said()
 
     def listen(
         self,
@@ -65,6 +68,7 @@ class Wire:
     def send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float, clock_s: float) -> None:
         """Ask for a velocity in the name of a controller, at a time of the robot's clock."""
         stamp = stamp_of(clock_s) if self._config.stamped else None
+        self._said.note(forward_m_s, turn_rad_s, time.monotonic())
         self._velocities[by].say(make_velocity(forward_m_s, turn_rad_s, stamp))
 
     def send_order(self, text: str) -> None:
@@ -79,7 +83,7 @@ class Wire:
         for name, ear in self.ears.items():
             if ear.foreign:
                 found.append(f"what came on {ear.key} was no {ear.kind.__name__} ({ear.foreign} messages)")
-            elif not ear.heard and name != "cmd_vel_sc":
+            elif not ear.heard and not name.startswith("cmd_vel"):
                 found.append(f"nothing was heard on {ear.key}")
         there = sorted(self.presence.there & {"base", "mux"})
         if there:
@@ -103,6 +107,25 @@ class Wire:
         forged = f"somebody says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
         return [*past[:1], *([forged] if self.ears["cmd_vel_sc"].heard else [])]
 
+    def watch(self, intruder: Callable[[str], object]) -> None:
+        """Have it said, from now on, when somebody else moves the robot, or speaks for its safe controller.
+
+        What the base is told is compared with what the mux was asked for. Who says just that again is not noticed.
+        """
+
+        def heard(forward_m_s: float, turn_rad_s: float) -> None:
+            if not self._said.explains(forward_m_s, turn_rad_s, time.monotonic()):
+                intruder(f"somebody else says velocities on {self.keys.cmd_vel} and drives it past the mux")
+
+        # An advanced controller of the user's own may ask for what it wants.
+        self.ears["cmd_vel_ac"] = self._hear_velocity(
+            self.keys.cmd_vel_ac, lambda forward, turn: self._said.note(forward, turn, time.monotonic())
+        )
+        self.ears["cmd_vel"] = self._hear_velocity(self.keys.cmd_vel, heard)
+        self._forged = lambda: intruder(
+            f"somebody else says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
+        )
+
     def _no_link(self) -> list[str]:
         """Return why there is no link to anybody, one line for each place to connect to; nothing if there is one."""
         options = self._config.session
@@ -118,3 +141,4 @@ class Wire:
     def _warn_of_forger(self, *_velocity: float) -> None:
         if self.ears["cmd_vel_sc"].heard == 1:
             logger.warning("%s: somebody else speaks for its safe controller", self.keys.cmd_vel_sc)
+        self._forged()

@@ -17,9 +17,9 @@ from soter.adapters.mavlink.address import Address
 from soter.adapters.mavlink.components import COMPONENTS, KEEPER, SENDERS
 from soter.adapters.mavlink.link import Inbox, Link
 from soter.adapters.mavlink.mavsdk_link import MavsdkLink
-from soter.adapters.mavlink.pymavlink_link import PymavlinkLink, signing_key
+from soter.adapters.mavlink.pymavlink_link import SILENT_S, PymavlinkLink, signing_key
 from soter.adapters.mavlink.simulator import free_port
-from soter.adapters.mavlink.transport import StreamTransport
+from soter.adapters.mavlink.transport import Peer, StreamTransport, Transport
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller
@@ -119,18 +119,81 @@ def test_what_is_damaged_unknown_or_half_is_dropped(stack: ExitStack) -> None:
     assert inbox.counts == {"LOCAL_POSITION_NED": 2}
 
 
-def test_a_vehicle_that_comes_back_at_another_address_is_answered_there(stack: ExitStack) -> None:
-    link, vehicle, there = udp(stack)
-    vehicle.sendto(packed(HEARTBEAT), there)
-    assert eventually(lambda: link.inboxes[1].latest)
-    vehicle.close()
-    again = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-    again.settimeout(5.0)
+class Sent(Transport):
+    """Keeps what is sent, and to whom."""
+
+    def __init__(self) -> None:
+        self.to: list[Peer] = []
+
+    def receive(self, wait_s: float) -> list[tuple[bytes, Peer]]:
+        return []
+
+    def send(self, packet: bytes, peer: Peer) -> None:
+        self.to.append(peer)
+
+    def close(self) -> None:
+        pass
+
+
+def unopened(key: bytes | None = None) -> tuple[PymavlinkLink, Sent, list[float]]:
+    """A link that hears what a test hands to it, at the times that the test sets."""
+    now_s = [100.0]
+    link = PymavlinkLink(VehicleClock(steady=lambda: now_s[0]), Address("udpin", "127.0.0.1", 1), OURS, COMPONENTS, key)
+    link.inboxes[1] = Inbox()
+    link._transport = sent = Sent()
+    return link, sent, now_s
+
+
+HERE, THERE = ("127.0.0.1", 1000), ("127.0.0.1", 2000)
+
+
+def test_a_stray_packet_redirects_nothing_and_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    link, sent, now_s = unopened()
+    link._take(packed(position(10)), HERE)
+    for _ in range(3):
+        now_s[0] += 0.1
+        link._take(packed(position(5000, north_m=9.0)), THERE)
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
-    again.sendto(packed(HEARTBEAT), there)
-    assert eventually(lambda: link.inboxes[1].counts["HEARTBEAT"] == 2)
+    assert sent.to == [HERE]
+    assert link.inboxes[1].latest["LOCAL_POSITION_NED"].message.time_boot_ms == 10
+    assert str(link.twins[1]) == "two say to be it, at 127.0.0.1:1000, which is obeyed, and at 127.0.0.1:2000"
+    assert link.twins[1].messages == 3
+    assert caplog.text.count("give each vehicle a system id of its own") == 1
+
+
+def test_a_vehicle_that_comes_back_at_another_address_is_answered_there() -> None:
+    link, sent, now_s = unopened()
+    link._take(packed(HEARTBEAT), HERE)
+    now_s[0] += SILENT_S
+    link._take(packed(HEARTBEAT), THERE)
+    assert link.inboxes[1].counts["HEARTBEAT"] == 2
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 2})
-    assert again.recv(1000)
+    assert sent.to == [THERE]
+
+
+def test_a_forged_signature_of_the_far_future_deafens_nobody() -> None:
+    key = signing_key("a passphrase")
+    link, _, _ = unopened(key)
+    forged = bytearray(packed(position(10), key=key))
+    forged[-12:-6] = b"\xff" * 6
+    link._take(bytes(forged), HERE)
+    assert not link.inboxes[1].counts
+    link._take(packed(position(20), key=key), HERE)
+    assert link.inboxes[1].counts == {"LOCAL_POSITION_NED": 1}
+    link._take(bytes(forged), HERE)
+    time.sleep(0.001)  # signatures count units of 10 microseconds
+    link._take(packed(position(30), key=key), HERE)
+    assert link.inboxes[1].counts == {"LOCAL_POSITION_NED": 2}
+
+
+def test_a_stream_whose_messages_never_end_with_a_packet_is_not_kept() -> None:
+    link, _, _ = unopened()
+    frame = packed(position(10))
+    link._take(frame[:5], None)
+    for _ in range(200):
+        link._take(frame[5:] + frame[:5], None)
+    assert link.inboxes[1].counts == {"LOCAL_POSITION_NED": 200}
+    assert len(link._parser.buf) <= len(frame)
 
 
 def test_what_is_not_signed_with_our_key_is_not_heard(stack: ExitStack) -> None:

@@ -67,6 +67,17 @@ def test_the_clock_is_known_within_half_a_round_trip(rate: float) -> None:
     assert abs(rig.off_s) <= 0.01 * rate
 
 
+def test_an_answer_that_comes_at_once_is_an_answer_whatever_marks_it_as_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    for token in (0, 1, 2048, 4095):
+        monkeypatch.setattr("soter.adapters.mavlink.timesync.secrets.randbelow", lambda _, token=token: token)
+        rig = Rig()
+        for _ in range(6):
+            rig.sample()
+            rig.ask(there_s=0.0, back_s=0.0)
+        assert rig.sync.settled
+        assert abs(rig.off_s) <= 1e-5
+
+
 def test_answers_to_others_are_not_ours() -> None:
     rig = Rig()
     rig.settle()

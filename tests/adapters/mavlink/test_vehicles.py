@@ -22,7 +22,8 @@ from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
 from soter.config import load_mission
-from soter.conformance import Verdict, find_harness, judge, select
+from soter.conformance import CLAUSES as KIT
+from soter.conformance import Verdict, find_harness, judge
 from soter.conformance.driver import drive_until
 from soter.errors import ConfigError, RobotUnavailable
 from soter.registry import load_backend
@@ -258,7 +259,7 @@ PLAIN = "soter.adapters.mavlink.harness:PlainHarness"
     ],
 )
 def test_a_clause_of_the_kit_passes(harness: str, clause: str) -> None:
-    record = judge(find_harness(harness), select([clause]))
+    record = judge(find_harness(harness), [KIT[clause]])
     assert [(each.verdict, each.reason) for each in record.outcomes] == [(Verdict.PASS, "")]
 
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from soter.errors import RobotUnavailable, Unsupported
+from soter.errors import Intruder, RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from tests.streamed import behaviour
 from tests.streamed.driving import ROOM, SPECS, tick
+from tests.waiting import wait_until
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet
@@ -128,6 +129,29 @@ def test_whoever_can_go_round_the_mux_is_named(
     graph.node("/teleop").create_publisher(Twist, f"/robot1/{topic}", 1)
     text = refusal(open_fleet(simulator, ready=False))
     assert f"/teleop/soter publish on {topic} and may {what}; let them publish on cmd_vel_ac" in text
+
+
+@pytest.mark.parametrize("topic", ["cmd_vel", "cmd_vel_sc"])
+def test_whoever_goes_round_the_mux_later_is_noticed_too(
+    simulator: Simulator, open_fleet: Open, graph: Graph, topic: str
+) -> None:
+    from geometry_msgs.msg import Twist
+
+    robot = open_fleet(simulator).robots[0]
+
+    def intruder() -> str:
+        try:
+            robot.renew_lease()
+        except Intruder as found:
+            return repr(found)
+        return ""
+
+    assert not intruder()
+    node = graph.node("/teleop")
+    publisher = node.create_publisher(Twist, f"/robot1/{topic}", 1)
+    wait_until(lambda: "/teleop/soter publish" in intruder())
+    node.destroy_publisher(publisher)
+    wait_until(lambda: not intruder())
 
 
 def test_a_robot_that_follows_another_program_is_refused(simulator: Simulator, open_fleet: Open) -> None:

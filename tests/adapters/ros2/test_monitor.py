@@ -59,9 +59,10 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
         stack.callback(graph.close)
         node = graph.node("/listening")
         node.create_subscription(String, "/robot1/soter/mode", lambda each: told["mode"].append(each.data), LATCHED)
-        node.create_subscription(
-            Float64, "/robot1/soter/margin/geofence", lambda each: told["margin"].append(str(each.data)), SENSOR
-        )
+        for name in ("robot1", "robot2"):
+            node.create_subscription(
+                Float64, f"/{name}/soter/margin/geofence", lambda each: told["margin"].append(str(each.data)), SENSOR
+            )
         node.create_subscription(
             DiagnosticArray, "/robot1/soter/disengagements",
             lambda each: told["disengagements"].append(each.status[0].message), LATCHED,
@@ -77,7 +78,7 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
         )  # fmt: skip
         assert graph.wait_for(lambda: "AC" in told["mode"], 30.0)
         start(stack, env, str(EXAMPLE / "reckless.py"))
-        assert graph.wait_for(lambda: enough(truth.report()), LONGEST_S)
+        assert graph.wait_for(lambda: enough(truth.report()), LONGEST_S), truth.report().min_margin
         # What has begun by now is seen to its end.
         time.sleep(5.0)
         assert watching.poll() is None

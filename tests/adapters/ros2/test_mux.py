@@ -21,11 +21,13 @@ ITS_OWN = {
     "soter.adapters",
     "soter.adapters.ros2",
     "soter.adapters.ros2.mux",
-    "soter.mux",
-    "soter.mux.gate",
-    "soter.mux.program",
-    "soter.mux.station",
-    "soter.mux.wire",
+    "soter.onboard",
+    "soter.onboard.gate",
+    "soter.onboard.mux",
+    "soter.onboard.program",
+    "soter.onboard.station",
+    "soter.onboard.velocity",
+    "soter.onboard.wire",
 }
 
 
@@ -80,7 +82,7 @@ def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(simulat
     from std_msgs.msg import String
 
     from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR
-    from soter.mux.wire import AC, Order
+    from soter.onboard.wire import AC, Order
 
     node = graph.node("/somebody")
     passed: list[float] = []
@@ -106,6 +108,30 @@ def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(simulat
         return graph.wait_for(passes, 10.0)
 
     assert ask(5.0, 0.22)
+    for nonsense in ('{"seq": 1' + "0" * 400 + "}", "[" * 2000, "[" * 100_000, '{"seq": 1e300}', ""):
+        orders.publish(String(data=nonsense))
     assert ask(math.nan, 0.0)
     assert ask(-5.0, -0.22)
     assert ask(math.inf, 0.0)
+
+
+def test_what_one_callback_cannot_take_deafens_no_other(graph: Graph, caplog: pytest.LogCaptureFixture) -> None:
+    from std_msgs.msg import String
+
+    node = graph.node("/somebody")
+    heard: list[str] = []
+
+    def take(message: String) -> None:
+        heard.append(message.data)
+        raise RuntimeError(message.data)
+
+    node.create_subscription(String, "said", take, 10)
+    said = node.create_publisher(String, "said", 10)
+
+    def repeated() -> bool:
+        said.publish(String(data="nonsense"))
+        return len(heard) > 2
+
+    assert graph.wait_for(repeated, 10.0)
+    assert graph.failed >= 2
+    assert caplog.text.count("dropped a message that could not be taken") == 1

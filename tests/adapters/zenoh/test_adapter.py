@@ -29,12 +29,13 @@ from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import Simulator
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.adapters.zenoh.velocities import stamp_of
-from soter.errors import RobotUnavailable
-from soter.mux.wire import GateReport, Order
+from soter.errors import Intruder, RobotUnavailable
+from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from tests.adapters.zenoh.sessions import client, opened, router
 from tests.streamed import behaviour
 from tests.streamed.driving import ROOM, SPECS, rest_after_s, tick, under_way
+from tests.waiting import wait_until
 
 Open = Callable[..., ZenohFleet]
 
@@ -129,11 +130,45 @@ def test_whoever_can_go_round_the_mux_is_noticed(
     shared: Simulator, open_fleet: Open, somebody: zenoh.Session, key: str, what: str
 ) -> None:
     # Too slow to move it by much.
-    with saying(somebody, f"robot1/{key}", Twist(Vector3(x=0.001))):
+    forged = Twist(Vector3(x=0.001))
+    with saying(somebody, f"robot1/{key}", forged):
         text = refusal(open_fleet(shared, ready=False))
     assert f"somebody says velocities on robot1/{key}" in text
     assert what in text
     assert "let them say it on robot1/cmd_vel_ac" in text
+
+
+@pytest.mark.parametrize("key", ["cmd_vel", "cmd_vel_sc"])
+def test_whoever_goes_round_the_mux_later_is_noticed_too(
+    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, key: str
+) -> None:
+    robot = open_fleet(shared).robots[0]
+
+    def intruder() -> str:
+        try:
+            robot.renew_lease()
+        except Intruder as found:
+            return repr(found)
+        return ""
+
+    assert not intruder()
+    with saying(somebody, f"robot1/{key}", Twist(Vector3(x=0.001))):
+        wait_until(lambda: f"robot1/{key}" in intruder())
+    wait_until(lambda: not intruder())
+
+
+def test_a_world_of_a_runs_own_lets_nobody_else_in() -> None:
+    with ZenohBackend().open(ZenohConfig(workspace=ROOM.with_robots(1)), SPECS[:1]) as fleet:
+        fleet.robots[0].init(20.0)
+        simulator = fleet.simulator
+        assert simulator is not None
+        session = simulator.session
+        assert session.password_file is not None
+        assert session.password_file.parent.stat().st_mode & 0o077 == 0
+        with opened(SessionOptions(connect=session.connect), session) as (stranger, friend):
+            wait_until(lambda: bool(friend.info.links()))
+            assert not stranger.info.links()
+    assert not session.password_file.parent.exists()
 
 
 def test_a_robot_that_follows_another_program_is_refused(shared: Simulator, open_fleet: Open) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
+import subprocess
+import sys
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -161,3 +163,34 @@ def test_threads_do_not_write_into_each_others_messages() -> None:
     messages = [String(str(number) * (number % 300)) for number in range(2000)]
     with ThreadPoolExecutor(8) as pool:
         assert [decode(String, each) for each in pool.map(encode, messages)] == messages
+
+
+RACE = """
+import sys, threading
+from soter.adapters.zenoh.messages import KINDS, Foreign, decode, encode
+
+sys.setswitchinterval(1e-6)
+begin, foreign = threading.Barrier(8), []
+
+def hear(kind, payload):
+    begin.wait()
+    try:
+        decode(kind, payload)
+    except Foreign as failure:
+        foreign.append(failure)
+
+for kind in KINDS:
+    payload = bytes.fromhex(sys.argv[1 + KINDS.index(kind)])
+    threads = [threading.Thread(target=hear, args=(kind, payload)) for _ in range(8)]
+    for each in threads: each.start()
+    for each in threads: each.join()
+sys.exit(repr(foreign) if foreign else 0)
+"""
+
+
+def test_threads_that_hear_their_first_messages_at_once_take_all_of_them() -> None:
+    payloads = {type(each): encode(each).hex() for each in EXAMPLES}
+    ended = subprocess.run(
+        [sys.executable, "-c", RACE, *(payloads[kind] for kind in KINDS)], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -16,7 +16,7 @@ from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.simulator import Simulator
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.clock import VehicleClock
-from soter.mux.wire import AC, Order
+from soter.onboard.wire import AC, Order
 from soter.sdk.truth import StreamedTruth
 from soter.streamed.motion import seconds
 from tests.adapters.zenoh.sessions import Authority, opened

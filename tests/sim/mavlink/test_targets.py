@@ -7,7 +7,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.drive import OVERSHOOT_M, TUBE_M
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M
 from soter_sim.mavlink.frames import Origin
 from tests.sim.mavlink.client import ACCEPTED, DENIED, POSITION, UNSUPPORTED, VELOCITY, Rig
 from tests.sim.worlds import from_segment

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from soter.sdk import RobotSpec
+from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.motion import seconds
 from soter.workspace import Workspace
 from tests.streamed.base import says_where_it_stands, stops_by_itself
@@ -79,7 +79,8 @@ def face(domain_id: int) -> Iterator[subprocess.Popen[bytes]]:
     )  # fmt: skip
     with process:
         assert process.stdin is not None
-        process.stdin.write(TypeAdapter(tuple[Workspace, list[RobotSpec]]).dump_json((ROOM.with_robots(1), SPECS[:1])))
+        described = TypeAdapter(tuple[Workspace, list[RobotSpec], RuleLimits])
+        process.stdin.write(described.dump_json((ROOM.with_robots(1), SPECS[:1], RuleLimits())))
         process.stdin.close()
         yield process
         process.terminate()

@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 from soter.adapters.zenoh.messages import BatteryState, Clock, Odometry, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.talk import Ear, Voice
-from soter.sdk import RobotSpec
+from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.motion import seconds
 from soter.workspace import Workspace
 from tests.adapters.zenoh.sessions import opened
@@ -39,7 +39,8 @@ def start(*options: str) -> subprocess.Popen[bytes]:
     assert process.stdin is not None
     # One that refuses does not read it.
     with suppress(BrokenPipeError):
-        process.stdin.write(TypeAdapter(tuple[Workspace, list[RobotSpec]]).dump_json((ROOM.with_robots(1), SPECS[:1])))
+        described = TypeAdapter(tuple[Workspace, list[RobotSpec], RuleLimits])
+        process.stdin.write(described.dump_json((ROOM.with_robots(1), SPECS[:1], RuleLimits())))
         process.stdin.close()
     return process
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Final
 
-from soter.mux.gate import REST, Gate, Velocity
-from soter.mux.wire import Order
+from soter.onboard.velocity import REST, Velocity, VelocityGate
+from soter.onboard.wire import Order
 
 LEASE_S: Final = 0.13
 COMMAND_S: Final = 0.25
@@ -16,6 +17,8 @@ V_MAX_M_S: Final = 0.22
 YAW_RATE_MAX_RAD_S: Final = 2.84
 PERIOD_S: Final = 0.02
 """How often `look` is to be called: whether what it passes is still to be passed."""
+
+logger = logging.getLogger(__name__)
 
 
 class Station(ABC):
@@ -28,21 +31,27 @@ class Station(ABC):
         gate: of the robot.
         rate: seconds of the robot's clock by second of the host, above 1 in a simulated world that runs faster.
         steady: the host's monotonic time in seconds.
+
+    Attributes:
+        senseless: how many orders were dropped because they make no sense.
     """
 
-    def __init__(self, gate: Gate, rate: float = 1.0, steady: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, gate: VelocityGate, rate: float = 1.0, steady: Callable[[], float] = time.monotonic) -> None:
         self._gate: Final = gate
         self._steady: Final = steady
         self._rate: Final = rate
         self._passed = False
+        self.senseless = 0
 
-    def hear_order(self, text: str) -> None:
-        """Take an order, and say what becomes of it.
-
-        Raises:
-            ValueError: it is none; nothing has changed.
-        """
-        order = Order.decode(text)
+    def hear_order(self, text: str | bytes) -> None:
+        """Take an order, and say what becomes of it. What is none changes nothing: it is counted, the first is said."""
+        try:
+            order = Order.decode(text)
+        except ValueError as failure:
+            self.senseless += 1
+            if self.senseless == 1:
+                self._warn(f"dropped an order that makes no sense: {failure}")
+            return
         now_s, clock_s = self._now_s(), self._clock_s()
         age_s = None if clock_s is None or order.renewed_s is None else clock_s - order.renewed_s
         if self._gate.take(order, age_s, now_s):
@@ -69,6 +78,10 @@ class Station(ABC):
     def _now_s(self) -> float:
         # Not the robot's clock: where that is set or stands still, the robot must stop all the same.
         return self._steady() * self._rate
+
+    def _warn(self, text: str) -> None:
+        """Tell people what is wrong."""
+        logger.warning("%s", text)
 
     @abstractmethod
     def _clock_s(self) -> float | None:

@@ -1,7 +1,4 @@
-"""Who may move a robot, and for how long: the gate between two controllers on the robot's own side.
-
-Standard library only: the same code stands in front of simulated robots and runs on real ones.
-"""
+"""Who may move a robot, and for how long: what stands between two controllers on the robot's own side."""
 
 from __future__ import annotations
 
@@ -34,7 +31,7 @@ class Mux(Generic[C, T]):
         command: its latest command, or None.
     """
 
-    __slots__ = ("_given_s", "_renewed_s", "command", "command_s", "in_charge", "lease_s")
+    __slots__ = ("_given_s", "_renewed_s", "_seen_s", "command", "command_s", "in_charge", "lease_s")
 
     def __init__(self, in_charge: C, lease_s: float, command_s: float = inf) -> None:
         for name, value in (("lease_s", lease_s), ("command_s", command_s)):
@@ -46,6 +43,7 @@ class Mux(Generic[C, T]):
         self.command: T | None = None
         self._given_s = -inf
         self._renewed_s = -inf
+        self._seen_s = -inf
 
     def give(self, by: C, command: T, now_s: float) -> bool:
         """Take a command from a controller; return False, and change nothing, if it is not in charge."""
@@ -66,6 +64,7 @@ class Mux(Generic[C, T]):
     def renew(self, now_s: float) -> None:
         """Let the robot move for another `lease_s` of vehicle time."""
         self._renewed_s = now_s
+        self._seen_s = max(self._seen_s, now_s)
 
     def halt(self) -> None:
         """Drop the command; the controller in charge stays so, and its lease lives on."""
@@ -77,16 +76,13 @@ class Mux(Generic[C, T]):
         self._renewed_s = -inf
 
     def alive(self, now_s: float) -> bool:
-        """Return whether the lease lives. A clock that went back (a reboot) ends it too."""
+        """Return whether the lease lives. A clock that goes back (a reboot) ends it, for good."""
+        if now_s < self._seen_s - _ROUNDING_S:
+            # Otherwise it would live on, or again when the clock shows that time once more.
+            self._renewed_s = -inf
+        self._seen_s = now_s
         return -_ROUNDING_S <= now_s - self._renewed_s < self.lease_s - _ROUNDING_S
 
     def passing(self, now_s: float) -> T | None:
         """Return the command that may move the robot now, or None: stop."""
-        command = self.command
-        if (
-            command is None
-            or not -_ROUNDING_S <= now_s - self._renewed_s < self.lease_s - _ROUNDING_S
-            or not now_s - self._given_s < self.command_s
-        ):
-            return None
-        return command
+        return self.command if self.alive(now_s) and now_s - self._given_s < self.command_s else None

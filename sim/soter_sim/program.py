@@ -1,4 +1,4 @@
-"""What the programs of simulated robots whose bases are sent velocities have in common."""
+"""What the programs of simulated robots on a wire have in common."""
 
 from __future__ import annotations
 
@@ -13,30 +13,31 @@ from typing import Final
 
 from pydantic import TypeAdapter
 
-from soter.mux.program import Ending
-from soter.sdk.values import RobotSpec
+from soter.onboard.program import Ending
+from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
-from soter_sim.streamed import StreamedFace
+from soter_sim.real_time import RealTimeWorld
 
 _NICE: Final = -10
 
 
-def make_parser(module: str, what: str, example: str) -> argparse.ArgumentParser:
+def make_parser(module: str, what: str, example: str | None = None) -> argparse.ArgumentParser:
     """Return a parser of what all of them are told.
 
     Args:
         module: what Python is told to run.
         what: what the robots are called.
-        example: of what names a robot.
+        example: of what names a robot whose base is sent velocities; None for other robots.
     """
     parser = argparse.ArgumentParser(
         prog=f"python -m {module}", description=f"Simulated {what}, in real time; the world comes as JSON on "
         "standard input.",
     )  # fmt: skip
-    parser.add_argument(
-        "--namespaces", required=True, metavar=f"1={example},...", help="by robot, where its messages are"
-    )
-    parser.add_argument("--stamped", action="store_true", help="velocities are TwistStamped")
+    if example is not None:
+        parser.add_argument(
+            "--namespaces", required=True, metavar=f"1={example},...", help="by robot, where its messages are"
+        )
+        parser.add_argument("--stamped", action="store_true", help="velocities are TwistStamped")
     parser.add_argument("--truth-port", type=int, default=0, help="where to tell the truth; 0 for any that is free")
     parser.add_argument("--parent", type=int, metavar="PID", help="end when this process is no longer the parent")
     return parser
@@ -47,12 +48,12 @@ def read_namespaces(text: str) -> dict[int, str]:
     return {int(number): name for number, _, name in (each.partition("=") for each in text.split(","))}
 
 
-def read_world() -> tuple[Workspace, Sequence[RobotSpec]]:
-    """Read the world that comes on standard input."""
-    return TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...]]).validate_json(sys.stdin.buffer.read())
+def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
+    """Read the world that comes on standard input, and what its mission promises."""
+    return TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...], RuleLimits]).validate_json(sys.stdin.buffer.read())
 
 
-def serve(face: StreamedFace, ended: Ending, **told: object) -> None:
+def serve(face: RealTimeWorld, ended: Ending, **told: object) -> None:
     """Say where the truth is, and what else is told, in a line of JSON; then run until it is to end."""
     try:
         sys.stdout.write(json.dumps({"truth": face.truth.address, **told}) + "\n")

@@ -1,0 +1,214 @@
+"""Simulated robots that drive to goals by themselves, behind a gate each, whatever carries the messages.
+
+A wire of one's own is a subclass of `CommandedFace` and a module that calls `run`:
+
+```
+python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
+```
+
+Without a workspace the world comes as JSON on standard input. The first line printed is JSON:
+`{"robots": {"1": ADDRESS}, "truth": "127.0.0.1:PORT", "control": PORT}`: where the robots are, where
+`soter_sim.truth_server` tells what really happens, and the UDP port of this host on which robots are mistreated, by
+`{"robot": 1, "step_clock_s": -30.0}` or `{"robot": 1, "restart": true}`. `soter.sdk.wire.Simulator` starts it so.
+`--at` takes the addresses that an earlier one printed.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from math import cos, sin
+from pathlib import Path
+from typing import Any, Final
+
+from soter.onboard.command import Command, Report
+from soter.onboard.drive import Drive
+from soter.onboard.goal_gate import GoalGate
+from soter.onboard.program import Ending
+from soter.sdk.values import RobotSpec, RuleLimits
+from soter.workspace import Workspace
+from soter.workspace_xml import read_workspace
+from soter_sim.bodies import LIMITS
+from soter_sim.program import make_parser, read_world, serve
+from soter_sim.real_time import RealTimeWorld
+from soter_sim.world import World
+
+PERIOD_S: Final = 0.02
+"""A robot controls itself, and reports, once in this time."""
+
+LEASE_S: Final = 0.15
+"""A robot begins to brake no later than this after its lease was renewed."""
+
+_BOOT_APART_S: Final = 1000.0
+"""Robots have been on for different times, so that nobody can mistake one's clock for another's."""
+
+_MOST_BYTES: Final = 1000
+
+logger = logging.getLogger(__name__)
+
+
+class CommandedVehicle:
+    """One robot: its gate, its clock and its drive. It controls its body in the world from now on.
+
+    Args:
+        world: where it lives.
+        robot_id: its number.
+
+    Attributes:
+        gate: decides what moves it.
+    """
+
+    def __init__(self, world: World, robot_id: int) -> None:
+        # What passes is driven for one period more.
+        self.gate = GoalGate(LEASE_S - PERIOD_S)
+        self._world: Final = world
+        self._id: Final = robot_id
+        self._index: Final = world.index(robot_id)
+        self._drive: Final = Drive(LIMITS, world.period_s)
+        self._booted_s = -_BOOT_APART_S * robot_id
+        world.set_control(robot_id, self._control)
+
+    def take(self, command: Command) -> None:
+        """Take a command, as its gate allows."""
+        now_s = self._world.now_s
+        self.gate.obey(command, self._clock_s(now_s), now_s)
+
+    def report(self) -> Report:
+        """Return how it is."""
+        bodies, i, now_s = self._world.bodies, self._index, self._world.now_s
+        clock_s, goal = self._clock_s(now_s), self.gate.command
+        return Report(
+            robot=self._id,
+            clock=self.gate.clock(clock_s, now_s),
+            stamp_s=clock_s,
+            x_m=bodies.x[i],
+            y_m=bodies.y[i],
+            heading_rad=bodies.heading[i],
+            vx_m_s=bodies.v[i] * cos(bodies.heading[i]),
+            vy_m_s=bodies.v[i] * sin(bodies.heading[i]),
+            yaw_rate_rad_s=bodies.yaw_rate[i],
+            battery=bodies.charge[i],
+            gate=self.gate.report(now_s),
+            goal=None if goal is None else goal.id,
+        )
+
+    def step_clock(self, seconds: float) -> None:
+        """Set the robot's clock forward, or back where negative."""
+        self._booted_s -= seconds
+
+    def restart(self) -> None:
+        """Switch the robot's computer off and on: nothing is left of what it was told, and its clock begins at 0."""
+        self.gate, self._booted_s = GoalGate(LEASE_S - PERIOD_S), self._world.now_s
+
+    def _clock_s(self, world_s: float) -> float:
+        return world_s - self._booted_s
+
+    def _control(
+        self, now_s: float, x_m: float, y_m: float, heading_rad: float, v_m_s: float, yaw_rate_rad_s: float
+    ) -> tuple[float, float]:
+        return self._drive.command(x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s, self.gate.passing(now_s))
+
+
+class CommandedFace(RealTimeWorld):
+    """A world in real time, and its robots' ends of a wire.
+
+    A subclass waits for what comes in `_wait`, hands it to `take` in `_hear`, and sends in `_say`.
+
+    Args:
+        workspace: fence, boxes, chargers.
+        robots: its robots.
+        limits: what the mission promises.
+        truth_port: where to tell the truth; 0 for any port that is free.
+
+    Attributes:
+        vehicles: the robots, by number.
+    """
+
+    def __init__(
+        self, workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits, truth_port: int = 0
+    ) -> None:
+        super().__init__(workspace, robots, limits, PERIOD_S, truth_port)
+        self.vehicles: Final = {spec.id: CommandedVehicle(self.world, spec.id) for spec in robots}
+        self._control: Final = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._control.setblocking(False)
+        self._control.bind(("127.0.0.1", 0))
+
+    @property
+    def control_port(self) -> int:
+        """The UDP port of this host on which robots are mistreated."""
+        port: int = self._control.getsockname()[1]
+        return port
+
+    @property
+    @abstractmethod
+    def addresses(self) -> Mapping[int, Any]:
+        """By robot, where it is: what its adapter is configured with."""
+
+    @abstractmethod
+    def _say(self, robot_id: int, message: bytes) -> None:
+        """Send what a robot says, to whoever listens; never wait."""
+
+    def _encode(self, report: Report) -> bytes:
+        """Return a report as this wire has it."""
+        return report.encode()
+
+    def _decode(self, message: bytes) -> Command:
+        """Return what a message of this wire says; raise ValueError where it makes no sense."""
+        return Command.decode(message)
+
+    def take(self, robot_id: int, message: bytes) -> None:
+        """Take a message for a robot; one that makes no sense is dropped."""
+        try:
+            command = self._decode(message)
+        except ValueError as failure:
+            logger.warning("robot %d: dropped a message that makes no sense: %s", robot_id, failure)
+            return
+        self.vehicles[robot_id].take(command)
+
+    def close(self) -> None:
+        self._control.close()
+        super().close()
+
+    def _tell(self, before: int, steps: int) -> None:
+        self._mistreat()
+        for robot_id, vehicle in self.vehicles.items():
+            self._say(robot_id, self._encode(vehicle.report()))
+
+    def _mistreat(self) -> None:
+        with suppress(BlockingIOError):
+            while True:
+                asked = json.loads(self._control.recv(_MOST_BYTES))
+                vehicle = self.vehicles[asked["robot"]]
+                vehicle.step_clock(asked.get("step_clock_s", 0.0))
+                if asked.get("restart"):
+                    vehicle.restart()
+
+
+Make = Callable[[Workspace, Sequence[RobotSpec], RuleLimits, int, Mapping[int, Any]], CommandedFace]
+"""Makes the face of a world: workspace, robots, limits, truth port, and by robot the address it is to have again."""
+
+
+def run(module: str, what: str, make: Make) -> None:
+    """Run the program of simulated robots until interrupted or, with `--parent PID`, until that process is gone.
+
+    Args:
+        module: what Python is told to run.
+        what: what the robots are called.
+        make: makes the face, such as its class.
+    """
+    parser = make_parser(module, what)
+    parser.add_argument("workspace", nargs="?", type=Path, help="an XML file, for robots that start where it says")
+    parser.add_argument("--at", type=json.loads, default={}, metavar="JSON", help="by robot, the address to have again")
+    given = parser.parse_args()
+    if given.workspace is None:
+        workspace, robots, limits = read_world()
+    else:
+        workspace, limits = read_workspace(given.workspace), RuleLimits()
+        robots = [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad) for each in workspace.robots]
+    ended = Ending(given.parent)
+    face = make(workspace, robots, limits, given.truth_port, {int(number): at for number, at in given.at.items()})
+    serve(face, ended, robots=dict(face.addresses), control=face.control_port)

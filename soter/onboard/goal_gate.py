@@ -1,0 +1,62 @@
+"""Which goal may move a robot now: the gate of robots that drive to goals by themselves."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from typing import Final
+
+from soter.onboard.command import Command, GoalMessage
+from soter.onboard.gate import Gate
+from soter.onboard.wire import Order
+
+_BACK_S: Final = 0.02
+"""A clock that falls behind the steady time by more, from one look to the next, was set back."""
+
+
+class GoalGate(Gate[GoalMessage]):
+    """Takes commands and passes on the goal that may move the robot now. Not thread-safe.
+
+    A lease lives by steady time, and counts from when the renewal was made, by the robot's own clock. That clock has a
+    name: a renewal by another one, made before the robot was switched on or before its clock was set back, renews
+    nothing.
+
+    Args:
+        lease_s: a lease lives this long after its renewal.
+    """
+
+    def __init__(self, lease_s: float) -> None:
+        super().__init__(lease_s)
+        self._clock = secrets.token_hex(4)
+        self._ahead_s = -math.inf
+
+    def obey(self, command: Command, clock_s: float, now_s: float) -> bool:
+        """Take a command; return False, and change nothing, if it is not to be followed.
+
+        Args:
+            command: what it says.
+            clock_s: what the robot's clock shows, the one that its reports are stamped by.
+            now_s: steady time.
+        """
+        same, renewed_s = self.clock(clock_s, now_s) == command.clock, command.renewed_s
+        age_s = clock_s - renewed_s if same and renewed_s is not None else None
+        if not self.take(Order(command.session, command.seq, command.controller, renewed_s), age_s, now_s):
+            return False
+        goal = command.goal
+        if goal is None:
+            self.halt()
+        elif goal != self.command:
+            # One that is said again stays the same: whoever drives there does not begin anew.
+            self.give(goal.by, goal, now_s)
+        return True
+
+    def clock(self, clock_s: float, now_s: float) -> str:
+        """Return the name of the robot's clock: another one where it has been set back since the last call.
+
+        To be asked for every report; the arguments are those of `obey`.
+        """
+        ahead_s = clock_s - now_s
+        if ahead_s < self._ahead_s - _BACK_S:
+            self._clock = secrets.token_hex(4)
+        self._ahead_s = ahead_s
+        return self._clock

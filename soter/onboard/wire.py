@@ -1,0 +1,171 @@
+"""What SOTER and the mux tell each other: JSON in std_msgs/String. Standard library only.
+
+An order is not an event but all that is to hold, numbered: one that is lost is made good by the next, one that comes
+twice or too late is known by its number.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+AC: Final = "AC"
+SC: Final = "SC"
+CONTROLLERS: Final = (AC, SC)
+
+CMD_VEL: Final = "cmd_vel"
+CMD_VEL_AC: Final = "cmd_vel_ac"
+CMD_VEL_SC: Final = "cmd_vel_sc"
+ORDER: Final = "soter/order"
+GATE: Final = "soter/gate"
+
+MOST_BYTES: Final = 2048
+"""No message is longer. What is longer is not even parsed, which bounds every number, text and depth in it."""
+
+SEQ_MOST: Final = 2**53
+"""No number of an order is above: up to here every reader of JSON has whole numbers exactly."""
+
+_TEXT_LENGTH: Final = 64
+"""No name of a session or of a clock is longer: it is repeated in every report, which must fit a message whatever was
+heard."""
+
+_MOST: Final = 1e11
+_SHOWN: Final = 80
+
+
+class Order(NamedTuple):
+    """Who is in charge of a robot, and until when.
+
+    Attributes:
+        session: names the program that gives orders; a mux follows one at a time.
+        seq: grows with each order of a session, a whole number from 0 to `SEQ_MOST`.
+        controller: who is in charge, "AC" or "SC".
+        renewed_s: the robot's time at which the lease was renewed, as far as the sender knows it; None ends the lease.
+    """
+
+    session: str
+    seq: int
+    controller: str
+    renewed_s: float | None
+
+    def encode(self) -> str:
+        """Return the text of the message."""
+        return json.dumps(self._asdict())
+
+    @staticmethod
+    def decode(text: str | bytes) -> Order:
+        """Read an order. Whatever it is given, at a bounded cost.
+
+        Raises:
+            ValueError: it is none; nothing else is ever raised.
+        """
+        values = read_object(text)
+        return Order(
+            read_text(values, "session"), read_count(values, "seq"), read_controller(values),
+            read_optional(values, "renewed_s", "a number of seconds"),
+        )  # fmt: skip
+
+
+class GateReport(NamedTuple):
+    """What a mux does, told whenever it takes an order or stops passing one.
+
+    Attributes:
+        session: whose orders it follows; empty before the first.
+        seq: the last order it took.
+        controller: who is in charge, "AC" or "SC".
+        alive: whether the lease lives.
+    """
+
+    session: str
+    seq: int
+    controller: str
+    alive: bool
+
+    def encode(self) -> str:
+        """Return the text of the message."""
+        return json.dumps(self._asdict())
+
+    @staticmethod
+    def decode(text: str | bytes) -> GateReport:
+        """Read a report. Whatever it is given, at a bounded cost.
+
+        Raises:
+            ValueError: it is none; nothing else is ever raised.
+        """
+        return GateReport.read(read_object(text))
+
+    @staticmethod
+    def read(values: Mapping[str, Any]) -> GateReport:
+        """Read a report that is part of another message, or raise ValueError."""
+        return GateReport(
+            read_text(values, "session"), read_count(values, "seq"), read_controller(values),
+            values.get("alive") is True,
+        )  # fmt: skip
+
+
+# --- for what reads messages -------------------------------------------------------------------------------
+
+
+def read_object(text: str | bytes) -> dict[str, Any]:
+    """Read a JSON object, at a bounded cost.
+
+    Raises:
+        ValueError: it is none; nothing else is ever raised.
+    """
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"{len(text)} characters, allowed: at most {MOST_BYTES}")
+    try:
+        values = json.loads(text.decode() if isinstance(text, bytes) else text)
+    except RecursionError as failure:
+        raise ValueError(f"nested too deeply: {_shown(text)}") from failure
+    return as_object(values)
+
+
+def as_object(value: object) -> dict[str, Any]:
+    """Return a value that is to be a JSON object, or raise ValueError."""
+    if not isinstance(value, dict):
+        raise ValueError(f"not an object: {_shown(value)}")  # noqa: TRY004 - bad input, whatever its type
+    return value
+
+
+def read_text(values: Mapping[str, Any], name: str) -> str:
+    """Return a short text, empty where there is none, or raise ValueError."""
+    text = values.get(name, "")
+    if not isinstance(text, str) or len(text) > _TEXT_LENGTH:
+        raise ValueError(f"{name} is {_shown(text)}, allowed: a text of at most {_TEXT_LENGTH} characters")
+    return text
+
+
+def read_count(values: Mapping[str, Any], name: str) -> int:
+    """Return a whole number from 0 to `SEQ_MOST`, or raise ValueError."""
+    count = values.get(name)
+    if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= SEQ_MOST:
+        raise ValueError(f"{name} is {_shown(count)}, allowed: a whole number from 0 to {SEQ_MOST}")
+    return count
+
+
+def read_controller(values: Mapping[str, Any], name: str = "controller") -> str:
+    """Return "AC" or "SC", or raise ValueError."""
+    value = values.get(name)
+    if value not in CONTROLLERS:
+        raise ValueError(f"{name} is {_shown(value)}, allowed: {' or '.join(CONTROLLERS)}")
+    return str(value)
+
+
+def read_number(values: Mapping[str, Any], name: str, what: str = "a number") -> float:
+    """Return a number of at most 1e11 either way, or raise ValueError."""
+    value = values.get(name)
+    # Python's reader takes NaN and Infinity, and whole numbers that no float can hold; neither is within the bounds.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -_MOST <= value <= _MOST:
+        raise ValueError(f"{name} is {_shown(value)}, allowed: {what}, at most {_MOST:g}")
+    return float(value)
+
+
+def read_optional(values: Mapping[str, Any], name: str, what: str = "a number") -> float | None:
+    """The same, or None where there is none."""
+    return None if values.get(name) is None else read_number(values, name, what)
+
+
+def _shown(value: object) -> str:
+    return repr(value)[:_SHOWN]

@@ -1,0 +1,212 @@
+"""Robots that drive to goals by themselves behind a gate of their own; what all adapters to such robots have in common.
+
+What is left to an adapter: how a message is encoded, decoded, published and heard.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Final
+
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.onboard.command import Command, GoalMessage, Report
+from soter.sdk.goal import Goal
+from soter.sdk.robot import Robot
+from soter.sdk.values import Capabilities, Controller, Link, RobotSpec, RobotState
+
+logger = logging.getLogger(__name__)
+
+SETTLED: Final = 10
+"""After so many reports the least delay among them is near the least there is, and stamps no longer wander."""
+
+_REPEAT_S: Final = 0.05
+_LOST_S: Final = 1.0
+_REST_M_S: Final = 1e-3
+_REST_RAD_S: Final = 1e-2
+
+
+class CommandedRobot(Robot):
+    """One robot on a wire that takes a `Command` and says a `Report`.
+
+    Every call says the whole of what the robot is to do, under a new number; none waits. `receive` takes what arrives,
+    in any one thread, and writes one field; all else belongs to the calling thread.
+
+    Args:
+        spec: which robot.
+        clock: follows the robots' clocks.
+    """
+
+    def __init__(self, spec: RobotSpec, clock: VehicleClock) -> None:
+        super().__init__(spec, clock)
+        # Two underscores: an adapter may call its own attributes whatever it likes.
+        self.__clock: Final = clock
+        self.__command = Command(secrets.token_hex(8), 0, Controller.SC.value, "", None, None)
+        self.__latest: tuple[RobotState, Report] | None = None
+        self.__report: Report | None = None
+        self.__heard = 0
+        self.__dropped = 0
+        self.__ready = False
+        self.__changed: Final = threading.Condition()
+
+    # --- what an adapter fills -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _publish(self, message: bytes) -> None:
+        """Send a command on its way; never wait. One that cannot be sent is dropped: the next says it all again."""
+
+    def _encode(self, command: Command) -> bytes:
+        """Return a command as the robot reads it."""
+        return command.encode()
+
+    def _decode(self, message: bytes) -> Report:
+        """Return what the robot says; raise ValueError where that makes no sense."""
+        return Report.decode(message)
+
+    def _release(self) -> None:
+        """Free what the adapter opened for this robot. Called once, when the robot is closed."""
+
+    # --- what an adapter calls -----------------------------------------------------------------------------
+
+    def receive(self, message: bytes) -> None:
+        """Take a message of the robot, in the thread that hears it and as soon as it is there."""
+        received_s = self.__clock.steady_s()
+        try:
+            report = self._decode(message)
+            if report.robot != self.id:
+                raise ValueError(f"it is of robot {report.robot}, at the address of robot {self.id}")
+        except ValueError as failure:
+            # Whoever it is from goes on being old until it sends something better.
+            self.__dropped += 1
+            if self.__dropped == 1:
+                logger.warning("robot %d: a message that makes no sense was dropped: %s", self.id, failure)
+            return
+        self.__hear(report, received_s)
+        with self.__changed:
+            self.__changed.notify_all()
+
+    def __hear(self, report: Report, received_s: float) -> None:
+        before = self.__report
+        anew = before is not None and report.clock != before.clock
+        if anew:
+            self.__heard = 0
+        elif before is not None and report.stamp_s < before.stamp_s:
+            # It was overtaken on its way.
+            return
+        self.__clock.observe(self.id, report.stamp_s, received_s, anew=anew)
+        self.__report = report
+        self.__heard += 1
+        if self.__heard < SETTLED:
+            return
+        # What it says of who is in charge is about us only if it listens to us.
+        ours = report.gate.session == self.__command.session
+        state = RobotState(
+            robot_id=self.id,
+            stamp_s=self.__clock.to_fleet_s(self.id, report.stamp_s),
+            vehicle_stamp_s=report.stamp_s,
+            x_m=report.x_m,
+            y_m=report.y_m,
+            z_m=report.z_m,
+            heading_rad=report.heading_rad,
+            vx_m_s=report.vx_m_s,
+            vy_m_s=report.vy_m_s,
+            yaw_rate_rad_s=report.yaw_rate_rad_s,
+            battery=report.battery,
+            controller=Controller(report.gate.controller) if ours else None,
+            goal_id=report.goal if ours else None,
+            link=Link.UP,
+            vz_m_s=report.vz_m_s,
+        )
+        self.__latest = (state, report)
+
+    # --- the hooks of Robot --------------------------------------------------------------------------------
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        if not self.__settle(timeout_s):
+            raise RobotUnavailable(f"robot {self.id}: {self.__refusal(timeout_s)}")
+        self.__ready = True
+        return self.declared
+
+    def _send_goto(self, goal: Goal) -> None:
+        to = goal.target
+        self.__say(goal=GoalMessage(goal.id, goal.by.value, to.x_m, to.y_m, to.z_m, to.heading_rad, to.speed_m_s))
+
+    def _sample(self) -> RobotState | None:
+        latest = self.__latest
+        return None if latest is None else latest[0]
+
+    def _hand_over(self, to: Controller) -> None:
+        # One message shuts the old controller's stream and flushes its goal: the robot's gate drops it with the change.
+        self.__say(controller=to.value, goal=None)
+
+    def _renew_lease(self) -> None:
+        report = self.__report
+        assert report is not None
+        # The robot's own time of now: what is late on its way, or waits somewhere, renews nothing.
+        self.__say(clock=report.clock, renewed_s=self.__clock.to_vehicle_s(self.id, self.clock.now()))
+
+    def _halt(self) -> None:
+        self.__say(goal=None)
+
+    def _disconnect(self, timeout_s: float) -> None:
+        try:
+            if self.__ready:
+                self.__command = self.__command._replace(controller=Controller.SC.value, goal=None, renewed_s=None)
+                latest = self.__latest
+                lost = latest is None or self.clock.now() - latest[0].stamp_s > self.stale_after_s
+                # Who is not heard any more has been stopped by its lease; it may still come back, but not many do.
+                self.__settle(min(timeout_s, _LOST_S) if lost else timeout_s)
+        finally:
+            self._release()
+
+    # --- the rest ------------------------------------------------------------------------------------------
+
+    def __say(self, **changes: object) -> None:
+        """Say the whole of what the robot is to do, with these changes, under a new number."""
+        command = self.__command._replace(seq=self.__command.seq + 1, **changes)  # type: ignore[arg-type]
+        self.__command = command
+        self._publish(self._encode(command))
+
+    def __settle(self, timeout_s: float) -> bool:
+        """Repeat the command until the robot has taken it and stands still; return whether it does in time."""
+        first, until_s = self.__command.seq + 1, self.__clock.steady_s() + timeout_s
+        while self.__clock.steady_s() < until_s:
+            self.__say()
+            if self.__wait(lambda: self.__follows_and_rests(first), _REPEAT_S):
+                return True
+        return False
+
+    def __wait(self, holds: Callable[[], bool], timeout_s: float) -> bool:
+        with self.__changed:
+            return self.__changed.wait_for(holds, timeout_s)
+
+    def __follows_and_rests(self, first: int) -> bool:
+        """Return whether the robot has taken a command from this number on, and stands still."""
+        latest = self.__latest
+        if latest is None:
+            return False
+        state, report = latest
+        return (
+            report.gate.session == self.__command.session
+            and report.gate.seq >= first
+            and abs(state.vx_m_s) + abs(state.vy_m_s) <= _REST_M_S
+            and abs(state.yaw_rate_rad_s) <= _REST_RAD_S
+        )
+
+    def __refusal(self, timeout_s: float) -> str:
+        latest = self.__latest
+        if latest is None:
+            return (
+                f"{self.__heard} reports were heard within {timeout_s:g} s; is its process running, and is its address "
+                "right?"
+            )
+        gate = latest[1].gate
+        if gate.session == self.__command.session:
+            return "it does not come to rest although nothing is asked of it; who else moves it?"
+        if gate.alive:
+            return "it follows somebody else, whose lease lives; end the other program that commands it"
+        return "it reports, but takes no command; is its address for commands right?"

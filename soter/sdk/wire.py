@@ -1,0 +1,200 @@
+"""Backends of robots on a wire: those that are given, or simulated ones that are started for the occasion."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
+
+from pydantic import Field, TypeAdapter
+
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.sdk import program
+from soter.sdk.backend import Backend, BackendConfig, Fleet
+from soter.sdk.robot import Robot
+from soter.sdk.truth import StreamedTruth
+from soter.sdk.values import RobotSpec, RuleLimits
+from soter.workspace import Workspace
+
+
+def describe(workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits) -> bytes:
+    """Return a world as simulators read it, see `soter_sim.program.read_world`."""
+    return TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...], RuleLimits]).dump_json(
+        (workspace, tuple(robots), limits)
+    )
+
+
+class Runs(Protocol):
+    """What was started for a fleet, and ends with it."""
+
+    def lost(self) -> str:
+        """Return which process has ended, in words; empty while all run."""
+
+    def close(self) -> None:
+        """End it, and wait until it is gone. Idempotent."""
+
+
+S = TypeVar("S", bound=Runs)
+
+
+class Simulator:
+    """Simulated robots in a process of their own, which ends with this one, however this one ends.
+
+    Args:
+        module: their program, see `soter_sim.commanded`.
+        workspace: their world.
+        robots: which, and where they start.
+        limits: what the mission promises.
+        at: by robot, the address that a simulator before said; for robots that come back where they were.
+
+    Attributes:
+        robots: by robot, its address, as the program says it.
+        truth: where it is told what really happens, as `host:port`.
+        process: the child.
+
+    Raises:
+        RobotUnavailable: it does not start.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        workspace: Workspace,
+        robots: Sequence[RobotSpec],
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
+        at: Mapping[int, Any] | None = None,
+    ) -> None:
+        self.process: Final[subprocess.Popen[bytes]] = program.start(module, "--at", json.dumps(at or {}))
+        try:
+            told = program.hand_over(self.process, module, describe(workspace, robots, limits))
+        except BaseException:
+            self.close()
+            raise
+        self.robots: Final[dict[int, Any]] = {int(robot_id): each for robot_id, each in told["robots"].items()}
+        self.truth: Final[str] = told["truth"]
+        self._control: Final[int] = told["control"]
+
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        """Set a robot's own clock forward, or back where negative, within one of its periods."""
+        self._mistreat({"robot": robot_id, "step_clock_s": seconds})
+
+    def restart(self, robot_id: int) -> None:
+        """Switch a robot's computer off and on: it knows nothing of what it was told, and its clock begins at 0."""
+        self._mistreat({"robot": robot_id, "restart": True})
+
+    def _mistreat(self, asked: dict[str, object]) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            out.sendto(json.dumps(asked).encode(), ("127.0.0.1", self._control))
+
+    def lost(self) -> str:
+        """Return how its process has ended, in words; empty while it runs."""
+        return program.ended("the simulator", self.process)
+
+    def close(self) -> None:
+        """End the process and wait until it is gone. Idempotent."""
+        program.end([self.process])
+
+
+class WireFleet(Fleet, Generic[S]):
+    """Robots on a wire, what they share, and the simulator if it was started for them.
+
+    Args:
+        clock: follows the robots' clocks.
+        robots: in the order in which they were asked for.
+        truth: `host:port` at which a simulated world says what really happens, or None.
+        simulator: a simulator to end with the fleet, or None.
+        shared: closed behind the robots; the fleet takes it over.
+
+    Attributes:
+        simulator: the same.
+
+    Raises:
+        RobotUnavailable: nobody tells the truth there; nothing was taken over.
+    """
+
+    def __init__(
+        self, clock: VehicleClock, robots: Sequence[Robot], truth: str | None, simulator: S | None, shared: ExitStack
+    ) -> None:
+        told = None if truth is None else StreamedTruth(truth, clock)
+        super().__init__(clock, robots, told)
+        self.simulator: Final = simulator
+        self.__shared: Final = shared.pop_all()
+        if told is not None:
+            self.__shared.callback(told.close)
+
+    def lost(self) -> str:
+        return "" if self.simulator is None else self.simulator.lost()
+
+    def _close(self) -> None:
+        with ExitStack() as stack:
+            if self.simulator is not None:
+                stack.callback(self.simulator.close)
+            stack.callback(self.__shared.close)
+
+
+class WireConfig(BackendConfig):
+    """What backends on a wire are told. An adapter's own model may give addresses a type of its own.
+
+    Attributes:
+        robots: by number, where the robots are; where none is given, simulated ones are started.
+        truth: `host:port` at which a simulator that was started by hand says what really happens.
+    """
+
+    robots: dict[int, Any] = Field(default_factory=dict)
+    truth: str | None = None
+
+
+class WireBackend(Backend):
+    """Opens robots on a wire."""
+
+    simulated_by: ClassVar[str]
+    """The program of simulated robots, as `python -m` runs it; see `soter_sim.commanded`."""
+
+    @abstractmethod
+    def connect(
+        self, config: Any, robots: Sequence[RobotSpec], clock: VehicleClock, shared: ExitStack
+    ) -> Sequence[Robot]:
+        """Return the robots at the addresses of `config`, all of which are given.
+
+        Args:
+            config: the options.
+            robots: which.
+            clock: follows the robots' clocks.
+            shared: takes what is to be closed behind the robots.
+        """
+
+    @classmethod
+    def simulate(cls, config: WireConfig, robots: Sequence[RobotSpec]) -> Simulator:
+        """Start simulated robots in the world of `config`."""
+        return Simulator(cls.simulated_by, config.workspace, robots, config.limits)
+
+    def open(self, config: Any, robots: Sequence[RobotSpec]) -> WireFleet[Simulator]:
+        """Open the robots; they are not ready before `init()`.
+
+        Raises:
+            RobotUnavailable: a robot has no address, or the simulated ones do not start.
+        """
+        missing = [spec.id for spec in robots if spec.id not in config.robots]
+        if config.robots and missing:
+            raise RobotUnavailable(
+                f"no address is given for the robots {missing}; add them to the backend's table `robots`, or take all "
+                "out to have simulated ones"
+            )
+        clock = VehicleClock()
+        with ExitStack() as started, ExitStack() as shared:
+            simulator = None
+            if not config.robots:
+                simulator = self.simulate(config, robots)
+                started.callback(simulator.close)
+                # Checked like what is given by hand.
+                config = type(config).model_validate(
+                    {**dict(config), "robots": simulator.robots, "truth": simulator.truth}
+                )
+            fleet = WireFleet(clock, self.connect(config, robots, clock, shared), config.truth, simulator, shared)
+            started.pop_all()
+            return fleet

@@ -1,0 +1,61 @@
+"""What a robot finds out about itself may be better than what its kind declares, and never worse."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import Any
+
+import pytest
+
+from soter.errors import RobotUnavailable
+from soter.sdk import Capabilities
+from soter.sdk.values import WIDENS, Widens
+from tests.sdk.fake import CAPABILITIES, FakeRobot
+
+DECLARED = replace(CAPABILITIES, accel_m_s2=0.5, speed_noise_m_s=0.01, heading_noise_rad=0.01)
+NAMES = [each.name for each in fields(Capabilities)]
+WORSE_WHEN_LESS = {"brake_m_s2"}
+"""What the proofs divide by: a robot that brakes less than declared drives farther."""
+
+
+def having(name: str, value: object) -> Capabilities:
+    changes: dict[str, Any] = {name: value}
+    return replace(DECLARED, **changes)
+
+
+def changed(name: str, *, up: bool) -> Capabilities:
+    value = getattr(DECLARED, name)
+    return having(name, up if isinstance(value, bool) else value + (0.01 if up else -0.01))
+
+
+def test_every_promise_states_which_way_it_is_wider() -> None:
+    assert list(WIDENS) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_promise_may_change_one_way_only(name: str) -> None:
+    declared = DECLARED if not isinstance(getattr(DECLARED, name), bool) else changed(name, up=False)
+    worse = changed(name, up=name not in WORSE_WHEN_LESS)
+    assert worse.widened_beyond(declared) == name
+    assert declared.widened_beyond(worse) == (name if WIDENS[name] is Widens.EITHER_WAY else None)
+    assert declared.widened_beyond(declared) is None
+
+
+@pytest.mark.parametrize("name", ["accel_m_s2", "speed_noise_m_s", "heading_noise_rad"])
+def test_what_is_not_promised_may_be_anything(name: str) -> None:
+    silent = having(name, None)
+    assert silent.widened_beyond(DECLARED) == name
+    assert DECLARED.widened_beyond(silent) is None
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if not isinstance(getattr(DECLARED, name), bool)])
+def test_what_is_no_number_is_worse_than_any(name: str) -> None:
+    assert having(name, math.nan).widened_beyond(DECLARED) == name
+
+
+def test_a_robot_that_brakes_less_than_its_adapter_declares_does_not_get_ready() -> None:
+    robot = FakeRobot()
+    robot.found = replace(CAPABILITIES, brake_m_s2=0.5)
+    with pytest.raises(RobotUnavailable, match=r"brake_m_s2 is 0\.5, declared 1\.0"):
+        robot.init(1.0)
