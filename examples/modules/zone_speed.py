@@ -43,4 +43,4 @@ def declare(kit: ModuleKit, options: Options) -> RTAModule:
 
     sc = kit.go_to(beyond, 0.9 * limit_m_s)
     safe, safer = SlowInside(zone, limit_m_s), SlowInside(zone, limit_m_s, 0.2)
-    return RTAModule(kit.name, kit.ac, sc, 0.1, safe, safer, kit.model)
+    return RTAModule(kit.name, kit.ac, sc, 0.1, safe, safer, kit.model, peers_within_m=0.0)

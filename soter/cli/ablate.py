@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import ExitCode, StopSignals, complain, guard
+from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.overrides import MissionFile, Settings
+from soter.cli.plain import emit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +44,7 @@ Exit codes:
 
 
 def ablate(
-    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)],
+    mission: MissionFile,
     seeds: Annotated[str, typer.Option(metavar="A,B", help="Each variant runs once with each.")] = "1,2",
     duration: Annotated[float, typer.Option(metavar="SECONDS", help="Of each run, in the robots' time.")] = 1800.0,
     backend: Annotated[str, typer.Option(metavar="NAME", help="Simulated robots of this process.")] = "kinematic",
@@ -58,10 +60,8 @@ def ablate(
         Path | None, typer.Option("--json", metavar="FILE", help="Write every outcome; - is standard output.")
     ] = None,
     markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the tables as a page.")] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
-    ] = None,
+    settings: Settings = None,
+    force: Force = False,
     listed: Annotated[bool, typer.Option("--list", help="Name the variants and run nothing.")] = False,
 ) -> None:
     """Run a mission with one part of its safety modules changed at a time, and compare.
@@ -83,7 +83,7 @@ def ablate(
             raise _refusal("--only", f"no variant matches '{only}'; --list names them all")
         if listed:
             for variant in chosen:
-                typer.echo(f"{variant.group}/{variant.name}")
+                emit(f"{variant.group}/{variant.name}")
             return
         loaded.read_workspace()
         if not load_backend(loaded.backend, to_open=False).robot_class.declared.in_process:
@@ -92,7 +92,7 @@ def ablate(
                 f"it is '{loaded.backend}', allowed: a backend in virtual time, such as kinematic: parts of "
                 "the modules are taken from simulated robots only",
             )
-        refuse_clashes({"--json": json, "--markdown": markdown}, (mission, loaded.workspace))
+        refuse_clashes({"--json": json, "--markdown": markdown}, (mission, loaded.workspace), force=force)
         json_file = None if json is None else json_output(json)
         page = None if markdown is None else Output(markdown, "--markdown")
         plan = Plan(mission, overrides, _numbers(seeds), force_ill_formed)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -17,6 +15,8 @@ from soter.cli.conform import EXAMPLES as CONFORM_EXAMPLES
 from soter.cli.conform import conform
 from soter.cli.info import EXAMPLES as INFO_EXAMPLES
 from soter.cli.info import info
+from soter.cli.new import new
+from soter.cli.plain import emit, guard_streams
 from soter.cli.replay import EXAMPLES as REPLAY_EXAMPLES
 from soter.cli.replay import replay
 from soter.cli.report import EXAMPLES as REPORT_EXAMPLES
@@ -26,6 +26,10 @@ from soter.cli.ros2 import MUX_CONTEXT, ros2_monitor, ros2_mux, sim_ros2
 from soter.cli.ros2 import SIM_EXAMPLES as ROS2_SIM_EXAMPLES
 from soter.cli.run import EXAMPLES, run
 from soter.cli.sim import sim
+from soter.cli.tune import EXAMPLES as TUNE_EXAMPLES
+from soter.cli.tune import tune
+from soter.cli.verify import EXAMPLES as VERIFY_EXAMPLES
+from soter.cli.verify import verify
 from soter.cli.zenoh import MUX_CONTEXT as ZENOH_MUX_CONTEXT
 from soter.cli.zenoh import SIM_EXAMPLES as ZENOH_SIM_EXAMPLES
 from soter.cli.zenoh import sim_zenoh, zenoh_mux
@@ -49,15 +53,18 @@ _WIRES = "Programs beside robots"
 
 app.command(epilog=EXAMPLES, rich_help_panel=_MISSIONS)(run)
 app.command(epilog=CHECK_EXAMPLES, rich_help_panel=_MISSIONS)(check)
+app.command(epilog=TUNE_EXAMPLES, rich_help_panel=_MISSIONS)(tune)
 app.command(epilog=ABLATE_EXAMPLES, rich_help_panel=_MISSIONS)(ablate)
 app.command(epilog=REPORT_EXAMPLES, rich_help_panel=_RECORDINGS)(report)
 app.command(epilog=INFO_EXAMPLES, rich_help_panel=_RECORDINGS)(info)
+app.command(epilog=VERIFY_EXAMPLES, rich_help_panel=_RECORDINGS)(verify)
 app.command(epilog=REPLAY_EXAMPLES, rich_help_panel=_RECORDINGS)(replay)
 app.command(rich_help_panel=_ROBOTS)(backends)
 app.command(epilog=CONFORM_EXAMPLES, rich_help_panel=_ROBOTS)(conform)
 sim.command("ros2", epilog=ROS2_SIM_EXAMPLES)(sim_ros2)
 sim.command("zenoh", epilog=ZENOH_SIM_EXAMPLES)(sim_zenoh)
 app.add_typer(sim, rich_help_panel=_ROBOTS)
+app.add_typer(new, rich_help_panel=_ROBOTS)
 app.command(context_settings=MUX_CONTEXT, rich_help_panel=_WIRES)(ros2_mux)
 app.command(epilog=ROS2_MONITOR_EXAMPLES, rich_help_panel=_WIRES)(ros2_monitor)
 app.command(context_settings=ZENOH_MUX_CONTEXT, rich_help_panel=_WIRES)(zenoh_mux)
@@ -68,7 +75,7 @@ def _show_version(wanted: bool) -> None:
     if wanted:
         from soter import __version__
 
-        print(f"soter {__version__}")
+        emit(f"soter {__version__}")
         raise typer.Exit
 
 
@@ -83,8 +90,5 @@ def _options(
 
 def main() -> None:
     """Run the command line and exit."""
-    for stream in (sys.stdout, sys.stderr):
-        # A terminal that cannot show a character gets a question mark, not the end of the run.
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    guard_streams()
     app(prog_name="soter")

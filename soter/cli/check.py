@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from soter.cli.exits import ExitCode, complain, guard
+from soter.cli.exits import ExitCode, Force, complain, guard
+from soter.cli.overrides import Promising, Settings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,9 +33,9 @@ EXAMPLES = """Examples:
 
 Exit codes:
 
-  0  no condition is rejected
+  0  no condition is rejected, and no proof has a gap, or --allow-gaps says that it may
 
-  1  a condition is rejected, or not proved for every state with --strict
+  1  a condition is rejected, or is PARTLY proved: not for every state
 
   2  bad input, or a backend that cannot be used here
 """
@@ -52,20 +53,17 @@ def check(
             show_default=False,
         ),
     ] = None,
-    backend: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whose robots' declared capabilities; none is opened.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
-    ] = None,
+    backend: Promising = None,
+    settings: Settings = None,
     budget: Annotated[int, typer.Option(metavar="N", min=2, help="Trials for a module that is tested.")] = 200,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Everything random is drawn from it.")] = 0,
     robots: Annotated[int, typer.Option(metavar="N", min=1, max=8, help="Robots in the trials of module:NAME.")] = 1,
     patience: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.1, max=3600.0, help="Time to come back, with module:NAME.")
     ] = 60.0,
-    strict: Annotated[bool, typer.Option("--strict", help="A proof with a gap counts as a rejection.")] = False,
+    allow_gaps: Annotated[
+        bool, typer.Option("--allow-gaps", help="Exit with 0 although a proof has a gap, if nothing is rejected.")
+    ] = False,
     counterexample: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the first counterexample, to be replayed.")
     ] = None,
@@ -75,14 +73,13 @@ def check(
     json: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the findings; - is standard output.")
     ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw the first counterexample, or what is not proved.")
-    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw the first counterexample.")] = None,
+    force: Force = False,
 ) -> None:
     """Check whether safety modules are well-formed: P1 and P3, proofs of P2 for one robot, and trials.
 
     A proof covers all states, under the assumptions that docs/writing-a-module.md lists. Several robots at once are
-    tested, not proved.
+    tested, not proved: the first four of the mission.
     """
     with guard():
         from soter.cli.console import make_console
@@ -92,7 +89,7 @@ def check(
         if (target is None) == (replay is None):
             raise ConfigError("say what to check: a mission file, module:NAME, or --replay FILE, one of them")
         outputs = {"--json": json, "--picture": picture, "--counterexample": counterexample}
-        refuse_clashes(outputs, [Path(read) for read in (target, replay) if read is not None])
+        refuse_clashes(outputs, [Path(read) for read in (target, replay) if read is not None], force=force)
         json_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         example_file = None if counterexample is None else Output(counterexample, "--counterexample")
@@ -108,7 +105,7 @@ def check(
             written = _write_example(console, report, subject, example_file) and written
         if not written:
             raise typer.Exit(ExitCode.RUN_FAILED)
-        fine = not report.rejected and (report.complete or not strict)
+        fine = not report.rejected and (report.complete or allow_gaps)
         raise typer.Exit(ExitCode.OK if fine else ExitCode.VIOLATION)
 
 
@@ -169,10 +166,6 @@ def _print(console: Console, report: Report) -> None:
         verdict = each.verdict.value
         head = (f"{each.module:<{width}}  {each.condition:<3}  ", (f"{verdict:<8}", _STYLES[verdict]))
         console.print(Text.assemble(*head, f"  {each.text}"), soft_wrap=True)
-    for module, cells in report.unproved.items():
-        console.print(f"\n{module}: {len(cells)} cells are not proved, such as", soft_wrap=True)
-        for cell, why in cells[:: max(1, len(cells) // 4)][:4]:
-            console.print(f"  ({cell.x_m:.3f}, {cell.y_m:.3f}), {2 * cell.half_m:g} m wide: {why}", soft_wrap=True)
     counts: dict[str, int] = {}
     for each in report.findings:
         counts[each.verdict.value] = counts.get(each.verdict.value, 0) + 1
@@ -190,12 +183,6 @@ def _write(report: Report, target: str, json_file: Output | StandardOutput | Non
                 "target": target,
                 "rejected": report.rejected,
                 "findings": [each.as_dict() for each in report.findings],
-                "unproved": {
-                    module: [
-                        {"x_m": cell.x_m, "y_m": cell.y_m, "half_m": cell.half_m, "why": why} for cell, why in cells
-                    ]
-                    for module, cells in report.unproved.items()
-                },
             }
             json_file.write(f"{json.dumps(content, indent=2, allow_nan=False, default=str)}\n".encode())
         if picture_file is not None:
@@ -214,11 +201,8 @@ def _picture(report: Report, target: str) -> bytes:
     from soter.report.caption import Caption
     from soter.report.picture import draw_png
 
-    cells = tuple((cell.x_m, cell.y_m, cell.half_m) for found in report.unproved.values() for cell, _ in found)
-    tracks = RunTracks(report.workspace, (), {}, unproved=cells)
-    named = ", ".join(report.unproved)
-    figures = (f"not proved everywhere: {named}" if named else "nothing is left unproved that a proof was tried for",)
-    return draw_png(tracks, Caption(title=target, figures=figures, alarming=report.rejected))
+    caption = Caption(title=target, figures=("no counterexample was found",), alarming=report.rejected)
+    return draw_png(RunTracks(report.workspace, (), {}), caption)
 
 
 def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from soter.cli.exits import ExitCode, complain, guard
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.text import Text
-
-    from soter.cli.outputs import Output, StandardOutput
-    from soter.conformance import Clause, Outcome, Record
-    from soter.conformance.bench import Figure
+from soter.cli.exits import ExitCode, Force, StopSignals, guard
 
 EXAMPLES = """Examples:
 
   soter conform pybullet
 
-  soter conform my_robots.harness:MyHarness --json record.json --junit junit.xml
+  soter conform my_robots.harness:MyHarness --json record.json --junit junit.xml --jobs 2
 
   soter conform kinematic --only deadman --only goto.arrives
+
+  soter conform mavlink --tier wire
 
 Exit codes:
 
@@ -32,6 +26,8 @@ Exit codes:
   1  it does not conform
 
   2  bad input, or a backend that cannot be used here
+
+  130  interrupted (in general 128 and the number of the signal); files hold what there was by then
 """
 
 
@@ -44,143 +40,79 @@ def conform(
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="ID", help="Only this clause, or this group of clauses; may be repeated."),
+        typer.Option(
+            metavar="ID",
+            help="Only this clause, or this group of clauses, with how the truth judges them; may be repeated.",
+        ),
     ] = None,
+    tier: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TIER", help="Only clauses of this tier: core, truth or wire; may be repeated."),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            min=1, metavar="N", help="How many clauses to try side by side, each in a process, if the harness allows."
+        ),
+    ] = 1,
     json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the record; - is standard output.")
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Write the record, anew with every clause; - is standard output."),
     ] = None,
     junit: Annotated[
         Path | None, typer.Option("--junit", metavar="FILE", help="Write JUnit XML; - is standard output.")
     ] = None,
+    force: Force = False,
     list_clauses: Annotated[bool, typer.Option("--list", help="List the clauses and exit.")] = False,
 ) -> None:
     """Try an adapter against every clause of the conformance kit and say whether it conforms."""
-    with guard():
-        import json as writer
+    with guard(), StopSignals() as stop:
         import sys
+        import time
 
+        from soter.cli.conform_output import Files, Outcomes, print_list, print_summary
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, StandardOutput, json_output, refuse_clashes
-        from soter.conformance import Overall, find_harness, judge, select
-        from soter.errors import ConfigError
+        from soter.conformance import Outcome, Overall, Record, Tier, Workshop, select
+        from soter.errors import ConfigError, nearest
 
         # A harness of one's own is found as Python run here would find it.
         sys.path.insert(0, "")
-        clauses = select(only or ())
+        tiers = {each.value: each for each in Tier}
+        for name in tier or ():
+            if name not in tiers:
+                raise ConfigError(
+                    f"there is no tier '{name}'{nearest(name, list(tiers))}; allowed: {', '.join(tiers)}", key="--tier"
+                )
+        clauses = select(only or (), [tiers[name] for name in tier or ()])
         to_stderr = "-" in (str(json), str(junit))
         console = make_console(stderr=to_stderr)
         if list_clauses:
-            _print_list(console, clauses)
+            print_list(console, clauses)
             return
         if adapter is None:
             raise ConfigError("say which: a backend's name, or module:Harness; `soter backends` lists the backends")
         if str(json) == "-" == str(junit):
             raise ConfigError("--json and --junit cannot both go to standard output", source="command line")
-        refuse_clashes({"--json": json, "--junit": junit})
-        json_file = None if json is None else json_output(json)
-        junit_file = None if junit is None else StandardOutput() if str(junit) == "-" else Output(junit, "--junit")
-        harness = find_harness(adapter)
-        with _Table(console, len(clauses)) as table:
-            record = judge(harness, clauses, table.add, table.begin)
-        _print_verdict(console, record)
-        written = _write(json_file, f"{writer.dumps(record.as_dict(), indent=2)}\n")
-        written = _write(junit_file, f"{record.as_junit()}\n") and written
+        refuse_clashes({"--json": json, "--junit": junit}, force=force)
+        files = Files(
+            None if json is None else json_output(json),
+            None if junit is None else StandardOutput() if str(junit) == "-" else Output(junit, "--junit"),
+        )
+        began_s = time.monotonic()
+        with Workshop(adapter, jobs, stop) as workshop, Outcomes(console, len(clauses)) as shown:
+            if workshop.jobs < jobs:
+                console.print(f"{workshop.name}: one clause after another; its harness does not say `side_by_side`")
+
+            def add(outcome: Outcome, record: Record) -> None:
+                shown.add(outcome)
+                files.keep_up(record)
+
+            record = workshop.judge(clauses, add, shown.begin)
+        print_summary(console, record, time.monotonic() - began_s)
+        written = files.finish(record)
+        if stop.received is not None:
+            raise typer.Exit(128 + stop.received)
         if not written:
             raise typer.Exit(ExitCode.RUN_FAILED)
         raise typer.Exit(ExitCode.VIOLATION if record.overall is Overall.FAILS else ExitCode.OK)
-
-
-class _Table:
-    """Shows outcomes as they come: a line each, and below them, on a terminal, what is being tried."""
-
-    def __init__(self, console: Console, total: int) -> None:
-        from rich.status import Status
-
-        from soter.cli.console import is_live
-
-        self._console = console
-        self._total = total
-        self._done = 0
-        self._status = Status("", console=console) if is_live(console) else None
-
-    def __enter__(self) -> _Table:
-        if self._status is not None:
-            self._status.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._status is not None:
-            self._status.stop()
-
-    def begin(self, clause: Clause) -> None:
-        """Say what is being tried."""
-        if self._status is not None:
-            self._status.update(f"{self._done + 1} of {self._total}  {clause.id}")
-
-    def add(self, outcome: Outcome) -> None:
-        """Print one outcome."""
-        self._done += 1
-        self._console.print(_line(outcome), soft_wrap=True)
-
-
-_WIDTH = 34
-_STYLES = {"PASS": "green", "FAIL": "bold red", "NOT TESTED": "yellow"}
-
-
-def _line(outcome: Outcome) -> Text:
-    from rich.text import Text
-
-    verdict = outcome.verdict.value
-    line = Text.assemble((f"{verdict:<10}", _STYLES[verdict]), f"  {outcome.clause.id:<{_WIDTH}}")
-    if outcome.reason:
-        # What was promised, and what was found instead.
-        return line.append(
-            f"{outcome.clause.contract}\n{'':12}{outcome.reason}" if verdict == "FAIL" else outcome.reason
-        )
-    return line.append(", ".join(map(_figure, outcome.figures)), "dim")
-
-
-def _figure(figure: Figure) -> str:
-    value, bound = figure.value, figure.bound
-    if bound is None:
-        return f"{figure.name} {value:.3g}"
-    # Why what is beyond its bound has passed all the same.
-    unsure = f" (measured to {figure.resolution:.2g})" if value > bound and figure.resolution else ""
-    return f"{figure.name} {value:.3g} of {bound:.3g}{unsure}"
-
-
-def _print_list(console: Console, clauses: list[Clause]) -> None:
-    for each in clauses:
-        needs = ", ".join((*each.hooks, *each.needs))
-        extra = f" (needs {needs})" if needs else ""
-        console.print(f"{each.id:<{_WIDTH}}{each.tier.value:<6}{each.contract}{extra}", soft_wrap=True)
-
-
-def _print_verdict(console: Console, record: Record) -> None:
-    from rich.text import Text
-
-    from soter.conformance import KIT_VERSION, Overall, Verdict
-    from soter.conformance.record import overall
-
-    counts = ", ".join(f"{record.count(each)} {each.value}" for each in Verdict)
-    console.print(f"\n{record.adapter}: {len(record.outcomes)} clauses of kit {KIT_VERSION}: {counts}")
-    in_process = record.subject is not None and record.subject.in_process
-    missing: dict[str, list[Outcome]] = {}
-    for each in record.outcomes:
-        if each.verdict is Verdict.NOT_TESTED:
-            missing.setdefault(each.reason, []).append(each)
-    for reason, outcomes in sorted(missing.items()):
-        needed = record.overall is Overall.FAILS and overall(outcomes, in_process=in_process) is Overall.FAILS
-        what = "not tested, and may not be left out" if needed else "not tested"
-        console.print(f"  {what}: {reason} ({len(outcomes)} clause{'s' * (len(outcomes) > 1)})", soft_wrap=True)
-    console.print(Text(record.overall.value, "bold red" if record.overall is Overall.FAILS else "bold green"))
-
-
-def _write(file: Output | StandardOutput | None, text: str) -> bool:
-    try:
-        if file is not None:
-            file.write(text.encode())
-    except OSError as failure:
-        complain(f"the record could not be written: {failure}")
-        return False
-    return True

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from typing import IO
+from collections.abc import Iterable
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from soter.cli.plain import behind, discard, plain
 
 
 class HumanConsole(Console):
-    """A rich console that loses its reader without losing the run."""
+    """A rich console that loses its reader without losing the run, and whose colours and cursor are its own."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Yield what a renderable is made of; of what it says, nothing moves a cursor."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(plain(segment.text), segment.style)
 
     def on_broken_pipe(self) -> None:
         """Be silent from now on: whoever read the progress has left, the robots have not."""
         self.quiet = True
-        _discard(self.file)
+        discard(self.file)
 
 
 def make_console(*, stderr: bool = False) -> HumanConsole:
@@ -23,22 +30,8 @@ def make_console(*, stderr: bool = False) -> HumanConsole:
 
     What goes into a file or a pipe has no colours and no control characters, unless FORCE_COLOR asks for them.
     """
-    return HumanConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
-
-
-def emit(text: str) -> None:
-    """Write a line for a program to standard output; one that has stopped reading does not end the command."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        _discard(sys.stdout)
-
-
-def _discard(stream: IO[str]) -> None:
-    """Let what a stream still holds, and all that is written to it from now on, go nowhere."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, stream.fileno())
-    os.close(devnull)
+    file = behind(sys.stderr if stderr else sys.stdout)
+    return HumanConsole(file=file, highlight=False, markup=False, emoji=False)
 
 
 def is_live(console: Console) -> bool:

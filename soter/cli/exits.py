@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import errno
+import os
 import signal
+import stat
+import sys
 import threading
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from types import FrameType
-from typing import Any, Final, Self
+from typing import Annotated, Any, Final, Self
 
 import typer
 
+from soter.cli.plain import behind, plain
 from soter.errors import BackendError, ConfigError, IllFormedModule, SoterError
 
 
@@ -30,14 +34,17 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
+Force = Annotated[bool, typer.Option("--force", help="Replace files that are there already.")]
+"""An option of every command that writes files."""
+
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 """What the system says where a disk, or a user's share of it, is full."""
 
 
 def complain(message: str) -> None:
     """Write a message for the user to standard error, in one piece and without wrapping it."""
-    typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, err=True)
-    typer.echo(message, err=True)
+    typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, file=behind(sys.stderr))
+    typer.echo(plain(message), err=True)
 
 
 @contextmanager
@@ -60,7 +67,7 @@ def guard() -> Iterator[None]:
         if isinstance(failure, OSError) and failure.errno in _FULL:
             complain(f"nothing more can be written: {failure.strerror}; make room, or write elsewhere")
         else:
-            traceback.print_exc()
+            typer.echo(plain(traceback.format_exc()), err=True, nl=False)
             complain(
                 "this is a fault of SOTER or of an adapter, not of your input; please report it with the lines above"
             )
@@ -69,7 +76,9 @@ def guard() -> Iterator[None]:
 
 
 class StopSignals:
-    """Notes the first Ctrl-C or request to terminate, so that the run can stop its robots; the next one is not caught.
+    """Notes the first Ctrl-C, request to terminate or loss of the terminal, so that the run can stop its robots.
+
+    The next one is not caught.
 
     A context manager, and a callable that says whether to stop. It changes signal handlers only in the main thread,
     the only one that may.
@@ -78,7 +87,7 @@ class StopSignals:
         received: the number of the signal that came, or None.
     """
 
-    SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+    SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
     def __init__(self) -> None:
         self.received: int | None = None
@@ -86,7 +95,11 @@ class StopSignals:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._note) for number in self.SIGNALS}
+            # Who was started to live on without its terminal, as by nohup, does.
+            wanted = [
+                each for each in self.SIGNALS if each != signal.SIGHUP or signal.getsignal(each) != signal.SIG_IGN
+            ]
+            self._before = {number: signal.signal(number, self._note) for number in wanted}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -98,8 +111,19 @@ class StopSignals:
     def _note(self, number: int, _frame: FrameType | None) -> None:
         self.received = number
         self._restore()
+        if number == signal.SIGHUP:
+            _let_go_of_terminal()
 
     def _restore(self) -> None:
         while self._before:
             number, handler = self._before.popitem()
             signal.signal(number, handler)
+
+
+def _let_go_of_terminal() -> None:
+    """Write nowhere instead of to a terminal that has gone: nothing that is still to be done may fail because of it."""
+    for fd in (sys.stdout.fileno(), sys.stderr.fileno()):
+        if stat.S_ISCHR(os.fstat(fd).st_mode) and not os.isatty(fd):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, fd)
+            os.close(nowhere)

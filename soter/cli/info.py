@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import guard
+from soter.cli.exits import Force, guard
+from soter.cli.plain import emit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from soter.record.summary import Summary
+    from soter.record.summary import FailedAssumption, LongStall, Summary
 
 # A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
@@ -37,18 +38,22 @@ def info(
     csv: Annotated[
         Path | None, typer.Option("--csv", metavar="FOLDER", help="Write everything into CSV files there.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Say what a recording holds."""
     with guard():
         from dataclasses import asdict
         from json import dumps
 
-        from soter.cli.console import emit, make_console
-        from soter.record.export import export_csv
+        from soter.cli.console import make_console
+        from soter.cli.outputs import refuse_clashes
+        from soter.record.export import csv_files, export_csv
         from soter.record.reader import Recording
         from soter.record.summary import summarise
 
         opened = Recording(recording)
+        if csv is not None:
+            refuse_clashes({"--csv": next((each for each in csv_files(csv) if each.exists()), None)}, force=force)
         summary = summarise(opened, opened.content())
         console = make_console()
         if json:
@@ -73,6 +78,7 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
     state = "cut off: what follows is what there is" if summary.truncated else "whole"
     lines = [
         ("recording", f"{summary.file}, {summary.size_bytes / 1e6:.1f} MB, {state}"),
+        ("digest", summary.digest),
         ("run", f"{summary.mission or 'a mission made in code'} on {summary.backend}, {time}, seed {summary.seed}"),
         ("started", summary.started_utc),
         ("duration", f"{summary.duration_s:g} s, {summary.ticks} ticks"),
@@ -89,10 +95,31 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
     ]
     if summary.faults:
         lines.append(("faults", _counts(summary.faults)))
+    lines += _labelled("assumptions", [_failed(each) for each in summary.assumptions])
+    lines += _labelled("stalls", [_stall(each) for each in summary.stalls])
+    lines += _labelled("never moved", [f"robot {robot}" for robot in summary.never_moved])
+    lines += _labelled("not proved", [f"{text} (accepted)" for text in summary.accepted_unproved])
     if summary.dropped_ticks:
         lines.append(("dropped", f"{summary.dropped_ticks} ticks: the writer did not follow"))
     lines.append(("versions", ", ".join(f"{name} {version}" for name, version in summary.versions.items())))
     return lines
+
+
+def _labelled(name: str, texts: list[str]) -> list[tuple[str, str]]:
+    return [("" if index else name, text) for index, text in enumerate(texts)]
+
+
+def _failed(failed: FailedAssumption) -> str:
+    from soter.cli.summary import breach_text
+
+    until = "" if failed.last_s is None or failed.times == 1 else f", last at {failed.last_s:.2f} s"
+    text = breach_text(failed.times, failed.first_s, failed.cause, failed.worst)
+    return f"{failed.assumption} failed for robot {failed.robot_id} {text}{until}"
+
+
+def _stall(stall: LongStall) -> str:
+    end = "the end" if stall.end_s is None else f"{stall.end_s:.2f} s"
+    return f"robot {stall.robot_id} without its AC from {stall.start_s:.2f} s to {end}: {stall.module}: {stall.cause}"
 
 
 def _counts(counts: Mapping[str, int]) -> str:

@@ -12,7 +12,7 @@ from soter.errors import ConfigError
 
 
 class Output:
-    """A file to be written at the end.
+    """A file to be written, at the end, or again and again.
 
     Args:
         path: where.
@@ -27,11 +27,12 @@ class Output:
         self._option: Final = option
         # The file behind a link is replaced, not the link.
         self._target: Final = path.resolve()
-        self._part: Final = self._target.with_name(f".{self._target.name}.{os.getpid()}.part")
+        self._replaces = is_there(self._target)
+        self._part: Final = self._target.parent / f".{self._target.name}.{os.getpid()}.part"
         self._try()
 
     def write(self, data: bytes) -> None:
-        """Write the file as a whole, or leave what was there before.
+        """Write the file as a whole, or leave what was there before; what has come there meanwhile is not replaced.
 
         Raises:
             OSError: it cannot be written after all.
@@ -41,10 +42,20 @@ class Output:
             return
         try:
             self._part.write_bytes(data)
-            self._part.replace(self._target)
+            if self._replaces:
+                self._part.replace(self._target)
+            else:
+                appear(self._part, self._target)
+                # From now on it is this command's own.
+                self._replaces = True
         except OSError:
             self._part.unlink(missing_ok=True)
             raise
+
+    @property
+    def replaceable(self) -> bool:
+        """Whether writing again replaces what was written, as in files, and does not follow it."""
+        return not self._special()
 
     def _special(self) -> bool:
         """Whether it is a pipe or a device, which is written to and not replaced."""
@@ -78,28 +89,63 @@ class StandardOutput:
         sys.stdout.flush()
 
 
-def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = ()) -> None:
-    """Refuse what would be lost: a file that two options name, or one that the command reads.
+def is_there(path: Path) -> bool:
+    """Return whether there is something at a path; a name that cannot be has nothing."""
+    return os.path.exists(path)  # noqa: PTH110 - Path.exists() raises for a name that is too long
+
+
+def appear(part: Path, target: Path) -> None:
+    """Give a file its name, unless there is another file of that name by now.
+
+    Raises:
+        FileExistsError: there is.
+        OSError: it cannot be done.
+    """
+    try:
+        target.hardlink_to(part)
+    except FileExistsError:
+        raise
+    except OSError:
+        # A file system without links.
+        part.replace(target)
+    else:
+        part.unlink()
+
+
+def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = (), *, force: bool = False) -> None:
+    """Refuse what would be lost: a file that is there, that two options name, or that the command reads.
 
     Args:
-        outputs: by option; None means not given. Pipes and devices may be named twice.
+        outputs: by option; None means not given. Pipes and devices may be named twice, and - is standard output.
         inputs: the files that the command reads.
+        force: files that are there may be replaced.
 
     Raises:
         ConfigError: names the option and what the file is already.
     """
     taken = {path.resolve(): "the command reads it" for path in inputs}
     for option, path in outputs.items():
-        if path is None:
+        if path is None or str(path) == "-":
             continue
         target = path.resolve()
-        if target.exists() and not target.is_file():
-            continue
+        try:
+            # Unlike `is_there`, it raises for a name that no system takes.
+            if target.exists() and not target.is_file():
+                continue
+        except OSError as failure:
+            raise ConfigError(
+                f"'{path}' cannot be written: {failure.strerror}", source="command line", key=option
+            ) from failure
         if target in taken:
             raise ConfigError(
                 f"'{path}' would be overwritten: {taken[target]}; name another file", source="command line", key=option
             )
         taken[target] = f"{option} names it too"
+        if is_there(target) and not force:
+            raise ConfigError(
+                f"'{path}' is there already; name another file, or give --force to replace it",
+                source="command line", key=option,
+            )  # fmt: skip
 
 
 def json_output(path: Path) -> Output | StandardOutput:

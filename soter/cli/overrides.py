@@ -6,12 +6,23 @@ import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from soter.errors import ConfigError
 
 if TYPE_CHECKING:
     from soter.config import Mission
+
+MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)]
+Promising = Annotated[
+    str | None, typer.Option("--backend", metavar="NAME", help="Whose robots' declared capabilities; none is opened.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
+]
 
 
 def module_list(text: str) -> list[str]:

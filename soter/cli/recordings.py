@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from soter.cli.exits import complain
 from soter.cli.outputs import Output
 from soter.errors import ConfigError
+from soter.record.digest import MAGIC
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,6 +39,7 @@ def recording_path(record: Path | None, no_record: bool, mission: Mission, proce
         if no_record:
             raise ConfigError("it contradicts --no-record; give one of them", source="command line", key="--record")
         Output(record, "--record")
+        _refuse_other(record)
         return record
     if no_record or not _has_robots(mission, process):
         return None
@@ -49,6 +51,21 @@ def recording_path(record: Path | None, no_record: bool, mission: Mission, proce
             f"the run is not recorded: '{RUNS}' cannot be written ({failure.strerror}); give --record or --no-record"
         )
         return None
+
+
+def _refuse_other(record: Path) -> None:
+    """Refuse to replace what is no recording, whoever asked for it.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    if record.is_file():
+        with record.open("rb") as file:
+            if file.read(len(MAGIC)) not in {b"", MAGIC}:
+                raise ConfigError(
+                    f"'{record}' is there already, and is no recording; it is not replaced by one, nor with --force",
+                    source="command line", key="--record",
+                )  # fmt: skip
 
 
 @contextmanager
@@ -68,6 +85,8 @@ def show_recording(console: Console, report: RecordingReport) -> None:
     lacks = f", incomplete: {report.failure}" if report.failure else ""
     if report.dropped_ticks:
         lacks += f", {report.dropped_ticks} ticks dropped"
+    if report.refused:
+        lacks += f", {report.refused} messages of the mission's refused for their times"
     console.print(f"recording: {report.path} ({report.size_bytes / 1e6:.1f} MB{lacks})", soft_wrap=True)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import guard
+from soter.cli.plain import emit
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -62,15 +63,19 @@ def replay(
     with guard():
         from json import dumps
 
-        from soter.cli.console import emit, make_console
+        from soter.cli.console import make_console
         from soter.cli.overrides import merge
+        from soter.record.digest import State
         from soter.record.reader import Recording
         from soter.runner.replay import replay as play
 
-        found = play(Recording(recording), merge({}, settings or []))
+        opened = Recording(recording)
+        found = play(opened, merge({}, settings or []))
         if json:
             emit(dumps(_plain(found), indent=2, default=str))
         else:
+            if opened.proof is not None and opened.proof.state is State.NONE:
+                make_console().print(f"{recording}: {opened.proof.why}", soft_wrap=True, markup=False)
             _show(make_console(), recording, found)
         raise typer.Exit(_verdict(found))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import ExitCode, complain, guard
+from soter.cli.exits import ExitCode, Force, complain, guard
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -46,6 +46,7 @@ def report(
     ] = None,
     png: Annotated[Path | None, typer.Option("--png", metavar="FILE.png", help="Draw the run.")] = None,
     gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE.gif", help="Draw the run as it went on.")] = None,
+    force: Force = False,
 ) -> None:  # fmt: skip
     """Make a page of a recording that plays it in any browser, without a network."""
     with guard():
@@ -57,7 +58,7 @@ def report(
         opened = Recording(recording)
         if output is None and png is None and gif is None:
             output = recording.with_suffix(".html")
-        refuse_clashes({"--output": output, "--png": png, "--gif": gif}, [recording])
+        refuse_clashes({"--output": output, "--png": png, "--gif": gif}, [recording], force=force)
         page_file = None if output is None else Output(output, "--output")
         png_file = None if png is None else picture_output(png, "--png")
         gif_file = None if gif is None else picture_output(gif, "--gif", ".gif")
@@ -92,12 +93,12 @@ def _caption(recording: Recording) -> Caption:
     from soter.report.caption import Caption
     from soter.runner.result import RunResult
 
-    result = recording.result
+    result = recording.result_json
     if result is None:
         return Caption(title=f"{Path(recording.about.source).stem or 'mission'}: a recording that was cut off")
     try:
         safer_charge = Mission.model_validate(recording.about.mission).rta.battery.phi_safer
-        return caption(RunResult.model_validate(result), safer_charge)
+        return caption(RunResult.model_validate_json(result), safer_charge)
     except ValidationError as failure:
         raise ConfigError(f"{recording.path}: its result or mission is not of this version: {failure}") from failure
 

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from contextlib import closing, nullcontext
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from soter.cli.exits import StopSignals, guard
-from soter.cli.sim import ChargeSeed, FirstRobots, Stamped, TruthPort, WorkspaceFile, keep, room_and_robots
+from soter.cli.overrides import MissionFile, Settings
+from soter.cli.plain import emit
+from soter.cli.sim import (
+    BoxClearance,
+    ChargeSeed,
+    FirstRobots,
+    Separation,
+    Stamped,
+    TruthPort,
+    WorkspaceFile,
+    keep,
+    room_and_robots,
+)
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet
@@ -63,15 +74,12 @@ def ros2_mux(
 
 
 def ros2_monitor(
-    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)],
+    mission: MissionFile,
     duration: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time; until Ctrl-C if not given.")
     ] = None,
     no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
-    ] = None,
+    settings: Settings = None,
 ) -> None:
     """Watch over ROS 2 robots that other nodes drive on cmd_vel_ac; take one over only to keep it safe.
 
@@ -92,14 +100,14 @@ def ros2_monitor(
             for robot in fleet.robots:
                 robot.init(_INIT_TIMEOUT_S)
             watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.streamed, enabled(loaded)))
-            typer.echo(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.streamed)}")
+            emit(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.streamed)}")
             wanted = loaded.isolation.real_time
             with real_time(required=wanted == "always") if wanted != "never" else nullcontext():
                 watcher.run(stop, duration)
         for robot_id, count in watcher.disengagements.items():
-            typer.echo(f"robot {robot_id}: taken over {count} times")
+            emit(f"robot {robot_id}: taken over {count} times")
         if watcher.late_ticks:
-            typer.echo(f"{watcher.late_ticks} ticks came late")
+            emit(f"{watcher.late_ticks} ticks came late")
 
 
 def sim_ros2(
@@ -110,15 +118,20 @@ def sim_ros2(
         int | None, typer.Option(metavar="N", help="The ROS domain; one that nobody uses here if not given.", min=0)
     ] = None,
     truth: TruthPort = 0,
+    separation: Separation = 0.3,
+    clearance: BoxClearance = 0.0,
     seed: ChargeSeed = None,
 ) -> None:
     """Simulate ROS 2 robots, each with its mux, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
         _require_ros()
         from soter.adapters.ros2.simulator import Simulator
+        from soter.sdk import RuleLimits
 
         room, specs = room_and_robots(workspace, robots, seed)
-        with closing(Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth)) as simulator:
+        limits = RuleLimits(separation, clearance)
+        opened = Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth, limits=limits)
+        with closing(opened) as simulator:
             _say_how_to_connect(simulator, stamped=stamped)
             keep(simulator, stop)
 
@@ -158,8 +171,8 @@ def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:
         "use_sim_time = true", "loopback = true", *(["stamped = true"] if stamped else []),
         *(f'robots.{robot_id}.namespace = "{name}"' for robot_id, name in simulator.namespaces.items()),
     ]  # fmt: skip
-    typer.echo("In a mission file:\n\n" + "\n".join(lines))
+    emit("In a mission file:\n\n" + "\n".join(lines))
     settings = {"ROS_DOMAIN_ID": str(simulator.domain_id), **SETTINGS}
-    typer.echo("\nIn a terminal, before any other node or ros2 tool:\n")
-    typer.echo("\n".join(f"export {name}={value}" for name, value in settings.items()))
-    typer.echo("\nCtrl-C ends it.")
+    emit("\nIn a terminal, before any other node or ros2 tool:\n")
+    emit("\n".join(f"export {name}={value}" for name, value in settings.items()))
+    emit("\nCtrl-C ends it.")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import ExitCode, StopSignals, complain, guard
+from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.overrides import MissionFile, Settings
 
 if TYPE_CHECKING:
     from soter.cli.outputs import Output, StandardOutput
@@ -39,9 +41,10 @@ Exit codes:
 
   0  all went well
 
-  1  ground truth counted a violation
+  1  ground truth counted a violation; with --strict also: an assumption failed, or a robot stalled for good or never
+     moved
 
-  2  bad input, unusable backend or ill-formed module: nothing has moved
+  2  bad input, unusable backend, or a module that is ill-formed or not proved: nothing has moved
 
   3  the run failed
 
@@ -50,7 +53,7 @@ Exit codes:
 
 
 def run(
-    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)],
+    mission: MissionFile,
     backend: Annotated[
         str | None, typer.Option(metavar="NAME", help="Which robots; `soter backends` lists them.")
     ] = None,
@@ -84,6 +87,10 @@ def run(
         Path | None,
         typer.Option(metavar="FILE.mcap", help="Record the run there instead of into a new file in runs/."),
     ] = None,
+    sign: Annotated[
+        Path | None,
+        typer.Option(metavar="KEY.pem", help="Sign the recording with this private key (Ed25519), for `soter verify`."),
+    ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Do not record the run.")] = False,
     live: Annotated[
         bool, typer.Option("--live", help="Show the run in a browser of this host while it goes on.")
@@ -97,10 +104,18 @@ def run(
     foxglove_port: Annotated[
         int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else 8765.")
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
-    ] = None,
+    settings: Settings = None,
+    accept_unproved: Annotated[
+        bool,
+        typer.Option("--accept-unproved", help="Run what cannot be proved safe; the summary and the result say so."),
+    ] = False,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 1 where an assumption failed, or a robot stalled for good or never moved."
+        ),
+    ] = False,
+    force: Force = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary, only errors.")] = False,
 ) -> None:
     """Run a mission and say how it went.
@@ -113,6 +128,7 @@ def run(
         from soter.cli.overrides import load_with_engine, merge, module_list
         from soter.cli.recordings import recording_path, unless_recorded
         from soter.errors import ConfigError
+        from soter.record.signing import read_private_key
 
         if no_rta and modules is not None:
             raise ConfigError("it contradicts --no-rta; give one of them", source="command line", key="--modules")
@@ -128,26 +144,38 @@ def run(
             "rta.modules": None if modules is None else module_list(modules),
         }
         loaded = load_with_engine(mission, merge(options, settings or []), engine)
-        refuse_clashes({"--json": json, "--picture": picture, "--record": record}, (mission, loaded.workspace))
+        refuse_clashes(
+            {"--json": json, "--picture": picture, "--record": record}, (mission, loaded.workspace), force=force
+        )
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         views = wanted_views(live, live_port, foxglove, foxglove_port)
+        if sign is not None:
+            read_private_key(sign, "--sign")
         recording = recording_path(record, no_record, loaded, process)
         with unless_recorded(recording):
-            done, stopped_by = _run(loaded, process, recording, views, quiet=quiet, to_stderr=str(json) == "-")
+            done, stopped_by = _run(
+                loaded, process, recording, sign, views, accept_unproved=accept_unproved, quiet=quiet,
+                to_stderr=str(json) == "-",
+            )  # fmt: skip
         written = _write(done, loaded, result_file, picture_file)
         if record is not None and done.recording is not None and done.recording.failure:
             complain(f"the recording is not complete: {done.recording.failure}")
             written = False
-        raise typer.Exit(_exit_code(done.result, stopped_by) if written else ExitCode.RUN_FAILED)
+        troubles = done.result.troubles if strict else []
+        if troubles:
+            complain(f"--strict: {'; '.join(troubles)}")
+        raise typer.Exit(_exit_code(done.result, stopped_by, troubles) if written else ExitCode.RUN_FAILED)
 
 
 def _run(
     mission: Mission,
     process: str | None,
     recording: Path | None,
+    sign: Path | None,
     views: list[tuple[Kind, int]],
     *,
+    accept_unproved: bool,
     quiet: bool,
     to_stderr: bool,
 ) -> tuple[Run, int | None]:
@@ -169,8 +197,10 @@ def _run(
             on_progress=display.update if display else None,
             stop=stop,
             record=record,
+            sign=sign,
             on_recording=on_recording,
             process=process,
+            accept_unproved=accept_unproved,
             say=lambda words: console.print(words, soft_wrap=True, highlight=False),
         )
     if not quiet:
@@ -203,9 +233,11 @@ def _write(
     return written
 
 
-def _exit_code(result: RunResult, stopped_by: int | None) -> int:
+def _exit_code(result: RunResult, stopped_by: int | None, troubles: Sequence[str] = ()) -> int:
     if result.status == "interrupted":
         return 128 + stopped_by if stopped_by is not None else ExitCode.INTERRUPTED
     if result.violated:
         return ExitCode.VIOLATION
-    return ExitCode.RUN_FAILED if result.status == "failed" else ExitCode.OK
+    if result.status == "failed":
+        return ExitCode.RUN_FAILED
+    return ExitCode.VIOLATION if troubles else ExitCode.OK

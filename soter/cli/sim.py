@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from soter.cli.exits import StopSignals, guard
+from soter.cli.plain import emit
 from soter.errors import RunFailed
 
 if TYPE_CHECKING:
@@ -80,6 +81,14 @@ Stamped = Annotated[bool, typer.Option("--stamped", help="Velocities are TwistSt
 TruthPort = Annotated[
     int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
 ]
+Separation = Annotated[
+    float,
+    typer.Option(metavar="M", help="Nearer centres collide, by the truth: rta.collision.phi_safe_m.", min=0.0),
+]
+BoxClearance = Annotated[
+    float,
+    typer.Option(metavar="M", help="Nearer to a box no body may be, by the truth: rta.obstacle.phi_safe_m.", min=0.0),
+]
 ChargeSeed = Annotated[
     int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
 ]
@@ -143,12 +152,15 @@ def mavlink(
         ),
     ] = None,
     truth: TruthPort = 0,
+    separation: Separation = 0.3,
+    clearance: BoxClearance = 0.0,
     seed: ChargeSeed = None,
 ) -> None:
     """Simulate vehicles that speak MAVLink, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
         from soter.errors import BackendUnavailable, ConfigError
         from soter.sdk.hints import install_command
+        from soter.sdk.values import RuleLimits
 
         try:
             from soter_sim.mavlink.frames import Origin
@@ -170,6 +182,7 @@ def mavlink(
                 boot_s=boot,
                 origin=Origin() if origin is None else Origin.read(origin),
                 key=None if sign is None else read_key(sign),
+                limits=RuleLimits(separation, clearance),
             )
             simulation = Simulation(room, specs, settings)
         except ImportError as missing:
@@ -190,18 +203,18 @@ def _say_how_to_connect(simulation: Simulation, settings: Settings) -> None:
     kind, host, port = link.address.split(":")
     names = ", ".join(str(autopilot.id) for autopilot in simulation.autopilots)
     many = len(simulation.autopilots) > 1
-    print(f"{settings.vehicle}{'s' if many else ''} with system id{'s' if many else ''} {names}, until Ctrl-C")
-    print()
-    print(f"SOTER           {link.address}")
-    print(f"MAVProxy        mavproxy.py --master={link.address}")
+    emit(f"{settings.vehicle}{'s' if many else ''} with system id{'s' if many else ''} {names}, until Ctrl-C")
+    emit("")
+    emit(f"SOTER           {link.address}")
+    emit(f"MAVProxy        mavproxy.py --master={link.address}")
     if kind == "tcp":
-        print(f"QGroundControl  Application Settings, Comm Links, Add: TCP, {host}, {port}")
-        print(f'MAVSDK          add_any_connection("tcpout://{host}:{port}")')
+        emit(f"QGroundControl  Application Settings, Comm Links, Add: TCP, {host}, {port}")
+        emit(f'MAVSDK          add_any_connection("tcpout://{host}:{port}")')
     else:
         listens = "by itself" if int(port) == _UDP_PORT else f"Application Settings, Comm Links, Add: UDP, {port}"
-        print(f"QGroundControl  {listens}")
-        print(f'MAVSDK          add_any_connection("udpin://{host}:{port}")')
-    print(f"truth           tcp://{simulation.truth.address}, JSON lines")
+        emit(f"QGroundControl  {listens}")
+        emit(f'MAVSDK          add_any_connection("udpin://{host}:{port}")')
+    emit(f"truth           tcp://{simulation.truth.address}, JSON lines")
     if settings.key is not None:
-        print("signed          with the passphrase; what is not signed with it is dropped")
-    print(flush=True)
+        emit("signed          with the passphrase; what is not signed with it is dropped")
+    emit("")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -23,6 +23,9 @@ THESIS_DURATION_S: Final = 7200.0
 THESIS_ROBOTS: Final = 2
 THESIS_TARGETS: Final = "grid"
 THESIS_MODULES: Final = frozenset({"collision", "obstacle", "geofence", "battery"})
+
+OF_A_CHARGE: Final = "of a charge"
+"""The unit of margins that are parts of one."""
 
 _SHORT_S: Final = 60.0
 
@@ -71,7 +74,8 @@ def rows(result: RunResult) -> list[list[Row]]:
     if not result.robots:
         # A process with the task planner only: what robots do, theirs know.
         return [list(_targets(result)), list(_lateness(result))]
-    return [list(_violations(result)), list(_control(result)), list(_targets(result)), list(_machinery(result))]
+    blocks = (_violations, _failed, _control, _targets, _machinery)
+    return [list(block(result)) for block in blocks]
 
 
 def _violations(result: RunResult) -> Iterator[Row]:
@@ -88,6 +92,22 @@ def _violations(result: RunResult) -> Iterator[Row]:
         yield Row(f"  {rule}", f"{count}{seen}", style="red" if count else "")
     if result.contacts:
         yield Row("contacts", str(result.contacts), style="red")
+
+
+def _failed(result: RunResult) -> Iterator[Row]:
+    """Yield what went wrong without breaking a rule, and what was not proved."""
+    failed = [(number, robot, each) for robot, found in result.assumptions.items() for number, each in found.items()]
+    yield Row("assumptions failed", str(len(failed)) if failed else "none was seen to", style="red" if failed else "")
+    for number, robot, breach in sorted(failed, key=lambda each: (int(each[0][1:]), each[1])):
+        worst = [(each.excess, each.unit, each.time_s, each.cause) for each in breach.worst]
+        yield Row(f"  {number}, robot {robot}", breach_text(breach.times, breach.first_s, breach.cause, worst))
+    for robot, stall in result.permanent_stalls.items():
+        text = f"{_time(stall.lasted_s)} up to the end, by {stall.module}: {stall.cause}"
+        yield Row(f"stalled, robot {robot}", text, style="red")
+    if result.never_moved:
+        yield Row("never moved", f"robot {', '.join(map(str, result.never_moved))}", style="red")
+    for text in result.accepted_unproved:
+        yield Row("not proved", f"accepted: {text}", style="yellow")
 
 
 def _control(result: RunResult) -> Iterator[Row]:
@@ -113,6 +133,7 @@ def _targets(result: RunResult) -> Iterator[Row]:
     yield Row("  given up", f"{targets.unsafe} unsafe, {targets.blocked} blocked, {targets.timed_out} timed out")
     if result.robots:
         yield Row("longest stall", f"{result.longest_stall_s:.1f} s")
+        yield Row("longest without AC", f"{result.longest_without_ac_s:.1f} s, not charging")
     yield Row("no progress for", f"{result.no_progress_s:.1f} s")
     if result.paths_replaced:
         yield Row("plans replaced", f"{result.paths_replaced} by certified ways")
@@ -128,6 +149,11 @@ def _machinery(result: RunResult) -> Iterator[Row]:
     yield from _lateness(result)
     if result.missed_ticks:
         yield Row("missed ticks", str(result.missed_ticks), style="yellow")
+    if (sandbox := result.sandbox) is not None:
+        off = "" if sandbox else "no: isolation.sandbox is off"
+        yield Row("mission boxed in", off, style="yellow")
+        for what, by in sandbox.items():
+            yield Row(f"  {what}", by, style="yellow" if by.startswith("open") else "")
 
 
 def _lateness(result: RunResult) -> Iterator[Row]:
@@ -248,6 +274,27 @@ def _time(seconds: float) -> str:
     if seconds < 3600.0:
         return f"{seconds / 60.0:.3g} min"
     return f"{seconds / 3600.0:.3g} h"
+
+
+def breach_text(times: int, first_s: float, cause: str, worst: Sequence[tuple[float, str, float, str]]) -> str:
+    """Return in words how often an assumption failed.
+
+    Args:
+        times: looks at which it did.
+        first_s: fleet time of the first.
+        cause: what was seen then.
+        worst: the worst looks: excess, its unit, fleet time, and what was seen then.
+    """
+    first = "once, at" if times == 1 else f"{times} times, first at"
+    text = f"{first} {first_s:.2f} s: {cause}"
+    for excess, unit, time_s, why in worst:
+        amount = _amount(excess, unit)
+        text += f", by {amount}" if why == cause else f"; worst, by {amount}, at {time_s:.2f} s: {why}"
+    return text
+
+
+def _amount(excess: float, unit: str) -> str:
+    return f"{100.0 * excess:.3g} % {unit}" if unit == OF_A_CHARGE else f"{excess:.3g} {unit}".strip()
 
 
 def _many(count: int, thing: str) -> str:

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import StopSignals, guard
-from soter.cli.sim import ChargeSeed, FirstRobots, Stamped, TruthPort, WorkspaceFile, keep, room_and_robots
+from soter.cli.plain import emit
+from soter.cli.sim import (
+    BoxClearance,
+    ChargeSeed,
+    FirstRobots,
+    Separation,
+    Stamped,
+    TruthPort,
+    WorkspaceFile,
+    keep,
+    room_and_robots,
+)
 
 if TYPE_CHECKING:
     from soter.adapters.zenoh.simulator import Simulator
@@ -64,6 +75,8 @@ def sim_zenoh(
     stamped: Stamped = False,
     speedup: Annotated[float, typer.Option(metavar="N", help="Simulated seconds by second.", min=0.1)] = 1.0,
     truth: TruthPort = 0,
+    separation: Separation = 0.3,
+    clearance: BoxClearance = 0.0,
     seed: ChargeSeed = None,
 ) -> None:
     """Simulate robots on Zenoh, each with its mux, until Ctrl-C. Only this host reaches them unless told otherwise."""
@@ -71,10 +84,15 @@ def sim_zenoh(
         _require_zenoh()
         from soter.adapters.zenoh.programs import session_options
         from soter.adapters.zenoh.simulator import Simulator
+        from soter.sdk import RuleLimits
 
         options = session_options(session, mode=mode, listen=listen or None, connect=connect or None)
         room, specs = room_and_robots(workspace, robots, seed)
-        with closing(Simulator(room, specs, options, stamped=stamped, speedup=speedup, truth_port=truth)) as simulator:
+        opened = Simulator(
+            room, specs, options, stamped=stamped, speedup=speedup, truth_port=truth,
+            limits=RuleLimits(separation, clearance),
+        )  # fmt: skip
+        with closing(opened) as simulator:
             _say_how_to_connect(simulator, stamped=stamped, speedup=speedup)
             keep(simulator, stop)
 
@@ -97,7 +115,7 @@ def _say_how_to_connect(simulator: Simulator, *, stamped: bool, speedup: float) 
         *(["stamped = true"] if stamped else []), *([f"speedup = {speedup:g}"] if speedup != 1.0 else []),
         *(f'robots.{robot_id}.namespace = "{name}"' for robot_id, name in simulator.namespaces.items()),
     ]  # fmt: skip
-    typer.echo("In a mission file:\n\n" + "\n".join(lines))
+    emit("In a mission file:\n\n" + "\n".join(lines))
     twist = "geometry_msgs/TwistStamped" if stamped else "geometry_msgs/Twist"
     keys = {
         "odom": "nav_msgs/Odometry, 30 Hz",
@@ -108,8 +126,8 @@ def _say_how_to_connect(simulator: Simulator, *, stamped: bool, speedup: float) 
         "soter/order": "std_msgs/String, to the mux",
         "soter/gate": "std_msgs/String, from the mux",
     }
-    typer.echo("\nKeys, all of them CDR:\n")
+    emit("\nKeys, all of them CDR:\n")
     for name in simulator.namespaces.values():
-        typer.echo("\n".join(f"{f'{name}/{key}':28}{what}" for key, what in keys.items()))
-    typer.echo(f"{CLOCK:28}rosgraph_msgs/Clock, 60 Hz")
-    typer.echo("\nCtrl-C ends it.")
+        emit("\n".join(f"{f'{name}/{key}':28}{what}" for key, what in keys.items()))
+    emit(f"{CLOCK:28}rosgraph_msgs/Clock, 60 Hz")
+    emit("\nCtrl-C ends it.")

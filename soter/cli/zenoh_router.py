@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from soter.cli.exits import StopSignals, guard
+from soter.cli.plain import emit
 
 if TYPE_CHECKING:
     from soter.adapters.zenoh.session import SessionOptions
@@ -93,14 +94,14 @@ def zenoh_router(
                 time.sleep(_LOOK_S)
                 before, connected = connected, len(opened.info.transports())
                 if connected != before:
-                    typer.echo(f"connected: {connected}")
+                    emit(f"connected: {connected}")
         finally:
             close_session(opened)
 
 
 def _say_how_to_connect(where: list[str], options: SessionOptions) -> None:
     """Print what a mission file and other programs need to meet at the router."""
-    typer.echo(f"A Zenoh router listens at {', '.join(where)}.\n\nIn a mission file:\n")
+    emit(f"A Zenoh router listens at {', '.join(where)}.\n\nIn a mission file:\n")
     lines = ["[backends.zenoh.session]", 'mode = "client"', f"connect = [{', '.join(map(repr, where))}]"]
     if (tls := options.tls) is not None:
         own = 'certificate = "…", private_key = "…"' if tls.mutual else "mutual = false"
@@ -109,6 +110,6 @@ def _say_how_to_connect(where: list[str], options: SessionOptions) -> None:
         lines.append("unencrypted = true")
     if options.users_file is not None:
         lines.append('username = "…"\npassword_file = "…"')
-    typer.echo("\n".join(lines))
+    emit("\n".join(lines))
     given = "--session FILE, with these keys in it" if len(lines) > 3 else f"--mode client --connect {where[0]}"
-    typer.echo(f"\nsoter zenoh-mux, soter sim zenoh: {given}\n\nCtrl-C ends it.")
+    emit(f"\nsoter zenoh-mux, soter sim zenoh: {given}\n\nCtrl-C ends it.")

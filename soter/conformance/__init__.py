@@ -1,7 +1,8 @@
 """The conformance kit: anyone can prove an adapter right. See docs/conformance.md.
 
 `Harness` is what an adapter's author writes (`RelayedHarness` for robots in another process, with an `ImpairedRelay`
-between them and the adapter); `judge` tries every clause on it and returns the record;
+between them and the adapter); `judge` tries every clause on it and returns the record, and `Workshop` does so in
+processes of their own, which a crash ends in place of the caller's;
 `soter.conformance.testing.AdapterSuite` makes tests of them.
 """
 
@@ -12,6 +13,7 @@ from soter.conformance.impaired import ImpairedRelay, Line
 from soter.conformance.kit import judge, select, try_clause
 from soter.conformance.record import KIT_VERSION, Outcome, Overall, Record, Verdict
 from soter.conformance.relayed import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.conformance.workshop import Workshop
 
 __all__ = [
     "CLAUSES",
@@ -29,6 +31,7 @@ __all__ = [
     "RelayedHarness",
     "Tier",
     "Verdict",
+    "Workshop",
     "find_harness",
     "in_wide_rooms",
     "judge",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from soter.conformance.diagnosis import explain
 from soter.conformance.driver import ROUNDING, TICK_S, drive_until
 from soter.conformance.harness import Harness
-from soter.conformance.track import Sample, fastest, rates, turn
+from soter.conformance.track import Fastest, Sample, fastest, quantile, rates, turn
 from soter.sdk import Capabilities, Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 STILL_M: Final = 0.005
@@ -18,9 +19,20 @@ STILL_RAD: Final = 0.03
 SETTLE_S: Final = 2.0
 """After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
 
+READ_S: Final = 0.003
+"""A pose of the truth that took longer than this to read says nothing of when it was."""
+
+FIT_S: Final = 0.001
+"""Motors follow a fitted change of speed about as well as this."""
+
 _TIMES: Final = ("latency_s", "sample_age_s", "jitter_s", "setpoint_period_s", "lease_s")
 _LONGEST_S: Final = 30.0
-_WINDOW_S: Final = 0.5
+_WINDOW_S: Final = 1.0
+_FAST_SHARE: Final = 0.05
+_LOOKS: Final = 5
+_READS: Final = 5
+_PATIENCE_S: Final = 3.0
+_ASTRAY_RAD: Final = 0.3
 
 
 class Failed(Exception):
@@ -36,16 +48,21 @@ class Figure:
     """Something measured.
 
     Attributes:
-        name: what, with its unit at the end.
-        value: what was measured.
-        bound: what was declared; None if nothing is.
+        name: what, with its unit at the end; a field of `Capabilities` where that is what was measured.
+        value: what was seen; but where it is beyond its bound by no more than the measurement itself may be off, the
+            bound. So a value beyond its bound is always a failure.
+        bound: what was declared, or follows from that; None if nothing does.
         resolution: how far the measurement itself may be off.
+        at_least: the bound is the least that is allowed, and not the most.
+        spread: least, median and largest of what was seen, where there were several trials.
     """
 
     name: str
     value: float
     bound: float | None = None
     resolution: float = 0.0
+    at_least: bool = False
+    spread: tuple[float, ...] = ()
 
 
 class Bench:
@@ -59,6 +76,8 @@ class Bench:
     Attributes:
         figures: what was measured.
         tracks: by robot, what was seen while driving, oldest first; one sample for each stamp.
+        second: it is the second robot of two that is judged by clauses about one.
+        faulty: the clause has broken the link, so that silence is no surprise.
     """
 
     def __init__(self, harness: Harness, *, truth: bool = False, needs: tuple[str, ...] = ()) -> None:
@@ -70,6 +89,8 @@ class Bench:
         self.fleets: list[Fleet] = []
         self._stamps: dict[int, float] = {}
         self.capabilities: Capabilities | None = None
+        self.faulty = False
+        self.second = False
 
     # --- opening ---------------------------------------------------------------------------------------------
 
@@ -98,7 +119,8 @@ class Bench:
                 0.0 <= seconds <= _LONGEST_S, f"{name} is {seconds} s, the kit can measure 0 to {_LONGEST_S:g} s"
             )
         for name in self.needs:
-            if not getattr(self.capabilities, name):
+            promise = getattr(self.capabilities, name)
+            if promise is None or promise is False:
                 raise NotTested(f"not declared: {name}")
         self.run(2 * TICK_S)
         for robot in fleet.robots:
@@ -107,8 +129,13 @@ class Bench:
         return fleet.robots
 
     def open_one(self, in_charge: Controller = Controller.AC) -> Robot:
-        """Open a fresh fleet of one robot, ready, with a controller in charge."""
-        return self.open(1, in_charge)[0]
+        """Open a fresh fleet of one robot, ready, with a controller in charge; of two, where the second is judged."""
+        return self.open(2 if self.second else 1, in_charge)[-1]
+
+    def close(self) -> None:
+        """Close the fleet opened last, for the next one in the same clause."""
+        self.fleet.close()
+        self.harness.close()
 
     @property
     def fleet(self) -> Fleet:
@@ -129,9 +156,18 @@ class Bench:
     # --- driving ---------------------------------------------------------------------------------------------
 
     def run(
-        self, seconds: float, until: Callable[[], bool] | None = None, *, renew: bool = True, read: bool = True
+        self,
+        seconds: float,
+        until: Callable[[], bool] | None = None,
+        *,
+        renew: bool = True,
+        read: bool = True,
+        closely: bool = False,
     ) -> bool:
-        """Tick for so long, or until a condition holds; note what is seen. Return whether it held."""
+        """Tick for so long, or until a condition holds; note what is seen. Return whether it held.
+
+        Closely: look several times a tick, where the world moves between ticks.
+        """
 
         def look() -> bool:
             if read:
@@ -139,7 +175,8 @@ class Bench:
                     self.look(robot)
             return until is not None and until()
 
-        return drive_until(self.fleet, look, seconds, renew=renew, read=read)
+        looks = _LOOKS if closely and not self.caps.in_process else 1
+        return drive_until(self.fleet, look, seconds, renew=renew, read=read, looks=looks)
 
     def look(self, robot: Robot) -> Sample:
         """Return where a robot is now, and note it."""
@@ -153,8 +190,7 @@ class Bench:
         )
         self._stamps[robot.id] = state.stamp_s
         if self.truth:
-            at_s = self.now_s
-            x_m, y_m, heading_rad = self.true_pose(robot.id)
+            at_s, (x_m, y_m, heading_rad) = self.timed_pose(robot.id)
             speed, rate = 0.0, 0.0
             if track and at_s - track[-1].at_s > ROUNDING:
                 speed, rate = rates(track[-1], at_s, x_m, y_m, heading_rad)
@@ -172,6 +208,22 @@ class Bench:
         """Return where a robot really is."""
         truth = self.fleet.truth
         return self.harness.observe(robot_id) if truth is None else truth.pose(robot_id)
+
+    def true_place(self, robot: Robot) -> tuple[float, float]:
+        """Return where a robot really is; where there is no truth, where its sample says."""
+        if self.fleet.truth is not None or self.harness.gives("observe"):
+            return self.true_pose(robot.id)[:2]
+        state = robot.read_state()
+        return state.x_m, state.y_m
+
+    def timed_pose(self, robot_id: int) -> tuple[float, tuple[float, float, float]]:
+        """Return fleet time, and where a robot really was then."""
+        for _ in range(_READS):
+            before_s, pose, after_s = self.now_s, self.true_pose(robot_id), self.now_s
+            if after_s - before_s <= READ_S * self.harness.speedup:
+                return (before_s + after_s) / 2.0, pose
+            # A host that is busy has stopped this thread between the two: read again.
+        return self.now_s, self.true_pose(robot_id)
 
     def since(self, robot: Robot, at_s: float) -> list[Sample]:
         """Return what was seen of a robot from a moment on."""
@@ -193,24 +245,60 @@ class Bench:
         cause: str = "the target did not get through, or is in another frame",
     ) -> Goal:
         """Send a robot somewhere and see it arrive there; with the likely cause if it does not."""
+        began, began_s = self.look(robot), self.now_s
         goal = robot.goto(target, by)
-        self.run(self.way_s(), lambda: not goal.active)
+        self.run(self.way_s(), lambda: not goal.active or self.stands(robot, began_s))
         self.require(
             goal.status is GoalStatus.REACHED,
-            f"a goal {self.from_start(robot, target):.2f} m from the start ended {goal.status.value} ({goal.reason}) "
-            f"within {self.way_s():.0f} s, expected reached: {cause}",
+            f"a goal {began.distance_m(target.x_m, target.y_m):.2f} m away is {goal.status.value} ({goal.reason}) "
+            f"after {self.now_s - began_s:.1f} s, expected reached: {self._astray(robot, began, target) or cause}",
         )
         return goal
 
-    def get_going(self, robot: Robot, target: Waypoint, by: Controller = Controller.AC) -> Goal:
+    def _astray(self, robot: Robot, began: Sample, target: Waypoint) -> str:
+        """Return what the way that a robot took instead of that to its target says; empty where it says nothing."""
+        last = self.tracks[robot.id][-1]
+        moved_m = last.distance_m(began.x_m, began.y_m)
+        if moved_m <= 2.0 * self.still_m:
+            return ""
+        wanted = math.atan2(target.y_m - began.y_m, target.x_m - began.x_m)
+        off = turn(wanted, math.atan2(last.y_m - began.y_m, last.x_m - began.x_m))
+        if abs(off) <= _ASTRAY_RAD:
+            return f"it drove {moved_m:.2f} m the right way, and stopped short"
+        return (
+            f"it drove {moved_m:.2f} m, {abs(off):.2f} rad to the {'left' if off > 0.0 else 'right'} of the way there: "
+            "an older target is still in force, axes are swapped or mirrored, or the target is in another frame"
+        )
+
+    def stands(self, robot: Robot, since_s: float) -> bool:
+        """Whether for a while now nothing has moved, or been heard, of a robot that has had time to: no use to wait."""
+        patience_s = _PATIENCE_S + 2.0 * self.caps.latency_s + self.caps.sample_age_s
+        track, from_s = self.tracks[robot.id], self.now_s - patience_s
+        if from_s < since_s:
+            return False
+        last = track[-1]
+        return all(
+            last.distance_m(each.x_m, each.y_m) <= 2.0 * self.still_m
+            and abs(turn(last.heading_rad, each.heading_rad)) <= STILL_RAD
+            for each in self.since(robot, from_s)
+        )
+
+    def get_going(
+        self, robot: Robot, target: Waypoint, by: Controller = Controller.AC, *, closely: bool = False
+    ) -> Goal:
         """Send a robot somewhere far and see it come up to speed."""
+        began_s = self.now_s
         goal = robot.goto(target, by)
         fast = 0.7 * min(self.caps.v_max_m_s, target.speed_m_s or math.inf)
-        begun = self.run(self.way_s(), lambda: self.tracks[robot.id][-1].speed_m_s > fast or not goal.active)
+
+        def moves() -> bool:
+            return self.tracks[robot.id][-1].speed_m_s > fast
+
+        self.run(self.way_s(), lambda: moves() or not goal.active or self.stands(robot, began_s), closely=closely)
         self.require(
-            begun and goal.active,
-            f"it did not come up to {fast:.2f} m/s on a straight leg within {self.way_s():.0f} s: the target did not "
-            "get through, the lease is not renewed by renew_lease(), or v_max_m_s is declared too high",
+            moves() and goal.active,
+            f"it did not come up to {fast:.2f} m/s on a straight leg within {self.now_s - began_s:.1f} s: the target "
+            "did not get through, the lease is not renewed by renew_lease(), or v_max_m_s is declared too high",
         )
         return goal
 
@@ -235,19 +323,16 @@ class Bench:
         self.run(1.0, renew=renew)
         later = self.look(robot)
         slipped = later.distance_m(rest.x_m, rest.y_m)
-        stopped_s = max((each.at_s for each in self.since(robot, called_s) if each.moves), default=called_s) - called_s
-        self.measure("stop_s", stopped_s, allowed_s, TICK_S)
         self.require(
             slipped <= self.still_m and abs(turn(rest.heading_rad, later.heading_rad)) <= STILL_RAD,
             f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m within another second: {cause}",
         )
         allowed_m = caps.v_max_m_s * (begin_s + caps.sample_age_s) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
         run_m = rest.distance_m(before.x_m, before.y_m)
-        self.measure("stopping_distance_m", run_m, allowed_m, self.still_m)
-        self.require(
-            run_m <= allowed_m + self.still_m,
-            f"it ran on for {run_m:.3f} m, allowed are {allowed_m:.3f} m: {cause}, or brake_m_s2 is declared too high",
-        )
+        self.measure(
+            "stopping_distance_m", run_m, allowed_m, self.still_m,
+            f"it ran on too far: {cause}, or brake_m_s2 is declared too high",
+        )  # fmt: skip
 
     def expect_still(self, robot: Robot, seconds: float, cause: str) -> None:
         """See that a robot at rest stays where it is."""
@@ -275,14 +360,25 @@ class Bench:
 
     @property
     def speed_noise_m_s(self) -> float:
-        """How far a speed may be off because positions are."""
-        return 0.002 if self.truth else 0.002 + 2.0 * self.caps.position_noise_m / TICK_S
+        """How far a speed may be off, as samples say it, or as poses of the truth over some time do."""
+        return 0.002 if self.truth else 0.002 + (self.caps.speed_noise_m_s or 0.02 * self.caps.v_max_m_s)
 
-    def fastest(self, robot: Robot) -> tuple[float, float, float]:
-        """Return the top speed and the top yaw rate seen of a robot, and the share by which they may be off."""
-        window_s = 0.0 if not self.truth or self.caps.in_process else _WINDOW_S
-        off = (TICK_S + self.caps.setpoint_period_s) / window_s if window_s else 0.0
-        return *fastest(self.tracks[robot.id], window_s), off
+    @property
+    def fit_s(self) -> float:
+        """How far the moment may be off at which a motion begins to change, as it is fitted to what was seen."""
+        return max(self.read_s, FIT_S)
+
+    @property
+    def read_s(self) -> float:
+        """How far the moment of a sample may be off: on a wire clocks are learned, and the truth is read in between."""
+        return 0.0 if self.caps.in_process else READ_S
+
+    def fastest(self, robot: Robot) -> tuple[Fastest, float]:
+        """Return the top speed and turn rates seen of a robot, and the share by which they may be off."""
+        if not self.truth or self.caps.in_process:
+            return fastest(self.tracks[robot.id], 0.0, 0.0), 0.0
+        window_s = min(_WINDOW_S, 0.25 * self.harness.room_m / self.caps.v_max_m_s)
+        return fastest(self.tracks[robot.id], window_s, 0.5 * window_s), _FAST_SHARE
 
     def way_s(self) -> float:
         """Return a time in which a robot gets anywhere in its room, generously."""
@@ -300,9 +396,14 @@ class Bench:
         return math.hypot(target.x_m - robot.spec.x_m, target.y_m - robot.spec.y_m)
 
     def require(self, holds: bool, message: str) -> None:
-        """Fail the clause with a message unless something holds."""
+        """Fail the clause with a message unless something holds; what the kit knows of the samples comes before it."""
         if not holds:
-            raise Failed(message)
+            raise Failed(f"{explain(self)}{message}")
+
+    def require_hook(self, hook: str) -> None:
+        """Leave the clause untried where the harness does not give an optional hook."""
+        if not self.harness.gives(hook):
+            raise NotTested(f"not declared: the harness's hook '{hook}'")
 
     def require_status(self, goal: Goal, status: GoalStatus, cause: str) -> None:
         """Fail the clause unless a goal has ended, or not, in a certain way."""
@@ -322,18 +423,41 @@ class Bench:
         raise Failed(f"{what} raised nothing, expected {kind.__name__}: a public method of Robot is overridden")
 
     def measure(
-        self, name: str, value: float, bound: float | None = None, resolution: float = 0.0, cause: str | None = None
+        self,
+        name: str,
+        seen: float,
+        bound: float | None = None,
+        resolution: float = 0.0,
+        cause: str = "",
+        *,
+        at_least: bool = False,
+        spread: Sequence[float] = (),
     ) -> None:
-        """Record a figure; with a cause, also fail the clause where it exceeds its bound.
+        """Record a figure, and fail the clause where it is certain to be beyond its bound.
 
         Args:
             name: what, with its unit at the end.
-            value: as measured.
+            seen: as measured.
             bound: what the capabilities declare, or allow.
             resolution: how far the measurement itself may be off.
             cause: the likely cause of a figure beyond its bound.
+            at_least: the bound is the least that is allowed.
+            spread: of several trials, all that was seen.
         """
-        self.figures.append(Figure(name, round(value, 6), bound, round(resolution, 6)))
-        if cause is not None and bound is not None and not value <= bound + resolution + ROUNDING:
+        value = seen
+        if bound is not None:
+            off = resolution + ROUNDING
+            # Towards the bound, and no farther, by what may not be the robot's.
+            value = min(max(seen, bound), seen + off) if at_least else max(min(seen, bound), seen - off)
+        value = round(max(value, 0.0), 6)
+        of = tuple(round(quantile(spread, share), 6) for share in (0.0, 0.5, 1.0)) if spread else ()
+        self.figures.append(Figure(name, value, bound, round(resolution, 6), at_least, of))
+        if bound is None:
+            return
+        assert cause, f"{name}: a figure with a bound is judged by it"
+        # Written so that NaN, too, is beyond.
+        if not (value >= bound - ROUNDING if at_least else value <= bound + ROUNDING):
             word = "declared" if hasattr(self.capabilities, name) else "allowed"
-            raise Failed(f"{name} is {value:.3f}, {word} is {bound:.3f} (resolution {resolution:.3f}): {cause}")
+            raise Failed(
+                f"{explain(self)}{name} is {seen:.4g}, {word} is {bound:.4g} (measured to {resolution:.2g}): {cause}"
+            )

@@ -18,32 +18,41 @@ ROUNDING: Final = 1e-6
 
 
 def drive_until(
-    fleet: Fleet, until: Callable[[], bool], timeout_s: float, *, renew: bool = True, read: bool = True
+    fleet: Fleet,
+    until: Callable[[], bool],
+    timeout_s: float,
+    *,
+    renew: bool = True,
+    read: bool = True,
+    looks: int = 1,
 ) -> bool:
     """Tick like a supervisor: sleep, read every robot, renew every lease; until a condition holds.
 
     Args:
         fleet: robots that are ready.
-        until: asked after every tick.
+        until: asked after every look.
         timeout_s: in fleet time.
         renew: whether leases are renewed.
         read: whether states are read.
+        looks: how often that is done in each tick, at even distances.
 
     Returns:
         Whether the condition held in time.
     """
     clock = fleet.clock
     start_s = clock.now()
-    tick = 0
+    step, step_s, renewed = 0, TICK_S / looks, 0
     while clock.now() - start_s < timeout_s - ROUNDING:
-        tick += 1
-        # A grid without drift; where the host was too slow for it, the next tick is the next one still ahead.
-        tick = max(tick, math.ceil((clock.now() - start_s) / TICK_S - ROUNDING))
-        clock.sleep_until(start_s + tick * TICK_S)
+        step += 1
+        # A grid without drift; where the host was too slow for it, the next step is the next one still ahead.
+        step = max(step, math.ceil((clock.now() - start_s) / step_s - ROUNDING))
+        clock.sleep_until(start_s + step * step_s)
+        due = step // looks > renewed
+        renewed = step // looks
         for robot in fleet.robots:
             if read:
                 robot.read_state()
-            if renew:
+            if renew and due:
                 robot.renew_lease()
         if until():
             return True

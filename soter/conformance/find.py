@@ -33,6 +33,10 @@ class InProcessHarness(Harness):
         options: of the backend, beside workspace and seed.
     """
 
+    side_by_side = True
+    charges_at_start = True
+    contacts = True
+
     def __init__(self, name: str, backend: type[Backend], **options: Any) -> None:
         self.name = name
         self.backend = backend
@@ -41,7 +45,7 @@ class InProcessHarness(Harness):
     def open(self, robots: int) -> Fleet:
         """Return a fleet in a fresh world."""
         floor = open_floor().with_robots(robots)
-        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in floor.robots]
+        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in floor.robots]
         config = self.backend.config_model(workspace=floor, **self.options)
         return self.backend().open(config, specs)
 

@@ -11,6 +11,9 @@ from soter.sdk import Fleet, Waypoint
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
+EXTRA_HOOKS: Final = ("second", "step_clock", "restart")
+"""More of them, for what not every harness can do; an adapter may conform without."""
+
 
 class Harness(ABC):
     """Opens the robots of one backend for the kit.
@@ -25,14 +28,22 @@ class Harness(ABC):
         name: what reports call the adapter.
         room_m: the side of the free square around every robot's start pose, in which the kit may drive it; at least
             2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
+        charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.
+        contacts: whether the robots are simulated, so that they may be driven into each other, and truth counts that.
         connect_timeout_s: what the kit passes to `Robot.init`.
         speedup: how many seconds of fleet time may pass in one second of the host; needed for `start_driver` only.
+        side_by_side: whether several fleets may be open at once on this host, by processes that know nothing of each
+            other: their robots are simulated, each fleet has its own, and ports are free ones. `soter conform --jobs`
+            tries one clause after another where it is False.
     """
 
     name: str
     room_m: float = 2.0
+    charges_at_start: bool = False
+    contacts: bool = False
     connect_timeout_s: float = 10.0
     speedup: float = 1.0
+    side_by_side: bool = False
 
     @abstractmethod
     def open(self, robots: int) -> Fleet:
@@ -94,9 +105,26 @@ class Harness(ABC):
         """
         raise NotImplementedError
 
+    # --- extra hooks: without these an adapter may conform all the same ----------------------------------------
+
+    def second(self) -> Fleet:
+        """Return another program's connection to the robots of the open fleet, beside the first one; no `init` yet.
+
+        The kit closes it.
+        """
+        raise NotImplementedError
+
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        """Set a vehicle's own clock forward, or back where negative, while it goes on."""
+        raise NotImplementedError
+
+    def restart(self, robot_id: int) -> None:
+        """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
+        raise NotImplementedError
+
     # --- for the kit ------------------------------------------------------------------------------------------
 
     def gives(self, hook: str) -> bool:
-        """Return whether a hook out of `HOOKS` is given: `cut` needs `restore` as well."""
+        """Return whether a hook out of `HOOKS` or `EXTRA_HOOKS` is given: `cut` needs `restore` as well."""
         methods = ("cut", "restore") if hook == "cut" else (hook,)
         return all(getattr(type(self), method) is not getattr(Harness, method) for method in methods)

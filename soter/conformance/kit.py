@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Final
@@ -14,54 +14,68 @@ import soter.conformance.clauses  # noqa: F401 - registers the clauses
 from soter.conformance.bench import Bench, Failed, NotTested
 from soter.conformance.clause import CLAUSES, Clause, Tier
 from soter.conformance.harness import Harness
-from soter.conformance.record import Outcome, Record, Verdict, make_record, subject_of
+from soter.conformance.record import Outcome, Record, Verdict, subject_of
+from soter.conformance.tally import Tally
 from soter.errors import ConfigError, nearest
 
 HOST_LIMIT_S: Final = 180.0
 """A clause that takes longer than this on the host hangs, and fails."""
 
+CLOSE_LIMIT_S: Final = 30.0
+"""The same for closing a fleet or a harness."""
 
-def select(only: Sequence[str] = ()) -> list[Clause]:
+_START_S: Final = 20.0
+"""How long a harness may take to start its robots."""
+
+
+def select(only: Sequence[str] = (), tiers: Collection[Tier] = ()) -> list[Clause]:
     """Return the clauses of these ids, or of these groups; all of them if none is named.
+
+    Args:
+        only: ids and groups. What is named is also tried as the truth judges it.
+        tiers: only clauses of these; all if none is named.
 
     Raises:
         ConfigError: there is no such clause.
     """
-    wanted: list[Clause] = []
+    wanted = set() if only else set(CLAUSES)
     for name in only:
-        found = [each for key, each in CLAUSES.items() if key == name or key.startswith(f"{name}.")]
+        found = {
+            key
+            for key in CLAUSES
+            if any(each == name or each.startswith(f"{name}.") for each in (key, key.removeprefix("truth.")))
+        }
         if not found:
             raise ConfigError(f"there is no clause '{name}'{nearest(name, list(CLAUSES))}", key="--only")
-        wanted += [each for each in found if each not in wanted]
-    return wanted if only else list(CLAUSES.values())
+        wanted |= found
+    chosen = [each for key, each in CLAUSES.items() if key in wanted and (not tiers or each.tier in tiers)]
+    if not chosen:
+        raise ConfigError(f"none of {', '.join(only)} is in tier {' or '.join(each.value for each in tiers)}")
+    return chosen
 
 
 def judge(
     harness: Harness,
     clauses: Sequence[Clause] | None = None,
-    on_outcome: Callable[[Outcome], None] | None = None,
-    on_clause: Callable[[Clause], None] | None = None,
+    on_outcome: Callable[[Outcome, Record], None] | None = None,
 ) -> Record:
-    """Try clauses on an adapter, one after another; none stops the others.
+    """Try clauses on an adapter in this process, one after another; none that ends stops the others.
+
+    `soter.conformance.workshop` does it in processes of their own, where neither a crash does.
 
     Args:
         harness: of the adapter.
         clauses: which; None for all.
-        on_outcome: told of each outcome as it comes.
-        on_clause: told of each clause before it is tried.
+        on_outcome: told of each outcome as it comes, and of the record with it.
     """
-    chosen = list(CLAUSES.values()) if clauses is None else list(clauses)
-    outcomes: list[Outcome] = []
-    subject = None
-    for each in chosen:
-        if on_clause is not None:
-            on_clause(each)
+    tally = Tally(harness.name, CLAUSES.values() if clauses is None else clauses, on_outcome)
+    for number, each in enumerate(tally.clauses):
+        if tally.hopeless():
+            tally.give_up(tally.clauses[number:])
+            break
         outcome, bench = try_clause(each, harness)
-        subject = subject or subject_of(bench)
-        outcomes.append(outcome)
-        if on_outcome is not None:
-            on_outcome(outcome)
-    return make_record(harness.name, subject, outcomes, complete=len(chosen) == len(CLAUSES))
+        tally.add(outcome, subject_of(bench))
+    return tally.record()
 
 
 def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
@@ -72,27 +86,44 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
     if missing:
         reason = f"hook{'s' if len(missing) > 1 else ''} not given: {', '.join(missing)}"
         return Outcome(clause, Verdict.NOT_TESTED, reason, (), 0.0), bench
-    verdict, reason = Verdict.PASS, ""
+    verdict, reason, unready = Verdict.PASS, "", False
     try:
-        with _host_limit(HOST_LIMIT_S):
+        with _host_limit(_ready_s(harness), extended=lambda: HOST_LIMIT_S if bench.capabilities else 0.0):
             clause.check(bench)
     except NotTested as missing_part:
         verdict, reason = Verdict.NOT_TESTED, str(missing_part)
     except Failed as failure:
         verdict, reason = Verdict.FAIL, str(failure)
     except Exception as failure:  # noqa: BLE001 - an adapter may fail in any way, and the others must still be judged
-        verdict, reason = Verdict.FAIL, _explain(failure)
-    for close in (*(fleet.close for fleet in bench.fleets), harness.close):
+        verdict, reason, unready = Verdict.FAIL, explain(failure), bench.capabilities is None
+    finally:
+        # Whatever ends it, a robot must not be left driving.
+        wrong = _close(bench)
+    if wrong and verdict is not Verdict.FAIL:
+        verdict, reason = Verdict.FAIL, f"while it was closed: {wrong}"
+    host_s = time.perf_counter() - began_s
+    return Outcome(clause, verdict, reason, tuple(bench.figures), host_s, unready), bench
+
+
+def _close(bench: Bench) -> str:
+    """Close what a clause has opened; return what went wrong first."""
+    wrong = ""
+    for close in (*(fleet.close for fleet in bench.fleets), bench.harness.close):
         try:
-            with _host_limit(HOST_LIMIT_S):
+            with _host_limit(CLOSE_LIMIT_S):
                 close()
-        except Exception as failure:  # noqa: BLE001 - the same
-            if verdict is not Verdict.FAIL:
-                verdict, reason = Verdict.FAIL, f"while it was closed: {_explain(failure)}"
-    return Outcome(clause, verdict, reason, tuple(bench.figures), time.perf_counter() - began_s), bench
+        except Exception as failure:  # noqa: BLE001 - an adapter may fail in any way
+            wrong = wrong or explain(failure)
+    return wrong
 
 
-def _explain(failure: BaseException) -> str:
+def _ready_s(harness: Harness) -> float:
+    """Return how long a clause may take until a robot is ready."""
+    return min(2.0 * harness.connect_timeout_s + _START_S, HOST_LIMIT_S)
+
+
+def explain(failure: BaseException) -> str:
+    """Return what has failed, where, and because of what."""
     text = f"{type(failure).__name__}: {failure}"
     frame = failure.__traceback__
     while frame is not None and frame.tb_next is not None:
@@ -105,14 +136,25 @@ def _explain(failure: BaseException) -> str:
 
 
 @contextmanager
-def _host_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in this thread after so long, where that can be done: in the main thread."""
+def _host_limit(seconds: float, extended: Callable[[], float] = lambda: 0.0) -> Iterator[None]:
+    """Raise TimeoutError in this thread after so long, where that can be done: in the main thread.
+
+    Args:
+        seconds: on the host.
+        extended: asked once they are over; what it returns counts in their place.
+    """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
 
     def give_up(_number: int, _frame: FrameType | None) -> None:
-        raise TimeoutError(f"not done after {seconds:g} s on the host: a call blocks, or the robot's time stands still")
+        limit_s, passed_s = extended(), time.monotonic() - began_s
+        if passed_s < limit_s:
+            signal.setitimer(signal.ITIMER_REAL, limit_s - passed_s)
+            return
+        raise TimeoutError(
+            f"not done after {max(seconds, limit_s):g} s on the host: a call blocks, or the robot's time stands still"
+        )
 
     before = signal.signal(signal.SIGALRM, give_up)
     began_s = time.monotonic()

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from soter.conformance.bench import Bench, Figure
 from soter.conformance.clause import Clause, Tier
 
-KIT_VERSION: Final = "1.0"
+KIT_VERSION: Final = "2.0"
 """Changes whenever an adapter that conformed might no longer do so."""
 
 NOT_DECLARED: Final = "not declared: "
@@ -39,6 +39,7 @@ class Overall(Enum):
     SELF_REPORTED = "CONFORMS (self-reported)"
     FAILS = "DOES NOT CONFORM"
     PARTIAL = "NOT JUDGED (a selection of clauses)"
+    UNFINISHED = "NOT JUDGED (ended before all clauses were tried)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,7 @@ class Outcome:
         reason: why it failed or was not tested; empty if it passed.
         figures: what was measured.
         host_s: how long it took.
+        unready: whether it failed before any robot was ready, and so, as likely as not, will all others.
     """
 
     clause: Clause
@@ -58,6 +60,7 @@ class Outcome:
     reason: str
     figures: tuple[Figure, ...]
     host_s: float
+    unready: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,7 @@ class Record:
         return Counter(outcome.verdict for outcome in self.outcomes)[verdict]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the record as plain data, with a hash over everything else in it."""
+        """Return the record as plain data, with a hash over everything in it that a second run would repeat."""
         content: dict[str, Any] = {
             "kit_version": KIT_VERSION,
             "adapter": self.adapter,
@@ -117,7 +120,8 @@ class Record:
             ],
         }
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-        return {**content, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+        host_s = {outcome.clause.id: round(outcome.host_s, 3) for outcome in self.outcomes}
+        return {**content, "sha256": hashlib.sha256(text.encode()).hexdigest(), "host_s": host_s}
 
     def as_junit(self) -> str:
         """Return the record as JUnit XML, one case a clause."""
@@ -160,18 +164,21 @@ def overall(outcomes: Sequence[Outcome], *, in_process: bool) -> Overall:
     return verdict
 
 
-def make_record(adapter: str, subject: Subject | None, outcomes: Sequence[Outcome], *, complete: bool) -> Record:
+def make_record(
+    adapter: str, subject: Subject | None, outcomes: Sequence[Outcome], *, complete: bool, finished: bool = True
+) -> Record:
     """Return the record of a run.
 
     Args:
         adapter: the harness's name.
         subject: whom it is about.
         outcomes: of each clause tried.
-        complete: whether these are all clauses there are.
+        complete: whether all clauses there are were to be tried.
+        finished: whether those that were to be tried have been.
     """
     said = overall(outcomes, in_process=subject is not None and subject.in_process)
-    if not complete and not any(outcome.verdict is Verdict.FAIL for outcome in outcomes):
-        said = Overall.PARTIAL
+    if not (complete and finished) and not any(outcome.verdict is Verdict.FAIL for outcome in outcomes):
+        said = Overall.PARTIAL if finished else Overall.UNFINISHED
     return Record(adapter, subject, tuple(outcomes), said)
 
 

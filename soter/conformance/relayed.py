@@ -70,6 +70,9 @@ class RelayedHarness(Harness):
     `open` sets `simulator`, `relay` and `fleet`; `start_driver` sets `simulator` and `witness`, and returns `driven`.
     """
 
+    charges_at_start = True
+    contacts = True
+
     def __init__(self) -> None:
         self.fleet: Fleet | None = None
         self.simulator: Closes | None = None

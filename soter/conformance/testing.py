@@ -17,19 +17,26 @@ from typing import Any, ClassVar
 from soter.conformance.clause import CLAUSES, Tier
 from soter.conformance.harness import Harness
 from soter.conformance.kit import try_clause
-from soter.conformance.record import Overall, Verdict, overall
+from soter.conformance.record import Overall, Verdict, overall, subject_of
+from soter.conformance.tally import Tally
 
 
 class AdapterSuite:
     """One test for each clause.
 
-    A clause that is NOT TESTED is skipped where the adapter may conform without it, and fails where it may not.
+    A clause that is NOT TESTED is skipped where the adapter may conform without it, and fails where it may not; once
+    robots have not got ready twice, none is tried.
 
     Attributes:
         harness: makes the harness, such as its class; called for every test.
     """
 
     harness: ClassVar[Callable[[], Harness]]
+    _tried: ClassVar[Tally]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls._tried = Tally(cls.__name__, ())
 
     def pytest_generate_tests(self, metafunc: Any) -> None:
         """Make a test of every clause (pytest calls this on the class)."""
@@ -39,7 +46,11 @@ class AdapterSuite:
     def test_clause(self, clause_id: str) -> None:
         """Try one clause on a fresh fleet."""
         clause = CLAUSES[clause_id]
-        outcome, _ = try_clause(clause, type(self).harness())
+        tried = self._tried
+        if tried.hopeless():
+            raise AssertionError(f"{clause_id}: {clause.contract}\n{Verdict.NOT_TESTED.value}: {tried.hopeless()}")
+        outcome, bench = try_clause(clause, type(self).harness())
+        tried.add(outcome, subject_of(bench))
         if outcome.verdict is Verdict.PASS:
             return
         text = f"{clause_id}: {clause.contract}\n{outcome.verdict.value}: {outcome.reason}"

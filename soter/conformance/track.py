@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from soter.sdk import RobotState
@@ -44,22 +44,170 @@ def rates(before: Sample, at_s: float, x_m: float, y_m: float, heading_rad: floa
     return before.distance_m(x_m, y_m) / passed_s, turn(before.heading_rad, heading_rad) / passed_s
 
 
-def fastest(track: Sequence[Sample], window_s: float) -> tuple[float, float]:
-    """Return the top speed and the top yaw rate that samples say, or their poses over at least so long.
+class Fastest(NamedTuple):
+    """The top speed in m/s, and the top turn rates to the left and to the right in rad/s, none of them negative."""
+
+    speed_m_s: float
+    left_rad_s: float
+    right_rad_s: float
+
+
+def fastest(track: Sequence[Sample], speed_s: float, turn_s: float) -> Fastest:
+    """Return the top rates that samples say, or their poses over at least so long.
 
     Args:
         track: oldest first.
-        window_s: 0 to take the samples' word, which is exact where the truth is read in step with its simulation.
+        speed_s: 0 to take the samples' word, which is exact where the truth is read in step with its simulation.
             Elsewhere it is read at moments that the simulation does not know: only over some time is a change of pose
             a speed.
+        turn_s: the same for turn rates.
     """
-    if window_s <= 0.0:
-        return max(each.speed_m_s for each in track), max(abs(each.yaw_rate_rad_s) for each in track)
-    speed, rate, first = 0.0, 0.0, 0
+    if speed_s <= 0.0:
+        speed, turns = max(each.speed_m_s for each in track), [each.yaw_rate_rad_s for each in track]
+    else:
+        # A clock that is learned anew on the way makes some windows seem short: one in five does not count.
+        speed = quantile([0.0, *(each[0] for each in _over(track, speed_s))], 0.8)
+        turns = [each[1] for each in _over(track, turn_s)]
+    return Fastest(speed, max((0.0, *turns)), -min((0.0, *turns)))
+
+
+def _over(track: Sequence[Sample], window_s: float) -> Iterator[tuple[float, float]]:
+    """Yield the speed and the yaw rate between samples that are at least so far apart, and hardly farther."""
+    first = 0
     for last, sample in enumerate(track):
         while first + 1 < last and sample.at_s - track[first + 1].at_s >= window_s:
             first += 1
         if sample.at_s - track[first].at_s >= window_s:
-            over = rates(track[first], sample.at_s, sample.x_m, sample.y_m, sample.heading_rad)
-            speed, rate = max(speed, over[0]), max(rate, abs(over[1]))
-    return speed, rate
+            yield rates(track[first], sample.at_s, sample.x_m, sample.y_m, sample.heading_rad)
+
+
+class Ramp(NamedTuple):
+    """One change between rest and an even speed on a straight way, as fitted to what was seen.
+
+    Attributes:
+        begins_s: from the event to the first change of speed.
+        lasts_s: from there to the end of the change.
+        speed_m_s: the even speed.
+        run_m: how far the robot got from the event on; 0 for a start.
+    """
+
+    begins_s: float
+    lasts_s: float
+    speed_m_s: float
+    run_m: float
+
+    @property
+    def rate_m_s2(self) -> float:
+        """The acceleration or deceleration, if it was even."""
+        return self.speed_m_s / max(self.lasts_s, 1e-3)
+
+
+CRUISE_S: Final = 0.3
+"""An even speed is taken from what was seen for so long."""
+
+_CANDIDATES: Final = 40
+_EARLY_S: Final = 0.02
+_SWIFT_M_S: Final = 0.01
+
+
+def fit_stop(track: Sequence[Sample], event_s: float) -> Ramp | None:
+    """Return how a robot that drove evenly came to rest after an event; None where it did not drive before.
+
+    The one unknown is when it begins to brake: the way that is left until rest then says how hard. So neither a late
+    brake nor a weak one is credited with what the other leaves.
+    """
+    before = [each for each in track if event_s - CRUISE_S <= each.at_s <= event_s]
+    line = _line(before, before)
+    if line is None:
+        return None
+    speed, at_event, along = line[0], line[1] + line[0] * event_s, line[2]
+    after = [(each.at_s - event_s, along(each) - at_event) for each in track if each.at_s > event_s]
+    if not after:
+        return None
+    run_m = max(after[-1][1], 0.0)
+
+    def lasts_s(begins_s: float) -> float:
+        return 2.0 * max(run_m / speed - begins_s, 0.0)
+
+    def miss(begins_s: float) -> float:
+        ramp_s = lasts_s(begins_s)
+        return sum((way - _braked(time_s, begins_s, ramp_s, speed)) ** 2 for time_s, way in after)
+
+    # Clocks that are learned may say that it began a little before the event; cut off, it would seem to brake harder.
+    begins_s = _least(miss, -_EARLY_S, max(run_m / speed, 0.0))
+    return Ramp(begins_s, lasts_s(begins_s), speed, run_m)
+
+
+def fit_start(track: Sequence[Sample], event_s: float) -> Ramp | None:
+    """Return how a robot at rest got going after an event; None where it did not get to an even speed."""
+    after = [each for each in track if each.at_s > event_s]
+    if not after:
+        return None
+    line = _line([each for each in after if each.at_s >= after[-1].at_s - CRUISE_S], after)
+    if line is None:
+        return None
+    speed, along = line[0], line[2]
+    still = [along(each) for each in track if event_s - CRUISE_S <= each.at_s <= event_s]
+    began = along(after[0]) if not still else sum(still) / len(still)
+    # Where the even way begins, if it were even from rest on: in the middle of the ramp.
+    middle_s = max((began - line[1]) / speed - event_s, 0.0)
+    ways = [(each.at_s - event_s, along(each) - began) for each in after]
+
+    def miss(begins_s: float) -> float:
+        ramp_s = 2.0 * (middle_s - begins_s)
+        return sum((way - _begun(time_s, begins_s, ramp_s, speed)) ** 2 for time_s, way in ways)
+
+    begins_s = _least(miss, -_EARLY_S, middle_s)
+    return Ramp(begins_s, 2.0 * (middle_s - begins_s), speed, 0.0)
+
+
+def _line(even: Sequence[Sample], whole: Sequence[Sample]) -> tuple[float, float, Callable[[Sample], float]] | None:
+    """Return speed, way at time 0, and the way along their course, of samples on an even straight way."""
+    if len(even) < 3 or even[-1].at_s <= even[0].at_s:
+        return None
+    dx, dy = even[-1].x_m - whole[0].x_m, even[-1].y_m - whole[0].y_m
+    length = math.hypot(dx, dy)
+    if length <= _SWIFT_M_S * (even[-1].at_s - even[0].at_s):
+        return None
+    ex, ey = dx / length, dy / length
+
+    def along(sample: Sample) -> float:
+        return sample.x_m * ex + sample.y_m * ey
+
+    times = [each.at_s for each in even]
+    ways = [along(each) for each in even]
+    middle_s, middle_m = sum(times) / len(times), sum(ways) / len(ways)
+    spread = sum((time_s - middle_s) ** 2 for time_s in times)
+    speed = sum((time_s - middle_s) * (way - middle_m) for time_s, way in zip(times, ways, strict=True)) / spread
+    return (speed, middle_m - speed * middle_s, along) if speed > _SWIFT_M_S else None
+
+
+def _braked(time_s: float, begins_s: float, lasts_s: float, speed: float) -> float:
+    if time_s <= begins_s:
+        return speed * time_s
+    braking_s = min(time_s - begins_s, lasts_s)
+    return speed * begins_s + (speed * braking_s * (1.0 - braking_s / (2.0 * lasts_s)) if lasts_s > 0.0 else 0.0)
+
+
+def _begun(time_s: float, begins_s: float, lasts_s: float, speed: float) -> float:
+    if time_s <= begins_s:
+        return 0.0
+    rising_s = min(time_s - begins_s, lasts_s)
+    ramp_m = speed * rising_s * rising_s / (2.0 * lasts_s) if lasts_s > 0.0 else 0.0
+    return ramp_m + speed * max(time_s - begins_s - lasts_s, 0.0)
+
+
+def _least(miss: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function of one valley is least."""
+    best = low
+    for _ in range(2):
+        step = (high - low) / _CANDIDATES
+        best = min((low + index * step for index in range(_CANDIDATES + 1)), key=miss)
+        low, high = max(low, best - step), min(high, best + step)
+    return best
+
+
+def quantile(values: Sequence[float], share: float) -> float:
+    """Return the value that this share of all values does not exceed, the next larger one that was seen."""
+    ordered = sorted(values)
+    return ordered[min(max(math.ceil(share * len(ordered)) - 1, 0), len(ordered) - 1)]

@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 from soter.adapters.pybullet.robot import SimulatedRobot
-from soter.drive import Drive, DriveLimits
-from soter.mux import Mux
+from soter.errors import LifecycleError
+from soter.onboard.drive import Drive, DriveLimits
+from soter.onboard.mux import Mux
 from soter.sdk import Capabilities, Controller, Goal, GoalStatus, RobotState, Switch, Waypoint
 from soter_sim import LIMITS
 
@@ -24,6 +25,10 @@ class Broken(SimulatedRobot):
 
     def _drive_with(self, limits: DriveLimits) -> None:
         self._vehicle._drive = Drive(limits, self._world.period_s)
+
+
+def not_cancelled(_goal: Goal) -> None:
+    """Do nothing: these goals are the vehicle's own."""
 
 
 class NedForEnu(Broken):
@@ -158,8 +163,9 @@ class CancelIgnored(Broken):
 
     caught_by = "goal.cancel"
 
-    def _cancel(self, goal: Goal) -> None:
-        pass
+    def _send_goto(self, goal: Goal) -> None:
+        super()._send_goto(goal)
+        goal._cancel = not_cancelled
 
 
 class CancelStopsAll(Broken):
@@ -167,9 +173,15 @@ class CancelStopsAll(Broken):
 
     caught_by = "goal.cancel_own"
 
-    def _cancel(self, goal: Goal) -> None:
-        super()._cancel(goal)
-        self._halt()
+    def _send_goto(self, goal: Goal) -> None:
+        super()._send_goto(goal)
+        cancel = goal._cancel
+
+        def cancel_and_stop(any_goal: Goal) -> None:
+            cancel(any_goal)
+            self._halt()
+
+        goal._cancel = cancel_and_stop
 
 
 class EarlyArrival(Broken):
@@ -177,9 +189,9 @@ class EarlyArrival(Broken):
 
     caught_by = "goto.radius"
 
-    def _judge(self, goal: Goal, state: RobotState, now_s: float) -> None:
+    def _send_goto(self, goal: Goal) -> None:
+        super()._send_goto(goal)
         goal.radius_sq_m2 = 0.3**2
-        super()._judge(goal, state, now_s)
 
 
 class AcceptedIsReached(Broken):
@@ -192,18 +204,18 @@ class AcceptedIsReached(Broken):
         goal._end(GoalStatus.REACHED, "accepted", self.clock.now())
 
 
-class AnybodyDrives(Broken):
+class AnybodyDrives(Broken, overrides=("goto",)):
     """Executes gotos of whoever sends them."""
 
     caught_by = "goto.not_in_charge"
 
     def goto(self, target: Waypoint, by: Controller) -> Goal:
-        goal = super().goto(target, self._in_charge)
+        goal = super().goto(target, self.in_charge)
         goal.by = by
         return goal
 
 
-class RejectedIsExecuted(Broken):
+class RejectedIsExecuted(Broken, overrides=("goto",)):
     """Says REJECTED, and sends the goto all the same."""
 
     caught_by = "goto.not_in_charge"
@@ -211,11 +223,11 @@ class RejectedIsExecuted(Broken):
     def goto(self, target: Waypoint, by: Controller) -> Goal:
         goal = super().goto(target, by)
         if goal.status is GoalStatus.REJECTED:
-            self._mux.give(self._in_charge, goal, self._world.now_s)
+            self._mux.give(self.in_charge, goal, self._world.now_s)
         return goal
 
 
-class Unchecked(Broken):
+class Unchecked(Broken, overrides=("goto",)):
     """Lets any number through."""
 
     caught_by = "goto.invalid"
@@ -226,7 +238,7 @@ class Unchecked(Broken):
         return super().goto(target, by)
 
 
-class BlockingGoto(Broken):
+class BlockingGoto(Broken, overrides=("goto",)):
     """Returns from goto() when the robot has moved off."""
 
     caught_by = "goto.returns_at_once"
@@ -241,7 +253,7 @@ class BlockingGoto(Broken):
         return goal
 
 
-class BlockingRead(Broken):
+class BlockingRead(Broken, overrides=("read_state",)):
     """Waits for the next sample when the state is read."""
 
     caught_by = "state.never_waits"
@@ -419,7 +431,7 @@ class LateHandOver(Broken):
         return self._honest()
 
 
-class RenewalFlushes(Broken):
+class RenewalFlushes(Broken, overrides=("switch_ac_sc",)):
     """Flushes the target with every switch, to the controller in charge too."""
 
     caught_by = "authority.idempotent"
@@ -474,7 +486,7 @@ class Unseeded(Broken):
         return state._replace(x_m=state.x_m + self._noise.uniform(-1e-6, 1e-6))
 
 
-class AltitudeDropped(Broken):
+class AltitudeDropped(Broken, overrides=("goto",)):
     """Says that a goal above the ground is reached from the ground."""
 
     caught_by = "capabilities.unsupported"
@@ -543,7 +555,7 @@ class Broadcast(Broken):
             if robot._world is self._world:
                 offset_x, offset_y = robot.spec.x_m - self.spec.x_m, robot.spec.y_m - self.spec.y_m
                 target = goal.target._replace(x_m=goal.target.x_m + offset_x, y_m=goal.target.y_m + offset_y)
-                sent = goal if robot is self else Goal(robot, goal.id, target, goal.by, goal.sent_s)
+                sent = goal if robot is self else Goal(not_cancelled, goal.id, target, goal.by, goal.sent_s)
                 robot._mux.give(goal.by, sent, self._world.now_s)
 
     def _disconnect(self, timeout_s: float) -> None:
@@ -589,22 +601,27 @@ class LeftDriving(Broken):
         self._mux.lease_s = math.inf
 
 
-class ReadyBeforeInit(Broken):
+class ReadyBeforeInit(Broken, overrides=("read_state",)):
     """Hands out samples before init()."""
 
     caught_by = "lifecycle.before_init"
 
     def read_state(self) -> RobotState:
-        return super().read_state() if self._capabilities is not None and not self._closed else self._honest()
+        try:
+            return super().read_state()
+        except LifecycleError:
+            return self._honest()
 
 
 class StartsByItself(Broken):
     """Drives off when it is connected, to a target of an earlier session."""
 
     caught_by = "lifecycle.init"
+    _started = False
 
     def _hand_over(self, to: Controller) -> None:
         super()._hand_over(to)
-        if self._capabilities is not None and self._next_goal_id == 1 and to is Controller.SC:
-            left = Goal(self, 0, Waypoint(self.spec.x_m + 0.5, self.spec.y_m), to, 0.0)
+        if self.initialised and not self._started:
+            self._started = True
+            left = Goal(not_cancelled, 0, Waypoint(self.spec.x_m + 0.5, self.spec.y_m), to, 0.0)
             self._mux.give(to, left, self._world.now_s)

@@ -6,7 +6,7 @@ import math
 from typing import Any, ClassVar
 
 from soter.sdk import Capabilities, Controller, Goal, GoalStatus, RobotState
-from tests.conformance.wire import Intent, WireRobot
+from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 
 class BrokenWire(WireRobot):
@@ -15,15 +15,21 @@ class BrokenWire(WireRobot):
     caught_by: ClassVar[str]
 
 
-class SuccessOnLostLink(BrokenWire):
+class SuccessOnLostLink(BrokenWire, overrides=("read_state",)):
     """Counts silence as success: a goal that was sent long enough ago is reached."""
 
     caught_by = "link.no_success"
+    _sent: Goal | None = None
 
-    def _judge(self, goal: Goal, state: RobotState, now_s: float) -> None:
-        super()._judge(goal, state, now_s)
-        if now_s - state.stamp_s > 1.0:
-            goal._end(GoalStatus.REACHED, "no news", now_s)
+    def _send_goto(self, goal: Goal) -> None:
+        super()._send_goto(goal)
+        self._sent = goal
+
+    def read_state(self) -> RobotState:
+        state, now_s = super().read_state(), self.clock.now()
+        if self._sent is not None and now_s - state.stamp_s > 1.0:
+            self._sent._end(GoalStatus.REACHED, "no news", now_s)
+        return state
 
 
 class RestampedOnRead(BrokenWire):
@@ -54,11 +60,15 @@ class StampedOnArrival(BrokenWire):
         return self._stamped[1]
 
 
+class NoLease(Vehicle):
+    lease_s = math.inf
+
+
 class LeaseOnTheWrongSide(BrokenWire):
     """Keeps the lease in SOTER's process: a vehicle that hears nothing drives on."""
 
     caught_by = "link.stops"
-    lease_s = math.inf
+    vehicle_class = NoLease
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -105,62 +115,74 @@ class OneSocketForAll(BrokenWire):
         super()._disconnect(timeout_s)
 
 
+class OnlyRenews(Vehicle):
+    def take(self, intent: Intent, clock_s: float) -> None:
+        if intent.renews and intent.session == self.session and intent.number > self.heard:
+            self.heard = intent.number
+            self.renew(intent, clock_s)
+            return
+        super().take(intent, clock_s)
+
+
 class SaysItOnce(BrokenWire):
     """Sends a hand-over once, and in renewals says nothing of who is in charge."""
 
     caught_by = "link.switch_is_not_lost"
+    vehicle_class = OnlyRenews
 
-    def take(self, intent: Intent, now_s: float) -> None:
-        if intent.renew and intent.number > self.heard:
-            self.heard = intent.number
-            self.mux.renew(now_s)
+
+class TakesAll(Vehicle):
+    def take(self, intent: Intent, clock_s: float) -> None:
+        self.session = intent.session
+        if intent.renews:
+            self.renew(intent, clock_s)
             return
-        super().take(intent, now_s)
+        self.mux.switch(intent.in_charge)
+        if intent.goal is None:
+            self.mux.halt()
+        else:
+            self.mux.give(intent.in_charge, intent.goal, clock_s)
 
 
 class Unnumbered(BrokenWire):
     """Executes gotos whenever they arrive, after a later stop or switch too."""
 
     caught_by = "link.reorder"
+    vehicle_class = TakesAll
 
-    def take(self, intent: Intent, now_s: float) -> None:
-        if intent.renew:
-            self.mux.renew(now_s)
-            return
-        self.mux.switch(intent.in_charge)
-        if intent.goal is None:
-            self.mux.halt()
-        else:
-            self.mux.give(intent.in_charge, intent.goal, now_s)
+
+class TogglingVehicle(Vehicle):
+    def take(self, intent: Intent, clock_s: float) -> None:
+        again, old = intent.number == self.heard, intent.number < self.heard
+        self.session, self.heard = intent.session, max(self.heard, intent.number)
+        if intent.renews:
+            self.renew(intent, clock_s)
+        elif not old:
+            self.mux.switch(intent.in_charge)
+            if intent.goal is None or again:
+                self.mux.halt()
+            else:
+                self.mux.give(intent.in_charge, intent.goal, clock_s)
 
 
 class Toggles(BrokenWire):
     """Starts with a goto and stops when the same one comes again."""
 
     caught_by = "link.duplicate"
-
-    def take(self, intent: Intent, now_s: float) -> None:
-        again, old = intent.number == self.heard, intent.number < self.heard
-        self.heard = max(self.heard, intent.number)
-        if intent.renew:
-            self.mux.renew(now_s)
-        elif not old:
-            self.mux.switch(intent.in_charge)
-            if intent.goal is None or again:
-                self.mux.halt()
-            else:
-                self.mux.give(intent.in_charge, intent.goal, now_s)
+    vehicle_class = TogglingVehicle
 
 
-class OldestFirst(BrokenWire):
+class OldestFirst(BrokenWire, overrides=("read_state",)):
     """Takes samples in the order in which they arrive, older ones too."""
 
     caught_by = "link.reorder"
 
     def _sample(self) -> RobotState | None:
         for sample in self.up.receive(self.clock.now()):
-            self.latest = sample
+            self.learned.observe(self.id, sample.vehicle_stamp_s, self.arrived_s(sample))
+            self.latest = sample._replace(stamp_s=self.learned.to_fleet_s(self.id, sample.vehicle_stamp_s))
         return self.latest
 
-    def _admit(self, sample: RobotState) -> RobotState | None:
-        return sample
+    def read_state(self) -> RobotState:
+        state = super().read_state()
+        return state if self.latest is None else self.latest._replace(link=state.link)

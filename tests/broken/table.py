@@ -1,28 +1,38 @@
-"""The tables of docs/conformance.md: every clause, and every broken adapter with the clauses that fail it."""
+"""The tables of docs/conformance.md: clauses, what measures each promise, and the broken adapters."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import Final
 
-from soter.conformance import CLAUSES, Verdict, judge, select
+from soter.conformance import CLAUSES, Outcome, try_clause
+from soter.conformance.promises import MEASURED_BY
 from tests.broken import in_process, on_wire
+from tests.broken.mutants import MUTANTS
+from tests.broken.survivors import SURVIVORS
+from tests.broken.wire_mutants import WIRE_MUTANTS
 from tests.conformance.wire import SimulatedHarness, WireHarness
 from tests.project.source import ROOT
 
 PAGE: Final = ROOT / "docs" / "conformance.md"
 
-IN_PROCESS: Final = tuple(in_process.Broken.__subclasses__())
-ON_WIRE: Final = tuple(on_wire.BrokenWire.__subclasses__())
-BROKEN: Final[tuple[type[in_process.Broken] | type[on_wire.BrokenWire], ...]] = (*IN_PROCESS, *ON_WIRE)
+Kind = type[in_process.Broken] | type[on_wire.BrokenWire]
+
+
+def _written(base: Kind) -> tuple[Kind, ...]:
+    return tuple(each for each in base.__subclasses__() if each.__module__ == base.__module__)
+
+
+BROKEN: Final[tuple[Kind, ...]] = (
+    *_written(in_process.Broken), *MUTANTS, *_written(on_wire.BrokenWire), *WIRE_MUTANTS,
+)  # fmt: skip
 
 
 @cache
-def failed_by(kind: type[in_process.Broken] | type[on_wire.BrokenWire]) -> dict[str, str]:
-    """Return the clauses that fail a broken adapter, and why."""
+def outcome_of(kind: Kind, clause_id: str) -> Outcome:
+    """Return what one clause says of a broken adapter."""
     harness = WireHarness(kind) if issubclass(kind, on_wire.BrokenWire) else SimulatedHarness(kind)
-    record = judge(harness, select())
-    return {each.clause.id: each.reason for each in record.outcomes if each.verdict is Verdict.FAIL}
+    return try_clause(CLAUSES[clause_id], harness)[0]
 
 
 def clause_table() -> str:
@@ -36,13 +46,18 @@ def clause_table() -> str:
     return "\n".join(lines)
 
 
-def broken_row(kind: type[in_process.Broken] | type[on_wire.BrokenWire]) -> str:
+def promise_table() -> str:
+    """Return the table of what measures each promise, and how sharply."""
+    lines = ["| promise | measured by | how, and what fails |", "|---|---|---|"]
+    for name, (clauses, how) in MEASURED_BY.items():
+        lines.append(f"| `{name}` | {', '.join(f'`{each}`' for each in clauses)} | {how} |")
+    return "\n".join(lines)
+
+
+def broken_row(kind: Kind) -> str:
     """Return the line of one broken adapter."""
-    others = sorted({each.removeprefix("truth.") for each in failed_by(kind)} - {kind.caught_by.removeprefix("truth.")})
-    shown = ", ".join(f"`{each}`" for each in others[:3])
-    more = f" and {len(others) - 3} more" if len(others) > 3 else ""
-    summary = (kind.__doc__ or "").partition("\n")[0]
-    return f"| {summary} | `{kind.caught_by}` | {shown}{more} |"
+    where = "wire" if issubclass(kind, on_wire.BrokenWire) else "in process"
+    return f"| {(kind.__doc__ or '').partition(chr(10))[0]} | {where} | `{kind.caught_by}` |"
 
 
 def broken_table() -> str:
@@ -50,14 +65,26 @@ def broken_table() -> str:
     return "\n".join([BROKEN_HEAD, *(broken_row(kind) for kind in BROKEN)])
 
 
-BROKEN_HEAD: Final = "| what is wrong | caught by | others that fail it |\n|---|---|---|"
+BROKEN_HEAD: Final = "| what is wrong | where | caught by |\n|---|---|---|"
+
+
+def survivor_table() -> str:
+    """Return the table of what no clause finds out."""
+    return "\n".join(["| what is wrong | why no trial shows it | what it can do |", "|---|---|---|", *(
+        f"| {each.says} | {each.why} | {each.can} |" for each in SURVIVORS
+    )])  # fmt: skip
+
+
+TABLES: Final = {
+    "clauses": clause_table, "promises": promise_table, "broken": broken_table, "survivors": survivor_table,
+}  # fmt: skip
 
 
 def page_with_tables() -> str:
-    """Return the page with both tables as they should be."""
+    """Return the page with all tables as they should be."""
     text = PAGE.read_text(encoding="utf-8")
-    for name, table in (("clauses", clause_table()), ("broken", broken_table())):
+    for name, table in TABLES.items():
         begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, after = text.partition(begin)[0], text.partition(end)[2]
-        text = f"{before}{begin}\n\n{table}\n\n{end}{after}"
+        text = f"{before}{begin}\n\n{table()}\n\n{end}{after}"
     return text

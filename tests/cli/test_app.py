@@ -101,7 +101,7 @@ def test_python_m_soter_cli_is_soter() -> None:
 
 def test_a_reader_that_leaves_ends_no_command() -> None:
     script = (
-        "import os; from soter.cli.console import emit, make_console\n"
+        "import os; from soter.cli.console import make_console; from soter.cli.plain import emit\n"
         "reader, writer = os.pipe(); os.dup2(writer, 1); os.close(writer); os.close(reader)\n"
         "emit('x'); emit('y'); make_console().print('z'); raise SystemExit(7)"
     )

@@ -7,9 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from soter.cli.app import app
 from soter.cli.outputs import Output, StandardOutput, json_output, picture_output, refuse_clashes
 from soter.errors import ConfigError
+from soter.record.digest import MAGIC
+from tests.project.source import ROOT
 
 
 def test_nothing_is_there_before_it_is_written(tmp_path: Path) -> None:
@@ -81,6 +85,13 @@ def test_a_name_that_is_too_long_is_refused(tmp_path: Path) -> None:
         Output(tmp_path / ("x" * 300), "--json")
 
 
+def test_names_that_no_system_takes_are_refused_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--json: '.*' cannot be written: File name too long"):
+        refuse_clashes({"--json": tmp_path / ("x" * 300)})
+    with pytest.raises(ConfigError, match="--json: '/' cannot be written: it is a folder"):
+        Output(Path("/"), "--json")
+
+
 def test_one_file_is_not_written_twice(tmp_path: Path) -> None:
     refuse_clashes({"--json": tmp_path / "a", "--record": tmp_path / "b", "--picture": None})
     (tmp_path / "link").symlink_to("a")
@@ -113,3 +124,44 @@ def test_without_matplotlib_the_hint_says_what_to_install(tmp_path: Path, monkey
     monkeypatch.setitem(sys.modules, "soter.report.picture", None)
     with pytest.raises(ConfigError, match=r'install it with: pip install "soter-rta\[report\]"'):
         picture_output(tmp_path / "run.png")
+
+
+# --- what is there already -----------------------------------------------------------------------------------
+
+RUN = ("run", str(ROOT / "examples" / "surveillance.toml"), "--backend", "kinematic", "--planner", "straight-line",
+       "--duration", "1", "--quiet")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("option", "name"), [("--json", "run.json"), ("--picture", "run.png"), ("--record", "run.mcap")]
+)
+def test_nothing_is_replaced_unasked(tmp_path: Path, option: str, name: str) -> None:
+    file = tmp_path / name
+    file.write_bytes(b"mine" if option != "--record" else MAGIC + b"mine")
+    before = file.read_bytes()
+    record = () if option == "--record" else ("--no-record",)
+    done = CliRunner().invoke(app, [*RUN, *record, option, str(file)])
+    assert done.exit_code == 2
+    assert f"'{file}' is there already; name another file, or give --force to replace it" in done.output
+    assert file.read_bytes() == before
+    assert CliRunner().invoke(app, [*RUN, *record, option, str(file), "--force"]).exit_code == 0
+    assert file.read_bytes() != before
+    assert [*tmp_path.iterdir()] == [file], "nothing is left beside it"
+
+
+def test_what_is_no_recording_is_never_replaced_by_one(tmp_path: Path) -> None:
+    notes = tmp_path / "notes.md"
+    notes.write_text("# Notes")
+    done = CliRunner().invoke(app, [*RUN, "--record", str(notes), "--force"])
+    assert done.exit_code == 2
+    assert "is no recording; it is not replaced by one, nor with --force" in done.output
+    assert notes.read_text() == "# Notes"
+
+
+def test_what_has_come_during_a_run_is_kept(tmp_path: Path) -> None:
+    output = Output(tmp_path / "result.json", "--json")
+    output.path.write_text("mine")
+    with pytest.raises(FileExistsError):
+        output.write(b"new")
+    assert output.path.read_text() == "mine"
+    assert [*tmp_path.iterdir()] == [output.path]

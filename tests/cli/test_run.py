@@ -57,7 +57,7 @@ def test_a_violation_exits_with_1() -> None:
     ("arguments", "message"),
     [
         (("--targets", "gird"), "did you mean 'grid'?"),
-        (("--duration", "-1"), "command line: duration_s: it is -1.0, allowed: above 0"),
+        (("--duration", "-1"), "command line: duration_s: it is -1.0, allowed: at least 0.001"),
         (("--duration", "nan"), "command line: duration_s: it is nan"),
         (("--seed", "-1"), "command line: seed: it is -1, allowed: at least 0"),
         (("--robots", "0"), "command line: robots: it is 0, allowed: at least 1"),
@@ -132,6 +132,29 @@ def test_how_a_run_ended_decides_the_exit_code(
     assert json.loads(file.read_text())["status"] == changes.get("status", "completed")
 
 
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [({}, 1), ({"status": "failed"}, 3), ({"status": "interrupted"}, 130), ({"never_moved": ()}, 0)],
+)
+def test_strict_exits_with_1_where_nothing_else_is_wrong_and_names_what_is(
+    monkeypatch: pytest.MonkeyPatch, kinematic_run: Run, changes: dict[str, object], code: int
+) -> None:
+    ending(monkeypatch, kinematic_run, **{"never_moved": (2,), **changes})
+    done = ran("--strict")
+    assert done.exit_code == code
+    assert done.stderr == ("error: --strict: robot 2 never moved\n" if changes.get("never_moved") != () else "")
+    assert ran().exit_code in (0, 3, 130)
+
+
+def test_a_failed_assumption_is_in_the_summary_and_fails_a_strict_run() -> None:
+    fault = "fault=[{kind='bias', x_m=0.2, start_s=5.0, declared=false, robot=1}]"
+    done = ran(*QUICK, "--set", fault, "--strict")
+    assert done.exit_code == 1
+    assert "A6, robot 1" in done.stdout
+    assert done.stderr.startswith("error: --strict: assumption A6 failed for robot 1 (once, first after 5 s)")
+    assert ran(*QUICK, "--set", fault).exit_code == 0
+
+
 def test_a_fault_of_ours_is_no_violation(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> Run:
         raise ZeroDivisionError("oops")
@@ -196,7 +219,7 @@ def test_quiet_says_nothing() -> None:
 
 def test_options_reach_the_run() -> None:
     done = ran(*QUICK, "--quiet", "--json", "-", "--robots", "1", "--targets", "uniform", "--modules",
-               "battery,geofence", "--set", "rta.geofence.delta_s=0.25")  # fmt: skip
+               "battery,geofence", "--set", "rta.geofence.delta_s=0.1")  # fmt: skip
     result = RunResult.model_validate_json(done.stdout)
     assert (result.robots, result.targets_from, result.modules) == (1, "uniform", ("geofence", "battery"))
     bare = RunResult.model_validate_json(ran(*QUICK, "-q", "--json", "-", "--no-rta").stdout)
@@ -232,7 +255,14 @@ def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """`soter run` as a process, in the moment in which it begins to run."""
     command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), "--no-record", *map(str, arguments)]
     with subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Who runs tests in the background may have it ignored, and that would be left to the run.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     ) as process:
         try:
             assert process.stdout is not None
@@ -243,7 +273,7 @@ def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_stops_the_run_and_keeps_its_result(tmp_path: Path, number: signal.Signals, code: int) -> None:
     file = tmp_path / "result.json"
     with started(*QUICK[:-1], "1e6", "--json", file) as process:

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from soter.cli.summary import caption, differences, headline, outcome, per_robot_hour, print_summary, remarks, rows
 from soter.runner import NeedlessCounts, RunResult, TickTimes
+from soter.runner.result import BreachFigures, StallFigures, WorstFigures
 
 THESIS_LIKE = {"duration_s": 7200.0, "robots": 2, "targets_from": "grid"}
 
@@ -166,3 +167,60 @@ def test_an_adversary_is_named_in_place_of_the_mission(result: RunResult) -> Non
     assert "planner" not in headline(attacked)
     assert "AC adversary:chase instead of the mission" in differences(attacked)
     assert caption(attacked, 0.85).details == f"AC adversary:chase, seed {result.seed}"
+
+
+BREACH = BreachFigures(
+    times=61_000, first_s=12.25, cause="'battery': margin -0.001", last_s=700.0,
+    worst=(WorstFigures(excess=0.0448, unit="of a charge", time_s=403.15, cause="'battery': margin -0.045"),
+           WorstFigures(excess=0.031, unit="m", time_s=99.0, cause="'geofence': margin -0.031")),
+)  # fmt: skip
+ONCE = BreachFigures(
+    times=1, first_s=3.0, cause="sample is 0.150 s old, declared at most 0.100 s", last_s=3.0,
+    worst=(WorstFigures(excess=0.05, unit="s", time_s=3.0, cause="sample is 0.150 s old, declared at most 0.100 s"),),
+)  # fmt: skip
+TROUBLES: dict[str, object] = {
+    "assumptions": {
+        2: {"A14": BREACH},
+        1: {"A14": BREACH, "A4": ONCE, "A12": BreachFigures(times=2, first_s=1.0, cause="the robot reports AC")},
+    },
+    "permanent_stalls": {2: StallFigures(since_s=300.0, lasted_s=6900.0, module="obstacle", cause="margin 0.02 m")},
+    "never_moved": (1, 3),
+    "accepted_unproved": ("P2b of module 'battery' is PARTLY: 812 s of 700 s",),
+}  # fmt: skip
+
+
+def test_every_assumption_that_failed_is_named_with_robot_number_and_the_worst_of_it(result: RunResult) -> None:
+    shown = values(made(result, **TROUBLES))
+    assert shown["assumptions failed"][0] == "4"
+    assert [name for name in shown if name.startswith("A") and "robot" in name] == [
+        "A4, robot 1", "A12, robot 1", "A14, robot 1", "A14, robot 2",
+    ]  # fmt: skip
+    assert shown["A14, robot 2"][0] == (
+        "61000 times, first at 12.25 s: 'battery': margin -0.001; worst, by 4.48 % of a charge, at 403.15 s: "
+        "'battery': margin -0.045; worst, by 0.031 m, at 99.00 s: 'geofence': margin -0.031"
+    )
+    assert shown["A4, robot 1"][0] == "once, at 3.00 s: sample is 0.150 s old, declared at most 0.100 s, by 0.05 s"
+    assert shown["stalled, robot 2"][0] == "1.92 h up to the end, by obstacle: margin 0.02 m"
+    assert shown["never moved"][0] == "robot 1, 3"
+    assert shown["not proved"][0] == "accepted: P2b of module 'battery' is PARTLY: 812 s of 700 s"
+    assert values(result)["assumptions failed"][0] == "none was seen to"
+
+
+def test_what_went_wrong_fits_into_80_columns(result: RunResult) -> None:
+    text = printed(made(result, **TROUBLES))
+    table = text[text.index("─") :]
+    assert max(map(len, table[: table.index("AC in control")].splitlines())) <= 80
+    assert "61000 times" in text
+
+
+def test_troubles_are_what_strict_names(result: RunResult) -> None:
+    assert result.troubles == []
+    assert made(result, **TROUBLES).troubles == [
+        "assumption A14 failed for robot 2 (61000 times, first after 12.25 s)",
+        "assumption A14 failed for robot 1 (61000 times, first after 12.25 s)",
+        "assumption A4 failed for robot 1 (once, first after 3 s)",
+        "assumption A12 failed for robot 1 (2 times, first after 1 s)",
+        "robot 2 stalled for good after 300 s, with the safe controller of 'obstacle'",
+        "robot 1 never moved",
+        "robot 3 never moved",
+    ]

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from soter.conformance import CLAUSES, HOOKS, find_harness
+from soter.conformance import CLAUSES, HOOKS, Harness, find_harness
 from soter.conformance.testing import AdapterSuite
+from soter.sdk import Fleet
 from tests.broken.in_process import NoOpStop
-from tests.conformance.wire import SimulatedHarness, WireRobot
+from tests.conformance.failing import Dead
+from tests.conformance.wire import SimulatedHarness, WireHarness, WireRobot
 from tests.project.source import ROOT
 
 PROGRAM = """
@@ -32,8 +34,27 @@ class BrokenSuite(AdapterSuite):
     harness = staticmethod(lambda: SimulatedHarness(NoOpStop))
 
 
+class DeadSuite(AdapterSuite):
+    harness = staticmethod(lambda: SimulatedHarness(Dead))
+
+
+class NoHooks(Harness):
+    """Opens robots behind a link that nothing can be done to."""
+
+    name = "no hooks"
+
+    def __init__(self) -> None:
+        self.world = WireHarness(WireRobot)
+
+    def open(self, robots: int) -> Fleet:
+        return self.world.open(robots)
+
+    def close(self) -> None:
+        self.world.close()
+
+
 class WireSuite(AdapterSuite):
-    harness = staticmethod(lambda: SimulatedHarness(WireRobot))
+    harness = NoHooks
 
 
 def test_pytest_makes_one_test_of_each_clause(tmp_path: Path) -> None:
@@ -60,6 +81,16 @@ def test_a_hook_may_be_missing_in_process_but_not_on_a_wire() -> None:
         WireSuite().test_clause("link.age")
 
 
+def test_robots_that_are_never_there_are_not_waited_for_in_every_test() -> None:
+    for clause in ("lifecycle.init", "state.start"):
+        with pytest.raises(AssertionError, match="nobody answers"):
+            DeadSuite().test_clause(clause)
+    with pytest.raises(
+        AssertionError, match=r"NOT TESTED: no robot was ever ready, as lifecycle\.init and state\.start"
+    ):
+        DeadSuite().test_clause("goto.arrives")
+
+
 def test_nothing_of_it_imports_pytest() -> None:
     program = (
         "import sys, soter.conformance.testing; assert 'pytest' not in sys.modules; assert 'rich' not in sys.modules"
@@ -68,13 +99,13 @@ def test_nothing_of_it_imports_pytest() -> None:
 
 
 def test_a_harness_gives_what_it_overrides() -> None:
-    class Half(SimulatedHarness):
+    class Half(NoHooks):
         def cut(self, robot_id: int) -> None:
             pass
 
         def delay(self, seconds: float) -> None:
             pass
 
-    half = Half(WireRobot)
+    half = Half()
     # A link that is cut must be restored too.
     assert [hook for hook in HOOKS if half.gives(hook)] == ["delay"]

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 from soter.adapters.pybullet.robot import SimulatedRobot
-from soter.clock import VirtualClock
+from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
-from soter.drive import Drive
-from soter.mux import Mux
+from soter.errors import RobotUnavailable
+from soter.onboard.drive import Drive, DriveLimits
+from soter.onboard.mux import Mux
 from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState
 from soter_sim import LIMITS, World
+from soter_sim.kinematic import KinematicEngine
 
 M = TypeVar("M")
+
+PERIOD_S = 0.01
+"""The vehicle's control period."""
+
+SAMPLE_PERIODS = 2
+"""So many of them from one sample to the next."""
 
 LATE_S = 0.12
 """How much later a reordered message comes."""
@@ -34,10 +45,15 @@ class Faults:
 
 
 class Channel(Generic[M]):
-    """One direction of a link."""
+    """One direction of a link.
+
+    Attributes:
+        arrived_s: by what was handed out, when it had arrived.
+    """
 
     def __init__(self, faults: Faults, seed: int) -> None:
         self.faults = faults
+        self.arrived_s: dict[int, float] = {}
         self._random = random.Random(seed)
         self._flying: list[tuple[float, M]] = []
 
@@ -55,75 +71,151 @@ class Channel(Generic[M]):
             self._flying.clear()
         due = sorted((each for each in self._flying if each[0] <= now_s + 1e-6), key=lambda each: each[0])
         self._flying = [each for each in self._flying if each[0] > now_s + 1e-6]
+        self.arrived_s = {id(message): at_s for at_s, message in due}
         return [message for _, message in due]
 
 
 class Intent(NamedTuple):
-    """All that the robot has to know, in every message: nothing hangs on the one before having arrived."""
+    """All that the robot has to know, in every message: nothing hangs on the one before having arrived.
 
+    Attributes:
+        session: the program that says it.
+        number: rises with each message of a session.
+        in_charge: who is.
+        goal: where to, or None.
+        renewed_s: the vehicle's own time at which the lease was renewed, or None.
+        renews: whether this message was sent to renew it.
+    """
+
+    session: int
     number: int
     in_charge: Controller
     goal: Goal | None
-    renew: bool
+    renewed_s: float | None
+    renews: bool
 
 
-class WireRobot(Robot):
-    """Sends intents, numbered; receives samples stamped by the vehicle."""
+class Vehicle:
+    """One robot's own side: its clock, its gate, its drive; hears every program and reports to all.
 
-    declared: ClassVar[Capabilities] = replace(
-        SimulatedRobot.declared, in_process=False, latency_s=0.1, sample_age_s=0.1, jitter_s=0.05
-    )
-    lease_s: ClassVar[float] = SimulatedRobot.declared.lease_s
+    Args:
+        spec: which robot.
+        world: where it lives.
+    """
 
-    def __init__(self, spec: RobotSpec, clock: VirtualClock, world: World) -> None:
-        super().__init__(spec, clock)
-        self.faults = Faults()
+    lease_s: ClassVar[float] = 0.15
+    limits: ClassVar[DriveLimits] = LIMITS
+
+    def __init__(self, spec: RobotSpec, world: World) -> None:
+        self.id = spec.id
         self.world = world
-        self.down: Channel[Intent] = Channel(self.faults, 2 * spec.id)
-        self.up: Channel[RobotState] = Channel(self.faults, 2 * spec.id + 1)
-        self.wanted = Intent(0, Controller.SC, None, False)
-        self.latest: RobotState | None = None
-        # The vehicle's side.
         self.index = world.index(spec.id)
-        self.mux: Mux[Controller, Goal] = Mux(Controller.SC, self.lease_s)
-        self.drive = Drive(LIMITS, world.period_s)
-        self.heard = 0
+        self.faults = Faults()
+        self.down: list[Channel[Intent]] = []
+        self.up: list[Channel[RobotState]] = []
+        self.offset_s = 1000.0 * spec.id
+        self.drive = Drive(self.limits, world.period_s)
+        self.periods = 0
+        self.begin()
+        world.set_control(spec.id, self.control)
 
-    # --- the vehicle's side ---
+    def begin(self) -> None:
+        """Begin to run, knowing nothing."""
+        self.session, self.heard = 0, 0
+        self.mux: Mux[Controller, Goal] = Mux(Controller.SC, self.lease_s)
+
+    def restart(self) -> None:
+        self.offset_s = -self.world.now_s
+        self.begin()
 
     def control(self, now_s: float, x: float, y: float, heading: float, v: float, rate: float) -> tuple[float, float]:
-        for intent in self.down.receive(now_s):
-            self.take(intent, now_s)
-        goal = self.mux.passing(now_s)
-        east, north = self.world.engine.velocity(self.index)
-        command = self.mux.command
-        self.up.send(now_s, RobotState(
-            self.id, now_s, now_s, x, y, 0.0, heading, east, north, rate, self.world.bodies.charge[self.index],
-            self.mux.in_charge, None if command is None else command.id, Link.UP,
-        ))  # fmt: skip
+        clock_s = now_s + self.offset_s
+        for channel in self.down:
+            for intent in channel.receive(now_s):
+                self.take(intent, clock_s)
+        goal = self.mux.passing(clock_s)
+        self.periods += 1
+        if self.periods % SAMPLE_PERIODS == 0:
+            for line in self.up:
+                line.send(now_s, self.sample(clock_s, x, y, heading, rate))
         return self.drive.command(x, y, heading, v, rate, None if goal is None else goal.target)
 
-    def take(self, intent: Intent, now_s: float) -> None:
-        if intent.number <= self.heard:
+    def sample(self, clock_s: float, x: float, y: float, heading: float, rate: float) -> RobotState:
+        east, north = self.world.engine.velocity(self.index)
+        command = self.mux.command
+        return RobotState(
+            self.id, clock_s, clock_s, x, y, 0.0, heading, east, north, rate, self.world.bodies.charge[self.index],
+            self.mux.in_charge, None if command is None else command.id, Link.UP,
+        )  # fmt: skip
+
+    def take(self, intent: Intent, clock_s: float) -> None:
+        if not self.follows(intent, clock_s):
             return
-        self.heard = intent.number
+        self.session, self.heard = intent.session, intent.number
         self.mux.switch(intent.in_charge)
         if intent.goal is None:
             self.mux.halt()
         elif self.mux.command is not intent.goal:
-            self.mux.give(intent.in_charge, intent.goal, now_s)
-        if intent.renew:
-            self.mux.renew(now_s)
+            self.mux.give(intent.in_charge, intent.goal, clock_s)
+        self.renew(intent, clock_s)
 
-    # --- SOTER's side ---
+    def follows(self, intent: Intent, clock_s: float) -> bool:
+        if intent.session == self.session:
+            return intent.number > self.heard
+        return not self.mux.alive(clock_s)
+
+    def renew(self, intent: Intent, clock_s: float) -> None:
+        if intent.renewed_s is not None:
+            # A sender whose idea of this clock runs ahead gets no longer lease for it.
+            self.mux.renew(min(intent.renewed_s, clock_s))
+
+
+class WireClock(VirtualClock):
+    """Virtual time that takes itself for the host's."""
+
+    def steady_s(self) -> float:
+        return self.now()
+
+
+class WireRobot(Robot):
+    """Sends intents, numbered; receives samples stamped by the vehicle's clock."""
+
+    declared: ClassVar[Capabilities] = replace(
+        SimulatedRobot.declared, in_process=False, latency_s=0.03, sample_age_s=0.04, jitter_s=0.01,
+        setpoint_period_s=0.02, lease_s=0.15, position_noise_m=0.001,
+    )  # fmt: skip
+    vehicle_class: ClassVar[type[Vehicle]] = Vehicle
+    clock_class: ClassVar[type[WireClock]] = WireClock
+
+    def __init__(self, spec: RobotSpec, clock: VirtualClock, vehicle: Vehicle) -> None:
+        super().__init__(spec, clock)
+        self.vehicle = vehicle
+        self.faults = vehicle.faults
+        number = len(vehicle.down)
+        self.down: Channel[Intent] = Channel(self.faults, 2 * spec.id + 10 * number)
+        self.up: Channel[RobotState] = Channel(self.faults, 2 * spec.id + 10 * number + 1)
+        vehicle.down.append(self.down)
+        vehicle.up.append(self.up)
+        self.learned = VehicleClock(rate_tolerance=0.0, steady=clock.now)
+        self.wanted = Intent(number + 1, 0, Controller.SC, None, None, False)
+        self.latest: RobotState | None = None
 
     def want(self, *, renew: bool = False, **changes: Goal | Controller | None) -> None:
-        self.wanted = self.wanted._replace(number=self.wanted.number + 1, renew=renew, **changes)  # type: ignore[arg-type]
-        self.down.send(self.world.now_s, self.wanted)
+        if renew:
+            with suppress(LookupError):
+                now_s = self.clock.now()
+                self.wanted = self.wanted._replace(renewed_s=self.learned.to_vehicle_s(self.id, now_s))
+        self.wanted = self.wanted._replace(number=self.wanted.number + 1, renews=renew, **changes)  # type: ignore[arg-type]
+        self.down.send(self.clock.now(), self.wanted)
 
     def _connect(self, timeout_s: float) -> Capabilities:
-        self.world.set_control(self.id, self.control)
-        self.clock.sleep_until(self.clock.now() + self.world.period_s)
+        end_s = self.clock.now() + timeout_s
+        while self.vehicle.session != self.wanted.session:
+            self.clock.sleep_until(self.clock.now() + 0.02)
+            self._sample()
+            self.want()
+            if self.clock.now() >= end_s:
+                raise RobotUnavailable(f"robot {self.id} follows another program, whose lease lives")
         return self.declared
 
     def _send_goto(self, goal: Goal) -> None:
@@ -131,9 +223,14 @@ class WireRobot(Robot):
 
     def _sample(self) -> RobotState | None:
         for sample in self.up.receive(self.clock.now()):
-            if self.latest is None or sample.stamp_s > self.latest.stamp_s:
-                self.latest = sample
+            arrived_s = self.arrived_s(sample)
+            rebooted = self.learned.observe(self.id, sample.vehicle_stamp_s, arrived_s)
+            if rebooted or self.latest is None or sample.vehicle_stamp_s > self.latest.vehicle_stamp_s:
+                self.latest = sample._replace(stamp_s=self.learned.to_fleet_s(self.id, sample.vehicle_stamp_s))
         return self.latest
+
+    def arrived_s(self, sample: RobotState) -> float:
+        return self.up.arrived_s.pop(id(sample), self.clock.now())
 
     def _hand_over(self, to: Controller) -> None:
         self.want(in_charge=to, goal=None)
@@ -145,16 +242,17 @@ class WireRobot(Robot):
         self.want(goal=None)
 
     def _disconnect(self, timeout_s: float) -> None:
+        self.wanted = self.wanted._replace(renewed_s=None)
         self.want(goal=None)
         self.clock.sleep_until(self.clock.now() + min(timeout_s, 0.5))
 
 
 class SimulatedFleet(Fleet):
-    """Robots of any class in one world."""
+    """Robots that live in a simulated world in this process."""
 
-    def __init__(self, kind: type[SimulatedRobot] | type[WireRobot], specs: Sequence[RobotSpec], engine: str) -> None:
+    def __init__(self, kind: type[SimulatedRobot], specs: Sequence[RobotSpec], engine: str) -> None:
         self.world = World(open_floor().with_robots(len(specs)), specs, engine)
-        clock = VirtualClock(self.world.advance)
+        clock = getattr(kind, "clock_class", VirtualClock)(self.world.advance)
         super().__init__(clock, [kind(spec, clock, self.world) for spec in specs], self.world.truth)
 
     def _close(self) -> None:
@@ -164,56 +262,109 @@ class SimulatedFleet(Fleet):
 class SimulatedHarness(Harness):
     """Opens robots of any class that lives in a simulated world in this process."""
 
-    def __init__(self, kind: type[SimulatedRobot] | type[WireRobot], engine: str = "kinematic") -> None:
+    charges_at_start = True
+    contacts = True
+
+    def __init__(self, kind: type[SimulatedRobot], engine: str = "kinematic") -> None:
         self.name = kind.__name__
         self.kind = kind
         self.engine = engine
 
     def open(self, robots: int) -> Fleet:
-        places = open_floor().robots[:robots]
-        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in places]
-        return SimulatedFleet(self.kind, specs, self.engine)
+        return SimulatedFleet(self.kind, specs_of(robots), self.engine)
 
     def close(self) -> None:
         pass
 
 
-class WireHarness(SimulatedHarness):
-    """The same with every fault of the link."""
+def specs_of(robots: int) -> list[RobotSpec]:
+    places = open_floor().robots[:robots]
+    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in places]
 
-    robots: tuple[Robot, ...] = ()
+
+class Moving:
+    """The truth between two periods, as a world behind a wire would have it."""
+
+    def __init__(self, world: World, clock: Clock) -> None:
+        self.world = world
+        self.clock = clock
+        self.report = world.truth.report
+
+    def pose(self, robot_id: int) -> tuple[float, float, float]:
+        world, index = self.world, self.world.index(robot_id)
+        x_m, y_m, heading_rad = world.truth.pose(robot_id)
+        later_s = self.clock.now() - world.now_s
+        length_m = world.bodies.v[index] * later_s
+        heading_rad += world.bodies.yaw_rate[index] * later_s
+        return (
+            x_m + length_m * math.cos(heading_rad),
+            y_m + length_m * math.sin(heading_rad),
+            math.remainder(heading_rad, 2.0 * math.pi),
+        )
+
+
+class WireFleet(Fleet):
+    """One program's robots; the world is its harness's."""
+
+    def _close(self) -> None:
+        pass
+
+
+class WireHarness(Harness):
+    """Opens robots of any class behind a link, with every fault of link and vehicle."""
+
+    charges_at_start = True
+    contacts = True
+
+    def __init__(self, kind: type[WireRobot]) -> None:
+        self.name = kind.__name__
+        self.kind = kind
+        self.world: World | None = None
+        self.vehicles: dict[int, Vehicle] = {}
 
     def open(self, robots: int) -> Fleet:
-        fleet = super().open(robots)
-        self.robots = fleet.robots
-        return fleet
+        specs = specs_of(robots)
+        engine = partial(KinematicEngine, step_s=PERIOD_S)
+        self.world = world = World(open_floor().with_robots(robots), specs, engine)
+        self.clock = self.kind.clock_class(world.advance)
+        self.vehicles = {spec.id: self.kind.vehicle_class(spec, world) for spec in specs}
+        return self.second()
 
-    def _faults(self) -> list[Faults]:
-        return [robot.faults for robot in self.robots if isinstance(robot, WireRobot)]
+    def second(self) -> Fleet:
+        assert self.world is not None
+        specs = specs_of(len(self.vehicles))
+        robots = [self.kind(spec, self.clock, self.vehicles[spec.id]) for spec in specs]
+        return WireFleet(self.clock, robots, Moving(self.world, self.clock))
+
+    def close(self) -> None:
+        if self.world is not None:
+            self.world.close()
+
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        self.vehicles[robot_id].offset_s += seconds
+
+    def restart(self, robot_id: int) -> None:
+        self.vehicles[robot_id].restart()
 
     def cut(self, robot_id: int) -> None:
-        self._set(robot_id, True)
+        self.vehicles[robot_id].faults.cut = True
 
     def restore(self, robot_id: int) -> None:
-        self._set(robot_id, False)
-
-    def _set(self, robot_id: int, cut: bool) -> None:
-        for robot in self.robots:
-            if isinstance(robot, WireRobot) and robot.id == robot_id:
-                robot.faults.cut = cut
+        self.vehicles[robot_id].faults.cut = False
 
     def delay(self, seconds: float) -> None:
-        for faults in self._faults():
-            faults.delay_s = seconds
+        self._all(delay_s=seconds)
 
     def loss(self, fraction: float) -> None:
-        for faults in self._faults():
-            faults.loss = fraction
+        self._all(loss=fraction)
 
     def duplicate(self, fraction: float) -> None:
-        for faults in self._faults():
-            faults.duplicate = fraction
+        self._all(duplicate=fraction)
 
     def reorder(self, fraction: float) -> None:
-        for faults in self._faults():
-            faults.reorder = fraction
+        self._all(reorder=fraction)
+
+    def _all(self, **faults: float) -> None:
+        for vehicle in self.vehicles.values():
+            for name, value in faults.items():
+                setattr(vehicle.faults, name, value)

@@ -11,6 +11,7 @@ from typing import Final
 import zmq
 
 from soter.conformance import ImpairedRelay, Line
+from soter_zmq.robot import address
 
 _LOOK_MS: Final = 20
 
@@ -19,25 +20,22 @@ class Relay(ImpairedRelay):
     """Passes messages on, both ways.
 
     Args:
-        endpoints: by robot, where it really listens and reports.
+        addresses: by robot, where it really listens and reports.
 
     Attributes:
-        endpoints: by robot, where the relay takes its place.
+        addresses: by robot, where the relay takes its place.
     """
 
-    def __init__(self, endpoints: Mapping[int, Mapping[str, str]]) -> None:
+    def __init__(self, addresses: Mapping[int, Mapping[str, str]]) -> None:
         super().__init__()
-        self.endpoints: Final[dict[int, dict[str, str]]] = {}
+        self.addresses: Final[dict[int, dict[str, str]]] = {}
         self._context: Final = zmq.Context()
         # From the first, for every socket: set when sockets are closed it has let the library hang, once in some 200.
         self._context.linger = 0
         self._lines: Final[dict[zmq.Socket[bytes], Line]] = {}
-        for robot_id, real in endpoints.items():
+        for robot_id, real in addresses.items():
             command_in, report_out = self._bound(zmq.PULL), self._bound(zmq.PUB)
-            self.endpoints[robot_id] = {
-                "command": command_in.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0"),
-                "report": report_out.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0"),
-            }
+            self.addresses[robot_id] = {"command": address(command_in), "report": address(report_out)}
             command_out, report_in = self._context.socket(zmq.PUSH), self._context.socket(zmq.SUB)
             report_in.setsockopt(zmq.SUBSCRIBE, b"")
             command_out.connect(real["command"])

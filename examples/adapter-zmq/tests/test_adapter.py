@@ -9,9 +9,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
@@ -20,11 +21,11 @@ from soter.conformance.driver import drive_until
 from soter.errors import RobotUnavailable
 from soter.registry import load_backend
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
+from soter.sdk.wire import Simulator
 from soter.workspace import Box, RobotPlace, Workspace
+from soter_sim.commanded import LEASE_S
 from soter_zmq.adapter import ZmqBackend, ZmqConfig
 from soter_zmq.harness import ZmqHarness
-from soter_zmq.simulator import Simulator, describe
-from soter_zmq.wire import LEASE_S
 
 AC, SC = Controller.AC, Controller.SC
 ROOM = Workspace(6.0, 5.0, (), (RobotPlace(1, 2.0, 3.0, Box(1.9, 2.9, 2.1, 3.1)),))
@@ -38,15 +39,19 @@ def harness() -> Iterator[ZmqHarness]:
     opened.close()
 
 
+def simulated(at: Mapping[int, Any] | None = None) -> Simulator:
+    return Simulator("soter_zmq.robot", ROOM, [SPEC], at=at)
+
+
 @pytest.fixture
 def simulator() -> Iterator[Simulator]:
-    started = Simulator(describe(ROOM, [SPEC]))
+    started = simulated()
     yield started
     started.close()
 
 
 def given(simulator: Simulator) -> ZmqConfig:
-    return ZmqConfig.model_validate({"workspace": ROOM, "robots": simulator.endpoints, "truth": simulator.truth})
+    return ZmqConfig.model_validate({"workspace": ROOM, "robots": simulator.robots, "truth": simulator.truth})
 
 
 def ready(fleet: Fleet) -> Robot:
@@ -173,10 +178,6 @@ def test_a_bad_link_loses_time_but_not_the_goal(harness: ZmqHarness) -> None:
 
 
 def test_a_robot_that_reboots_is_found_again(simulator: Simulator) -> None:
-    ports = {
-        robot_id: (int(each["command"].rpartition(":")[2]), int(each["report"].rpartition(":")[2]))
-        for robot_id, each in simulator.endpoints.items()
-    }
     with ExitStack() as stack:
         fleet = ZmqBackend().open(given(simulator), [SPEC])
         stack.callback(fleet.close)
@@ -184,7 +185,7 @@ def test_a_robot_that_reboots_is_found_again(simulator: Simulator) -> None:
         simulator.process.kill()
         simulator.process.wait()
         tick(fleet, lambda: robot.read_state().link is Link.STALE)
-        again = Simulator(describe(ROOM, [SPEC]), ports)
+        again = simulated(simulator.robots)
         stack.pop_all()
         stack.callback(again.close)
         stack.callback(fleet.close)
@@ -264,9 +265,11 @@ def test_a_fleet_that_was_never_ready_can_be_closed() -> None:
 def test_a_simulator_does_not_outlive_who_started_it() -> None:
     program = (
         "import sys, time; sys.path[:0] = sys.argv[1:]\n"
-        "from soter_zmq.simulator import Simulator\n"
-        "world = dict(width_m=1, depth_m=1, boxes=[], chargers=[], robots=[])\n"
-        "print(Simulator(world).process.pid, flush=True); time.sleep(60)\n"
+        "from soter.sdk import RobotSpec\n"
+        "from soter.sdk.wire import Simulator\n"
+        "from soter.workspace import Workspace\n"
+        "room, spec = Workspace(4.0, 4.0, (), ()), RobotSpec(1, 1.0, 1.0, 0.0)\n"
+        "print(Simulator('soter_zmq.robot', room, [spec]).process.pid, flush=True); time.sleep(60)\n"
     )
     paths = [path for path in sys.path if path]
     parent = subprocess.Popen([sys.executable, "-c", program, *paths], stdout=subprocess.PIPE)
@@ -307,7 +310,7 @@ def test_addresses_stay_on_this_host(address: str) -> None:
 
 def test_a_simulator_that_does_not_start_says_so() -> None:
     with pytest.raises(RobotUnavailable, match="ended with code 1"):
-        Simulator({"width_m": 1.0})
+        Simulator("soter_zmq.robot", ROOM, [RobotSpec(1, 2.0, 3.0, math.nan)])
 
 
 def test_the_registry_takes_it() -> None:

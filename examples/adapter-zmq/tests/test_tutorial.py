@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parents[1]
-PAGE = HERE.parents[1] / "docs" / "writing-an-adapter.md"
+ROOT = HERE.parents[1]
+PAGE = ROOT / "docs" / "writing-an-adapter.md"
+FOLDERS = (HERE / "soter_zmq", ROOT / "soter" / "sdk", ROOT / "soter" / "onboard", ROOT / "sim" / "soter_sim")
 EXCERPTS = re.findall(r"^```python no-run\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
@@ -21,7 +23,7 @@ def lines_of(text: str) -> list[str]:
 @pytest.mark.parametrize("excerpt", EXCERPTS, ids=range(len(EXCERPTS)))
 def test_an_excerpt_is_found_in_the_code_in_its_order(excerpt: str) -> None:
     """Lines may be left out of a quotation, such as docstrings; none may be added or changed."""
-    for module in (HERE / "soter_zmq").glob("*.py"):
+    for module in [path for folder in FOLDERS for path in folder.glob("*.py")]:
         source = iter(lines_of(module.read_text(encoding="utf-8")))
         if all(line in source for line in lines_of(excerpt)):
             return

@@ -13,3 +13,4 @@ from soter.conformance.clauses import several as several
 from soter.conformance.clauses import bounds as bounds
 from soter.conformance.clauses import link as link
 from soter.conformance.clauses import process as process
+from soter.conformance.clauses import resources as resources

@@ -81,8 +81,7 @@ def deterministic(bench: Bench) -> None:
         for ahead, left in ((0.5, 0.2), (-0.1, 0.4)):
             bench.go(robot, bench.place(robot, ahead, left))
         runs.append(tuple(sample.state for sample in bench.tracks[robot.id]))
-        bench.fleet.close()
-        bench.harness.close()
+        bench.close()
     same = sum(first == second for first, second in zip(*runs, strict=False))
     bench.require(
         runs[0] == runs[1],

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from soter.conformance.bench import Bench
-from soter.conformance.clause import clause
-from soter.conformance.driver import TICK_S
-from soter.sdk import Controller, GoalStatus
+import math
+from collections.abc import Callable, Sequence
+from statistics import mean
 
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import TICK_S
+from soter.conformance.trials import Shuttle, measure_braking
+from soter.sdk import Controller, Goal, GoalStatus, Robot
+
+_TRIALS = 8
+_FEW = 3
 _MOVING_SHARE = 0.4
+_LEARNS_S = 3.0
+_STEP_AGE_S = 0.1
 _RENEWED = "; only renew_lease() and switch_ac_sc() may renew it"
 
 
@@ -37,6 +46,40 @@ def silence(bench: Bench) -> None:
     )
 
 
+def _middle(seen: Sequence[float]) -> float:
+    """Return the mean without the least and the largest, which may have met a busy host."""
+    return mean(sorted(seen)[1:-1] if len(seen) > _FEW else seen)
+
+
+def _phase_s(bench: Bench, many: int) -> float:
+    """Return how far two such means may be apart because each trial falls into the vehicle's period somewhere."""
+    return 0.0 if bench.caps.in_process else bench.caps.setpoint_period_s * 0.9 / math.sqrt(many)
+
+
+@clause("deadman.lease", truth=True)
+def lease(bench: Bench) -> None:
+    """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
+    robot, caps = bench.open_one(), bench.caps
+    shuttle, many = Shuttle(bench, robot), _FEW if bench.second else _TRIALS
+    told = [end.begins_s for _, end, _ in shuttle.trials(many, lambda goal: goal.cancel())]
+
+    def fall_silent(_goal: Goal) -> None:
+        robot.renew_lease()
+
+    trials = shuttle.trials(many, fall_silent, waits_s=caps.lease_s, renew=False, cause="the lease never ends")
+    stops = [end for _, end, _ in trials]
+    seen = [end.begins_s for end in stops]
+    cause = "the vehicle's lease is longer than lease_s, or is counted from something later than the renewal" + _RENEWED
+    # What a message takes, and the vehicle's period, are in both.
+    bench.measure(
+        "lease_s", _middle(seen) - max(_middle(told), 0.0), caps.lease_s,
+        bench.read_s + bench.fit_s + _phase_s(bench, many), cause,
+        spread=seen,
+    )  # fmt: skip
+    bench.measure("lease_worst_s", max(seen), caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s, cause)
+    measure_braking(bench, stops, "when its lease ends")
+
+
 @clause("deadman.reading", truth=True)
 def reading(bench: Bench) -> None:
     """Reading the state does not renew the lease."""
@@ -47,27 +90,146 @@ def reading(bench: Bench) -> None:
     )
 
 
+def _renews_nothing(bench: Bench, robot: Robot, call: Callable[[], object], what: str) -> None:
+    """See that a robot whose lease is not renewed stops and stays there, whatever else it is told at every tick."""
+
+    def tell() -> bool:
+        call()
+        return False
+
+    allowed_s = bench.orphaned_s() + TICK_S
+    bench.run(allowed_s + bench.caps.sample_age_s, tell, renew=False)
+    rest = bench.look(robot)
+    bench.run(0.5, tell, renew=False)
+    later = bench.look(robot)
+    slipped = later.distance_m(rest.x_m, rest.y_m)
+    bench.require(
+        slipped <= bench.still_m,
+        f"{allowed_s:.2f} s after the last renewal it still moves while {what}, {slipped:.3f} m within half a second: "
+        f"what is no renewal renews the lease{_RENEWED}",
+    )
+
+
 @clause("deadman.goto", truth=True)
 def goto(bench: Bench) -> None:
     """A goto does not renew the lease, however many are sent."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
+    _renews_nothing(
+        bench, robot, lambda: robot.goto(bench.place(robot, 0.9), Controller.AC),
+        "gotos are sent (goto() renews the lease, so that a runaway controller keeps itself alive)",
+    )  # fmt: skip
 
-    def spam() -> bool:
+
+@clause("deadman.cancel", truth=True)
+def cancel(bench: Bench) -> None:
+    """A cancel does not renew the lease, however many are sent."""
+    robot = bench.open_one()
+    goal = bench.get_going(robot, bench.place(robot, 0.9))
+
+    def again() -> None:
+        nonlocal goal
+        goal.cancel()
+        goal = robot.goto(bench.place(robot, 0.9), Controller.AC)
+
+    _renews_nothing(bench, robot, again, "goals are cancelled and sent anew (a cancel renews the lease)")
+
+
+@clause("deadman.hand_over", truth=True)
+def hand_over(bench: Bench) -> None:
+    """A hand-over that is sent again does not renew the lease: only the renewal that goes with it does."""
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+
+    def again() -> None:
+        robot.hand_over_again()
         robot.goto(bench.place(robot, 0.9), Controller.AC)
-        return False
 
-    allowed_s = bench.orphaned_s() + TICK_S
-    bench.run(allowed_s + bench.caps.sample_age_s, spam, renew=False)
+    _renews_nothing(bench, robot, again, "hand-overs are sent again (_hand_over() renews the lease)")
+
+
+@clause("deadman.late", tier=Tier.WIRE, hooks=("delay",))
+def late(bench: Bench) -> None:
+    """A renewal that waited in some buffer for longer than the lease renews nothing: the lease counts from its call."""
+    robot, caps = bench.open_one(), bench.caps
+    bench.faulty = True
+    bench.get_going(robot, bench.place(robot, 0.9))
+    late_s = 2.0 * caps.lease_s + caps.latency_s + caps.jitter_s + 2 * TICK_S
+    bench.harness.delay(late_s)
+    # By when nothing that was sent in time lives any more, and what was sent late has long been arriving.
+    bench.run(2.0 * late_s + bench.orphaned_s())
     rest = bench.look(robot)
-    bench.run(0.5, spam, renew=False)
-    later = bench.look(robot)
-    slipped = later.distance_m(rest.x_m, rest.y_m)
+    bench.run(1.0)
+    slipped = bench.look(robot).distance_m(rest.x_m, rest.y_m)
     bench.require(
         slipped <= bench.still_m,
-        f"{allowed_s:.2f} s after the last renewal it still moves while gotos are sent, {slipped:.3f} m within half a "
-        "second: goto() renews the lease, so that a runaway controller keeps itself alive" + _RENEWED,
+        f"every renewal arrives {late_s:.2f} s late, and the robot still drives, {slipped:.3f} m within a second: its "
+        "lease counts from when a renewal arrives; send with it when it was made, by the vehicle's clock",
     )
+
+
+def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> Robot:
+    """See that a robot stops that hears nothing more right after something has happened to its clock; return it."""
+    robot = bench.open_one()
+    bench.faulty = True
+    bench.get_going(robot, bench.place(robot, 0.9))
+    clock = bench.fleet.clock
+    # The last renewal has arrived by then, and lives.
+    clock.sleep_until(clock.now() + min(bench.caps.latency_s, 0.5 * bench.caps.lease_s))
+    change(robot)
+    clock.sleep_until(clock.now() + bench.orphaned_s() + bench.caps.sample_age_s)
+    before = bench.true_place(robot)
+    clock.sleep_until(clock.now() + 1.0)
+    slipped = math.dist(before, bench.true_place(robot))
+    bench.require(
+        slipped <= bench.still_m,
+        f"{what} and nothing renews its lease any more, but it drives on, {slipped:.3f} m within a second: a lease "
+        "must end when the clock that it is counted by goes back",
+    )
+    return robot
+
+
+@clause("deadman.clock_back", tier=Tier.WIRE)
+def clock_back(bench: Bench) -> None:
+    """A vehicle's clock that steps back does not prolong the lease."""
+    bench.require_hook("step_clock")
+    _silent_after(
+        bench, lambda robot: bench.harness.step_clock(robot.id, -30.0), "the vehicle's clock went back by 30 s"
+    )
+
+
+@clause("deadman.clock_steps", tier=Tier.WIRE)
+def clock_steps(bench: Bench) -> None:
+    """After a step of the vehicle's clock, back or forth, samples are as fresh as before and the robot obeys again."""
+    bench.require_hook("step_clock")
+    robot = bench.open_one()
+    for number, seconds in enumerate((-30.0, 30.0)):
+        bench.faulty = True
+        bench.harness.step_clock(robot.id, seconds)
+        bench.run(_LEARNS_S)
+        age_s = robot.read_state().age_s(bench.now_s)
+        bench.require(
+            age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
+            f"{_LEARNS_S:.0f} s after the vehicle's clock stepped by {seconds:+.0f} s the sample is said to be "
+            f"{age_s:.1f} s old: a clock that goes another way has to be learned anew",
+        )
+        bench.go(
+            robot, bench.place(robot, 0.3 if number else -0.3),
+            cause=f"after its clock stepped by {seconds:+.0f} s the robot does not obey: leases are said by a clock "
+            "that it no longer has",
+        )  # fmt: skip
+
+
+@clause("deadman.restart", tier=Tier.WIRE)
+def restart(bench: Bench) -> None:
+    """A vehicle that restarts has forgotten its lease, and obeys again once it is commanded anew."""
+    bench.require_hook("restart")
+    robot = _silent_after(bench, lambda robot: bench.harness.restart(robot.id), "the vehicle has restarted")
+    bench.run(_LEARNS_S)
+    for to in (Controller.SC, Controller.AC):
+        robot.switch_ac_sc(to, "conformance")
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+    bench.go(robot, bench.place(robot, 0.0), cause="after a restart the robot does not obey any more")
 
 
 @clause("deadman.kept_alive")

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
+
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus
 
 
@@ -60,6 +64,19 @@ def cancel(bench: Bench) -> None:
     bench.require_status(goal, GoalStatus.CANCELLED, "_cancel() is overridden")
     bench.expect_stop(robot, called_s, "_halt() does nothing, or is not passed on to the vehicle")
     bench.go(robot, bench.place(robot, 0.2, 0.2), cause="after a cancel the robot takes no new goal")
+    if bench.caps.reverses:
+        bench.run(SETTLE_S)
+        at = bench.look(robot)
+        way_m = 0.7 * bench.harness.room_m / 2.0
+        behind = bench.place(robot, 0.0)._replace(
+            x_m=at.x_m - way_m * math.cos(at.heading_rad), y_m=at.y_m - way_m * math.sin(at.heading_rad),
+            heading_rad=at.heading_rad,
+        )  # fmt: skip
+        with suppress(Unsupported):
+            goal = bench.get_going(robot, behind)
+            called_s = bench.now_s
+            goal.cancel()
+            bench.expect_stop(robot, called_s, "while it drives backwards a cancel does not stop it")
 
 
 @clause("goal.cancel_own")

@@ -105,8 +105,7 @@ def reopen(bench: Bench) -> None:
     """After close() the robots can be opened again, fresh."""
     robot = bench.open_one()
     bench.go(robot, bench.place(robot, 0.4))
-    bench.fleet.close()
-    bench.harness.close()
+    bench.close()
     again = bench.open_one()
     bench.expect_still(again, 1.0, "a target of the fleet before is still alive")
     bench.go(

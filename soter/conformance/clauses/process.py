@@ -22,8 +22,7 @@ def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: st
     # A fleet is opened for what it declares and where it starts, and closed before the driver takes over.
     robot = bench.open_one()
     caps, target = bench.caps, bench.place(robot, 0.9)
-    bench.fleet.close()
-    bench.harness.close()
+    bench.close()
     process = bench.harness.start_driver(target._replace(timeout_s=bench.way_s()))
     try:
         _see_it_move(bench, process, target)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import SETTLE_S, Bench, NotTested
 from soter.conformance.clause import clause
+from soter.conformance.clauses import deadman, goals, state
 from soter.conformance.driver import TICK_S
 from soter.sdk import Controller, GoalStatus
 
@@ -68,6 +69,50 @@ def switch(bench: Bench) -> None:
         f"robot {first.id} reports {states[0]} in charge and robot {second.id} {states[1]}, expected AC and SC: "
         "hand-overs are addressed to the wrong robot, or reports are taken for another's",
     )
+
+
+@clause("several.cancel", truth=True)
+def cancel(bench: Bench) -> None:
+    """A cancel to one robot stops that one and no other."""
+    first, second = bench.open(2)
+    for stopped, kept in ((first, second), (second, first)):
+        goal = kept.goto(bench.place(kept, 0.7), Controller.AC)
+        mine = bench.get_going(stopped, bench.place(stopped, 0.8))
+        mine.cancel()
+        bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
+        bench.require_status(
+            goal, GoalStatus.REACHED, f"a cancel to robot {stopped.id} stopped robot {kept.id}: stops are broadcast"
+        )
+        bench.go(kept, bench.place(kept, 0.0))
+
+
+@clause("several.charge", needs=("reports_battery",))
+def charge(bench: Bench) -> None:
+    """Each robot reports its own charge: that of one that drives falls, while that of one on its charger does not."""
+    if not bench.harness.charges_at_start:
+        raise NotTested("not declared: the harness's attribute 'charges_at_start'")
+    robots = bench.open(2)
+    for driver, other in (robots, robots[::-1]):
+        bench.go(driver, bench.place(driver, 0.8))
+        before = [bench.look(robot).state.battery or 0.0 for robot in (driver, other)]
+        goal = driver.goto(bench.place(driver, -0.8), Controller.AC)
+        bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
+        drove, stood = ((bench.look(robot).state.battery or 0.0) for robot in (driver, other))
+        bench.require(
+            drove <= before[0] and stood >= before[1],
+            f"robot {driver.id} drove and its charge went from {before[0]:.4f} to {drove:.4f}, while that of robot "
+            f"{other.id} on its charger went from {before[1]:.4f} to {stood:.4f}: one has the charge of the other",
+        )
+        bench.go(driver, bench.place(driver, 0.0, radius_m=0.05))
+
+
+@clause("several.second")
+def second(bench: Bench) -> None:
+    """What holds of the first robot holds of the second."""
+    bench.second = True
+    for check in (state.start, state.frame, state.yaw_rate, state.age, goals.cancel, deadman.lease):
+        check(bench)
+        bench.close()
 
 
 @clause("several.lease", truth=True)

@@ -6,14 +6,25 @@ import math
 import time
 from itertools import pairwise
 
-from soter.conformance.bench import STILL_RAD, Bench
+from soter.conformance.bench import STILL_RAD, Bench, NotTested
 from soter.conformance.clause import clause
-from soter.conformance.driver import TICK_S
-from soter.conformance.track import Sample, turn
-from soter.sdk import Link, Robot
+from soter.conformance.driver import ROUNDING, TICK_S
+from soter.conformance.track import Sample, quantile, turn
+from soter.errors import Unsupported
+from soter.sdk import Controller, GoalStatus, Link, Robot, RobotState
 
 _FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
 _HEADING_RAD = 0.15
+_MANY_SAMPLES = 1500
+_MANY_S = 12.0
+_LONG_S = 10.0
+_RATE = 2e-3
+_AGES_S = 8.0
+_PERCENT = 0.01
+_VELOCITY = 0.05
+_DRIVES_S = 10.0
+_TURNED_RAD = 0.01
+_SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
 
 def _drive_about(bench: Bench) -> Robot:
@@ -38,6 +49,8 @@ def _straight(bench: Bench, samples: list[Sample]) -> list[tuple[Sample, Sample]
 def ranges(bench: Bench) -> None:
     """Every sample is finite, in its ranges, of this robot and with the link UP; none is discarded."""
     robot = _drive_about(bench)
+    # What goes wrong once in a thousand samples shows in so many.
+    bench.run(_MANY_SAMPLES * TICK_S if bench.caps.in_process else _MANY_S, closely=True)
     for sample in bench.tracks[robot.id]:
         state = sample.state
         for name, value in state._asdict().items():
@@ -130,37 +143,138 @@ def heading(bench: Bench) -> None:
 def velocity(bench: Bench) -> None:
     """The velocity of a sample is how its position changes."""
     robot = _drive_about(bench)
-    legs = _straight(bench, bench.tracks[robot.id])
+    _moves_as_said(bench, bench.tracks[robot.id])
+
+
+def _moves_as_said(bench: Bench, track: list[Sample]) -> None:
+    legs = _straight(bench, track)
     bench.require(len(legs) >= 3, "samples never showed half of v_max_m_s: velocity is missing, or in another unit")
-    # Over a whole leg, so that noise of one sample does not count.
-    moved_x = sum(second.x_m - first.x_m for first, second in legs)
-    moved_y = sum(second.y_m - first.y_m for first, second in legs)
-    said_x = sum((f.state.vx_m_s + s.state.vx_m_s) / 2 * (s.at_s - f.at_s) for f, s in legs)
-    said_y = sum((f.state.vy_m_s + s.state.vy_m_s) / 2 * (s.at_s - f.at_s) for f, s in legs)
-    way = sum(second.distance_m(first.x_m, first.y_m) for first, second in legs)
-    off = math.hypot(moved_x - said_x, moved_y - said_y)
-    bench.measure("velocity_error", off / max(way, 1e-9), None)
+    # Over whole stretches, so that noise of one sample does not count; each by itself, so that none hides another.
+    off = way = 0.0
+    for stretch in _stretches(legs):
+        moved_x, moved_y = stretch[-1][1].x_m - stretch[0][0].x_m, stretch[-1][1].y_m - stretch[0][0].y_m
+        said_x = sum((f.state.vx_m_s + s.state.vx_m_s) / 2 * (s.at_s - f.at_s) for f, s in stretch)
+        said_y = sum((f.state.vy_m_s + s.state.vy_m_s) / 2 * (s.at_s - f.at_s) for f, s in stretch)
+        off += math.hypot(moved_x - said_x, moved_y - said_y)
+        way += math.hypot(moved_x, moved_y)
+    bench.measure(
+        "velocity_error", off / max(way, 1e-9), _VELOCITY, bench.still_m / max(way, 1e-9),
+        f"over {way:.2f} m positions and velocities tell ways {off:.2f} m apart: velocity in the body frame, in "
+        "another unit, too low, or without its sign when it drives backwards",
+    )  # fmt: skip
+
+
+def _stretches(legs: list[tuple[Sample, Sample]]) -> list[list[tuple[Sample, Sample]]]:
+    """Return pairs of neighbours by what they follow each other in."""
+    found: list[list[tuple[Sample, Sample]]] = []
+    for pair in legs:
+        if found and found[-1][-1][1] is pair[0]:
+            found[-1].append(pair)
+        else:
+            found.append([pair])
+    return found
+
+
+@clause("state.backwards", truth=True, needs=("reverses",))
+def backwards(bench: Bench) -> None:
+    """A robot that can reverse does so where that arrives with the heading, and its samples say backwards."""
+    robot = bench.open_one()
+    began = bench.look(robot)
+    try:
+        goal = robot.goto(bench.place(robot, -0.7)._replace(heading_rad=robot.spec.heading_rad), Controller.AC)
+    except Unsupported:
+        raise NotTested("not declared: targets with a heading, by which a robot is told to reverse") from None
+    bench.run(bench.way_s(), lambda: not goal.active)
+    bench.require_status(goal, GoalStatus.REACHED, "a target straight behind, with the present heading, is not reached")
+    turned = max(abs(turn(began.heading_rad, each.heading_rad)) for each in bench.tracks[robot.id])
     bench.require(
-        off <= 0.1 * way + bench.still_m,
-        f"positions moved by ({moved_x:.2f}, {moved_y:.2f}) m, velocities add up to ({said_x:.2f}, {said_y:.2f}) m: "
-        "velocity in the body frame, or in another unit",
+        turned <= _HEADING_RAD + (bench.caps.heading_noise_rad or 0.0),
+        f"on its way straight back its heading turned by {turned:.2f} rad: it cannot reverse (declare reverses=False), "
+        "or what it says is its course",
     )
+    for each in bench.tracks[robot.id]:
+        if bench.truth:
+            continue
+        ahead = each.state.vx_m_s * math.cos(each.heading_rad) + each.state.vy_m_s * math.sin(each.heading_rad)
+        bench.require(
+            ahead <= bench.speed_noise_m_s + 0.02,
+            f"while it drives backwards its sample says {ahead:.2f} m/s forwards: the speed has lost its sign",
+        )
+    if not bench.truth:
+        _moves_as_said(bench, bench.tracks[robot.id])
 
 
-@clause("state.yaw_rate")
+@clause("state.yaw_rate", truth=True)
 def yaw_rate(bench: Bench) -> None:
-    """The yaw rate of a sample is how its heading changes: positive counter-clockwise."""
-    robot = _drive_about(bench)
-    samples = bench.tracks[robot.id]
-    pairs = list(pairwise(samples))
-    turned = [turn(first.heading_rad, second.heading_rad) for first, second in pairs]
-    said = [(f.yaw_rate_rad_s + s.yaw_rate_rad_s) / 2 * (s.at_s - f.at_s) for f, s in pairs]
-    total = sum(abs(each) for each in turned)
-    off = abs(sum(turned) - sum(said))
+    """The yaw rate of a sample is how its heading changes, to the left, to the right and through pi."""
+    robot = bench.open_one()
+    for ahead, left in (*_SQUARE, *_SQUARE[::-1]):
+        bench.go(robot, bench.place(robot, ahead, left))
+    for name, sign in (("left", 1.0), ("right", -1.0)):
+        turned = said = 0.0
+        for first, second in pairwise(bench.tracks[robot.id]):
+            by = turn(first.heading_rad, second.heading_rad)
+            rates = first.state.yaw_rate_rad_s, second.state.yaw_rate_rad_s
+            if by * sign > _TURNED_RAD:
+                turned += by
+                said += sum(rates) / 2.0 * (second.at_s - first.at_s)
+        bench.require(
+            abs(turned - said) <= 0.1 * abs(turned) + 2 * STILL_RAD,
+            f"to the {name} headings turned by {turned:.2f} rad in all, yaw rates add up to {said:.2f} rad: sign, "
+            "degrees, too low, or headings that jump at pi",
+        )
+
+
+@clause("state.charge", needs=("reports_battery",))
+def charge(bench: Bench) -> None:
+    """The charge falls while the robot drives, no faster than declared, and rises while it is being charged."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.8))
+    began = bench.look(robot).state
+    full_s = robot.spec.drive_s
+    ends = [bench.place(robot, -0.8), bench.place(robot, 0.8)]
+    goal = robot.goto(ends[0], Controller.AC)
+    legs = 1
+
+    def to_and_fro() -> bool:
+        nonlocal goal, legs
+        if not goal.active:
+            goal, legs = robot.goto(ends[legs % 2], Controller.AC), legs + 1
+        return False
+
+    def fallen() -> bool:
+        to_and_fro()
+        return _charge(robot.read_state()) < _charge(began)
+
+    bench.run(_DRIVES_S, to_and_fro)
+    # A charge in whole percent changes once in a hundredth of this.
+    fell = bench.run(2.5 * _PERCENT * full_s, fallen)
+    driven_s = bench.now_s - began.stamp_s
     bench.require(
-        off <= 0.15 * total + 2 * STILL_RAD,
-        f"headings turned by {sum(turned):.2f} rad in all, yaw rates add up to {sum(said):.2f} rad: sign, or degrees",
+        fell,
+        f"after {driven_s:.0f} s of driving the charge is still {_charge(began):.3f}: it is frozen, or made up; a "
+        f"robot goes from full to empty in {full_s:.0f} s",
     )
+    fallen_by = _charge(began) - _charge(robot.read_state())
+    bench.measure(
+        "discharge", fallen_by, 1.05 * driven_s / full_s + _PERCENT, 1e-6,
+        f"in {driven_s:.1f} s the charge fell by more than driving from full to empty in {full_s:.0f} s explains",
+    )  # fmt: skip
+    if not bench.harness.charges_at_start:
+        return
+    goal.cancel()
+    bench.go(robot, bench.place(robot, 0.0, radius_m=0.05))
+    low = _charge(robot.read_state())
+    bench.run(5.0 + 2.5 * _PERCENT * robot.spec.charge_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
+    bench.require(
+        _charge(robot.read_state()) > low,
+        f"at rest on its charger the charge stays at {low:.3f}: it is frozen, or only ever falls",
+    )
+
+
+def _charge(state: RobotState) -> float:
+    assert state.battery is not None
+    return state.battery
 
 
 @clause("state.fresh")
@@ -197,18 +311,19 @@ def stamps(bench: Bench) -> None:
         )
         return False
 
-    bench.run(3.0, look)
+    bench.run(_LONG_S, look)
     after = bench.look(robot).state
     fleet_s, vehicle_s = after.stamp_s - before.stamp_s, after.vehicle_stamp_s - before.vehicle_stamp_s
     bench.require(
-        abs(fleet_s - 3.0) <= bench.caps.sample_age_s + 2 * TICK_S,
-        f"in 3 s of fleet time the stamps went on by {fleet_s:.2f} s: samples do not keep coming, or stamps are not in "
-        "fleet time",
+        abs(fleet_s - _LONG_S) <= bench.caps.sample_age_s + 2 * TICK_S,
+        f"in {_LONG_S:.0f} s of fleet time the stamps went on by {fleet_s:.2f} s: samples do not keep coming, or "
+        "stamps are not in fleet time",
     )
+    slack_s = ROUNDING if bench.caps.in_process else _RATE * fleet_s + bench.caps.jitter_s
     bench.require(
-        abs(vehicle_s - fleet_s) <= 0.05 * fleet_s + TICK_S,
-        f"stamps went on by {fleet_s:.2f} s, those of the vehicle by {vehicle_s:.2f} s: milliseconds, or a clock that "
-        "stands still",
+        abs(vehicle_s - fleet_s) <= slack_s,
+        f"stamps went on by {fleet_s:.3f} s, those of the vehicle by {vehicle_s:.3f} s: milliseconds, a clock that "
+        "stands still, or one that is fast or slow",
     )
 
 
@@ -216,18 +331,22 @@ def stamps(bench: Bench) -> None:
 def age(bench: Bench) -> None:
     """When it is read, the latest sample is no older than declared."""
     robot = bench.open_one()
-    oldest = 0.0
+    bench.get_going(robot, bench.place(robot, 0.9))
+    ages = []
 
     def look() -> bool:
-        nonlocal oldest
-        oldest = max(oldest, robot.read_state().age_s(bench.now_s))
+        # Before it is read: what the host does between the two is not the sample's.
+        now_s = bench.now_s
+        ages.append(robot.read_state().age_s(now_s))
         return False
 
-    bench.run(3.0, look)
+    bench.run(_AGES_S, look, closely=True)
+    cause = "samples queue up (keep only the latest), come too seldom, or sample_age_s is declared too small"
+    # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
+    bench.measure("sample_age_s", quantile(ages, 0.95), bench.caps.sample_age_s, 1e-4, cause, spread=ages)
     bench.measure(
-        "sample_age_s", oldest, bench.caps.sample_age_s, bench.caps.jitter_s,
-        "samples queue up (keep only the latest), come too seldom, or sample_age_s is declared too small",
-    )  # fmt: skip
+        "sample_age_rare_s", quantile(ages, 0.995), bench.caps.sample_age_s + bench.caps.jitter_s, 1e-4, cause
+    )
 
 
 @clause("state.never_waits")

@@ -1,0 +1,173 @@
+"""What `soter conform` shows, and the files that it writes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Collection
+from typing import Final
+
+from rich.console import Console
+from rich.status import Status
+from rich.table import Table
+from rich.text import Text
+
+from soter.cli.console import is_live
+from soter.cli.exits import complain
+from soter.cli.outputs import Output, StandardOutput
+from soter.conformance import KIT_VERSION, Clause, Outcome, Overall, Record, Verdict
+from soter.conformance.bench import Figure
+from soter.conformance.measured import measured_of
+from soter.conformance.record import overall
+
+WIDTH: Final = 34
+_STYLES: Final = {"PASS": "green", "FAIL": "bold red", "NOT TESTED": "yellow"}
+
+
+class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
+    """Shows outcomes as they come: a line each, and below them, on a terminal, what is being tried."""
+
+    def __init__(self, console: Console, total: int) -> None:
+        self._console: Final = console
+        self._total: Final = total
+        self._done = 0
+        self._status: Final = Status("", console=console) if is_live(console) else None
+
+    def __enter__(self) -> Outcomes:
+        if self._status is not None:
+            self._status.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def begin(self, clauses: Collection[Clause]) -> None:
+        """Say what is being tried."""
+        if self._status is not None:
+            self._status.update(f"{self._done} of {self._total} done  {', '.join(each.id for each in clauses)}")
+
+    def add(self, outcome: Outcome) -> None:
+        """Print one outcome."""
+        self._done += 1
+        self._console.print(_line(outcome), soft_wrap=True)
+
+
+class Files:
+    """The record in files, whole at every moment: written anew with every outcome.
+
+    Standard output, pipes and devices get it at the end.
+
+    Args:
+        json_file: where the record goes.
+        junit_file: where JUnit XML goes.
+    """
+
+    def __init__(self, json_file: Output | StandardOutput | None, junit_file: Output | StandardOutput | None) -> None:
+        self._files: Final = [
+            (each, text) for each, text in ((json_file, _json), (junit_file, _junit)) if each is not None
+        ]
+        self._failed = False
+
+    def keep_up(self, record: Record) -> None:
+        """Write what can be written again and again."""
+        self._write(record, [each for each in self._files if isinstance(each[0], Output) and each[0].replaceable])
+
+    def finish(self, record: Record) -> bool:
+        """Write everything; return whether all of it could be written."""
+        self._failed = False
+        self._write(record, self._files)
+        return not self._failed
+
+    def _write(
+        self, record: Record, files: Collection[tuple[Output | StandardOutput, Callable[[Record], str]]]
+    ) -> None:
+        for file, text in files:
+            try:
+                file.write(f"{text(record)}\n".encode())
+            except OSError as failure:
+                if not self._failed:
+                    complain(f"the record could not be written: {failure}")
+                self._failed = True
+
+
+def _json(record: Record) -> str:
+    beside = [
+        {"name": each.name, "promised": each.promised, "measured": each.measured, "clause": each.clause or None}
+        for each in measured_of(record)
+    ]
+    return json.dumps({**record.as_dict(), "promises": beside}, indent=2)
+
+
+def _junit(record: Record) -> str:
+    return record.as_junit()
+
+
+def _line(outcome: Outcome) -> Text:
+    verdict = outcome.verdict.value
+    line = Text.assemble(
+        (f"{verdict:<10}", _STYLES[verdict]), (f" {outcome.host_s:5.1f} s", "dim"), f"  {outcome.clause.id:<{WIDTH}}"
+    )
+    if outcome.reason:
+        # What was promised, and what was found instead.
+        return line.append(
+            f"{outcome.clause.contract}\n{'':20}{outcome.reason}" if verdict == "FAIL" else outcome.reason
+        )
+    return line.append(", ".join(map(_figure, outcome.figures)), "dim")
+
+
+def _figure(figure: Figure) -> str:
+    value, bound = figure.value, figure.bound
+    if bound is None:
+        return f"{figure.name} {value:.3g}"
+    return f"{figure.name} {value:.3g} of {bound:.3g}"
+
+
+def print_list(console: Console, clauses: list[Clause]) -> None:
+    """Print clauses with what they need."""
+    for each in clauses:
+        needs = ", ".join((*each.hooks, *each.needs))
+        extra = f" (needs {needs})" if needs else ""
+        console.print(f"{each.id:<{WIDTH}}{each.tier.value:<6}{each.contract}{extra}", soft_wrap=True)
+
+
+def print_summary(console: Console, record: Record, host_s: float) -> None:
+    """Print what was measured beside what was promised, what was not tested, and the verdict.
+
+    Args:
+        console: where to.
+        record: of the run.
+        host_s: how long it took.
+    """
+    _print_promises(console, record)
+    counts = ", ".join(f"{record.count(each)} {each.value}" for each in Verdict)
+    console.print(
+        f"\n{record.adapter}: {len(record.outcomes)} clauses of kit {KIT_VERSION} in {host_s:.0f} s: {counts}"
+    )
+    in_process = record.subject is not None and record.subject.in_process
+    missing: dict[str, list[Outcome]] = {}
+    for each in record.outcomes:
+        if each.verdict is Verdict.NOT_TESTED:
+            missing.setdefault(each.reason, []).append(each)
+    for reason, outcomes in sorted(missing.items()):
+        needed = record.overall is Overall.FAILS and overall(outcomes, in_process=in_process) is Overall.FAILS
+        what = "not tested, and may not be left out" if needed else "not tested"
+        console.print(f"  {what}: {reason} ({len(outcomes)} clause{'s' * (len(outcomes) > 1)})", soft_wrap=True)
+    console.print(Text(record.overall.value, "bold red" if record.overall is Overall.FAILS else "bold green"))
+
+
+def _print_promises(console: Console, record: Record) -> None:
+    found = measured_of(record)
+    if not found:
+        return
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for name in ("promise", "promised", "worst measured", "share", "by clause"):
+        table.add_column(name, justify="left" if name in {"promise", "by clause"} else "right", no_wrap=True)
+    for each in found:
+        if each.measured is None or each.share is None:
+            table.add_row(each.name, f"{each.promised:.3g}", "-", "-", "")
+            continue
+        share = Text(f"{each.share:.0%}", "bold red" if each.share > 1.0 else "")
+        table.add_row(each.name, f"{each.promised:.3g}", f"{each.measured:.3g}", share, each.clause)
+    console.print()
+    console.print(table)

@@ -1,0 +1,115 @@
+"""`soter new`: packages to begin with."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from soter.cli.exits import guard
+from soter.cli.plain import emit
+from soter.errors import ConfigError
+
+ADAPTER_EXAMPLES = """Examples:
+
+  soter new adapter crawler
+
+  soter new adapter crawler --out robots/crawler
+
+Exit codes:
+
+  0  the package is written
+
+  2  the name will not do, or there is something in its place
+"""
+
+_SUFFIX: Final = ".in"
+_PLACEHOLDER: Final = "template"
+
+new = typer.Typer(
+    name="new",
+    help="Write a package to begin with.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@new.callback()
+def _group() -> None:
+    """Keep the commands by name, also while there is only one."""
+
+
+@new.command(epilog=ADAPTER_EXAMPLES)
+def adapter(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The backend's name: lower-case letters, digits and _.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="The folder to write, new or empty; soter-NAME here if not given."),
+    ] = None,
+) -> None:
+    """Write an adapter that runs and conforms: robots on UDP, simulated ones, tests. Then put your own robots in it."""
+    with guard():
+        check_name(name)
+        folder = out or Path(f"soter-{name}")
+        written = write_adapter(name, folder)
+        emit(f"{folder} has {len(written)} files. Next:")
+        emit("")
+        emit(f"  pip install -e {folder}")
+        emit(f"  soter conform {name}")
+        emit("")
+        emit(f"What is in it, and what to change, says {folder / 'README.md'}.")
+
+
+def check_name(name: str) -> None:
+    """Refuse what cannot be a backend's name, a part of a package's, and a class's.
+
+    Raises:
+        ConfigError: it cannot.
+    """
+    from soter.registry import BUILT_IN
+
+    if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
+        raise ConfigError(f"NAME is '{name}', allowed: lower-case letters, digits and single _, such as my_robot")
+    if name in BUILT_IN:
+        raise ConfigError(
+            f"NAME is '{name}', which is a backend of SOTER's own, allowed: none of {', '.join(BUILT_IN)}"
+        )
+
+
+def write_adapter(name: str, folder: Path) -> list[Path]:
+    """Write the package of an adapter into a folder that is new or empty, and return its files.
+
+    Raises:
+        ConfigError: there is something in the folder's place, or it cannot be written.
+    """
+    written = []
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise ConfigError(f"there is something at '{folder}' already; name a new folder with --out")
+        for source, parts in _templates(files("soter.cli") / "new_adapter"):
+            path = folder.joinpath(*(_filled(part, name) for part in parts))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(_filled(source.read_text(encoding="utf-8"), name), encoding="utf-8")
+            written.append(path)
+    except OSError as failure:
+        raise ConfigError(f"'{folder}' cannot be written: {failure}") from failure
+    return written
+
+
+def _templates(folder: Traversable, *before: str) -> list[tuple[Traversable, tuple[str, ...]]]:
+    found: list[tuple[Traversable, tuple[str, ...]]] = []
+    for each in sorted(folder.iterdir(), key=lambda each: each.name):
+        parts = (*before, each.name.removesuffix(_SUFFIX))
+        found += _templates(each, *parts) if each.is_dir() else [(each, parts)]
+    return found
+
+
+def _filled(text: str, name: str) -> str:
+    capitalised = "".join(word.capitalize() for word in name.split("_"))
+    return text.replace(_PLACEHOLDER.capitalize(), capitalised).replace(_PLACEHOLDER, name)

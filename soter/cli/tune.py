@@ -1,0 +1,145 @@
+"""`soter tune`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from soter.cli.exits import ExitCode, Force, complain, guard
+from soter.cli.overrides import MissionFile, Promising, Settings
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from soter.runner.tune import Choice, Tuning
+
+EXAMPLES = """Examples:
+
+  soter tune examples/surveillance.toml --backend kinematic
+
+  soter tune examples/thesis.toml -o tuned.toml
+
+Exit codes:
+
+  0  numbers were found, and soter run takes the mission with them
+
+  1  none were: the findings say why soter run would refuse the mission; nothing is written
+
+  2  bad input, or a backend that cannot be used here
+
+  3  the file could not be written
+"""
+
+
+def tune(
+    mission: MissionFile,
+    backend: Promising = None,
+    settings: Settings = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Write the whole mission with what was found, as a new file."
+        ),
+    ] = None,
+    force: Force = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write what was found; - is standard output.")
+    ] = None,
+) -> None:
+    """Find the least restrictive numbers of the safety modules that are well-formed on the mission's robots.
+
+    Delta, model and phi_safer of collision, obstacle and geofence, as TOML tables. The dwell and the battery's numbers,
+    which no proof asks to be larger, are kept.
+    """
+    with guard():
+        from soter.cli.console import make_console
+        from soter.cli.outputs import Output, json_output, refuse_clashes
+        from soter.cli.overrides import load_with_engine, merge
+        from soter.runner.toml_text import toml
+        from soter.runner.tune import tune as find
+
+        loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
+        refuse_clashes({"--output": output, "--json": json}, (mission, loaded.workspace), force=force)
+        file = None if output is None else Output(output, "--output")
+        json_file = None if json is None else json_output(json)
+        console = make_console(stderr=str(json) == "-")
+        tuning = find(loaded)
+        _show(console, tuning)
+        try:
+            if json_file is not None:
+                json_file.write(_json(tuning, str(mission)))
+            if file is not None and not tuning.refused:
+                file.write(_file(tuning, mission, file.path).encode())
+        except OSError as failure:
+            complain(f"what was found could not be written: {failure}")
+            raise typer.Exit(ExitCode.RUN_FAILED) from failure
+        if tuning.refused:
+            raise typer.Exit(ExitCode.VIOLATION)
+        console.print(
+            f"\n{toml(tuning.tables()).strip()}" if file is None else f"\nwritten: {file.path}", soft_wrap=True
+        )
+
+
+def _show(console: Console, tuning: Tuning) -> None:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for head in ("module", "", "Delta", "model"):
+        table.add_column(head)
+    for head in ("R(H)", "usual", "asked", "phi_safer"):
+        table.add_column(head, justify="right")
+    for name, found in tuning.found.items():
+        others = [each for each in tuning.trade.get(name, ()) if each != found]
+        rows = [(tuning.today[name], "today"), (found, "found"), *((each, "") for each in others)]
+        for index, (choice, what) in enumerate(rows):
+            style = "bold" if what == "found" else "red" if choice.why_not else ""
+            table.add_row("" if index else name, what, *_cells(choice), style=style, end_section=index == len(rows) - 1)
+    console.print(table)
+    for name, choice in tuning.today.items():
+        if choice.why_not:
+            console.print(f"today {name} is ill-formed, {choice.why_not}", soft_wrap=True)
+    for each in tuning.refused:
+        console.print(f"refused: {each.module}  {each.condition}  {each.verdict.value}  {each.text}", soft_wrap=True)
+
+
+def _cells(choice: Choice) -> list[str]:
+    figures = [f"{value:.3f}" for value in (choice.reach, choice.usual, choice.needed, choice.phi_safer)]
+    return [f"{choice.delta_s:g} s", choice.model, *figures]
+
+
+def _json(tuning: Tuning, mission: str) -> bytes:
+    import json
+    import math
+    from dataclasses import asdict
+
+    def told(choice: Choice) -> dict[str, Any]:
+        figures = asdict(choice).items()
+        return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in figures}
+
+    content = {
+        "format": "soter-tune",
+        "target": mission,
+        "backend": tuning.mission.backend,
+        "refused": [each.as_dict() for each in tuning.refused],
+        "tables": None if tuning.refused else tuning.tables(),
+        "today": {name: told(each) for name, each in tuning.today.items()},
+        "found": {name: told(each) for name, each in tuning.found.items()},
+        "trade": {name: [told(each) for each in choices] for name, choices in tuning.trade.items()},
+    }
+    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()
+
+
+def _file(tuning: Tuning, source: Path, target: Path) -> str:
+    """Return the mission file; its workspace is named as seen from where the file is."""
+    import os
+
+    from soter.runner.toml_text import toml
+
+    tables = tuning.whole()
+    tables["workspace"] = os.path.relpath(tuning.mission.workspace.resolve(), target.resolve().parent)
+    return (
+        f"# {source.name} as `soter tune` would have it, for the robots of {tuning.mission.backend}.\n\n{toml(tables)}"
+    )

@@ -1,0 +1,91 @@
+"""Resources: what opening takes, closing gives back."""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from soter.conformance.bench import Bench, NotTested
+from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S
+from soter.conformance.usage import Usage, usage
+from soter.sdk import Controller
+
+_WARM_UPS: Final = 2
+"""Opens before anything is counted: libraries start threads and fill caches at the first one."""
+
+_OPENS: Final = 4
+_ROUNDS: Final = 3
+"""What grew in the first opens must have grown in as many again, and again: a pool that fills up is no leak."""
+
+_BOUND: Final = 0.5
+"""Of each resource, in pieces or MiB an open: what is left at every open is more."""
+
+_SETTLE_S: Final = 0.5
+_SHOWN: Final = 3
+
+_NAMES: Final = {
+    "threads": "threads", "descriptors": "file descriptors", "processes": "processes", "memory_mib": "MiB of memory",
+}  # fmt: skip
+_COUNTED: Final = ("threads", "descriptors", "processes")
+
+
+@clause("resources.given_back")
+def given_back(bench: Bench) -> None:
+    """However often robots are opened, closing gives back all threads, file descriptors, processes and memory."""
+    for _ in range(_WARM_UPS):
+        _open_and_close(bench)
+    before, opens = _settled(None), 0
+    least = dict.fromkeys(_NAMES, math.inf)
+    left: dict[str, Sequence[str]] = {}
+    while opens < _ROUNDS * _OPENS and max(least.values()) > _BOUND:
+        for _ in range(_OPENS):
+            _open_and_close(bench)
+        opens += _OPENS
+        after = _settled(before)
+        for name in _COUNTED:
+            now, then = getattr(after, name), getattr(before, name)
+            left[name] = [now[each] for each in now if each not in then]
+            least[name] = min(least[name], (len(now) - len(then)) / _OPENS)
+        least["memory_mib"] = min(least["memory_mib"], (after.memory_mib - before.memory_mib) / _OPENS)
+        before = after
+    leaks = []
+    for name, grown in least.items():
+        if grown > _BOUND:
+            shown = f" ({', '.join(left[name][-_SHOWN:])})" if name in left else ""
+            leaks.append(f"{grown:.2g} to {_NAMES[name]}{shown}")
+    # What grows most comes last: the figures of the others are there when it fails.
+    for name, grown in sorted(least.items(), key=lambda each: each[1]):
+        bench.measure(
+            f"{name}_per_open", max(grown, 0.0), _BOUND, 0.0,
+            f"every open adds {' and '.join(leaks)}, {opens} opens in a row; the adapter's _disconnect() and "
+            "Fleet._close(), or the harness's close(), must end and close what was started",
+        )  # fmt: skip
+
+
+def _open_and_close(bench: Bench) -> None:
+    robot = bench.open_one()
+    robot.goto(bench.place(robot, 0.2), Controller.AC)
+    bench.run(4 * TICK_S)
+    bench.fleet.close()
+    bench.harness.close()
+    # The bench itself must not be what grows.
+    del bench.fleets[:-1]
+
+
+def _settled(before: Usage | None) -> Usage:
+    """Return what is held once that is no more than before, or does not get less in time."""
+    until_s = time.monotonic() + _SETTLE_S
+    while True:
+        gc.collect()
+        now = usage()
+        if now is None:
+            raise NotTested("this system has no /proc, which says what a process holds")
+        if before is None or time.monotonic() > until_s or all(
+            len(getattr(now, name)) <= len(getattr(before, name)) for name in _COUNTED
+        ):  # fmt: skip
+            return now
+        time.sleep(TICK_S)

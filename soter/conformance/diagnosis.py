@@ -1,0 +1,80 @@
+"""What the kit knows of a robot's samples, said before a clause blames anything else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from statistics import median
+from typing import TYPE_CHECKING, Final
+
+from soter.conformance.track import MOVING_M_S, Sample
+from soter.errors import SoterError
+
+if TYPE_CHECKING:
+    from soter.conformance.bench import Bench
+
+_OLD_S: Final = 0.5
+_MANY: Final = 20
+_OFF_M: Final = 0.1
+_FROZEN_S: Final = 1.0
+_RECENT: Final = 60
+_SLIP_M: Final = 0.002
+
+
+def explain(bench: Bench) -> str:
+    """Return what is wrong with the samples of the open fleet, ending with a semicolon; empty where nothing is."""
+    if bench.capabilities is None or not bench.fleets:
+        return ""
+    found: list[str] = []
+    for robot in bench.fleet.robots:
+        track = bench.tracks.get(robot.id, [])
+        if not track:
+            continue
+        who = f"robot {robot.id}"
+        with suppress(SoterError):
+            track = [*track, track[-1]._replace(state=robot.read_state())]
+        age_s = bench.now_s - track[-1].state.stamp_s
+        if age_s > bench.caps.sample_age_s + _OLD_S and not bench.faulty:
+            found.append(f"the last sample of {who} is {age_s:.1f} s old, nothing has been heard since")
+        else:
+            found += _off_the_truth(bench, track, who)
+        scatter_m, allowed_m = _scatter_m(track), bench.caps.position_noise_m
+        if scatter_m > 2.0 * allowed_m + _SLIP_M:
+            found.append(
+                f"positions of {who} scatter by {scatter_m:.3f} m between samples, position_noise_m promises "
+                f"{allowed_m:.3f} m"
+            )
+        if robot.discarded and not bench.faulty:
+            found.append(f"{robot.discarded} samples of {who} were discarded as not finite, late or another robot's")
+    return "".join(f"{each}; " for each in found)
+
+
+def _off_the_truth(bench: Bench, track: Sequence[Sample], who: str) -> Iterator[str]:
+    """Yield what is wrong where samples put a robot elsewhere than it is, or say that it moves and where it stands."""
+    state = track[-1].state
+    frozen_s = state.stamp_s - next(
+        (each.state.stamp_s for each in reversed(track) if each.state[4:6] != state[4:6]), track[0].state.stamp_s
+    )
+    frozen = f"they have been of one and the same place for {frozen_s:.1f} s: they are frozen"
+    if bench.fleet.truth is not None or bench.harness.gives("observe"):
+        x_m, y_m, _ = bench.true_pose(state.robot_id)
+        off_m = math.hypot(state.x_m - x_m, state.y_m - y_m)
+        if off_m > _OFF_M + bench.caps.position_noise_m + bench.caps.v_max_m_s * (bench.now_s - state.stamp_s):
+            why = frozen if frozen_s > _FROZEN_S else "another frame, unit or origin, or another robot's"
+            yield f"the samples of {who} put it {off_m:.2f} m from where it really is: {why}"
+    elif frozen_s > _FROZEN_S and math.hypot(state.vx_m_s, state.vy_m_s) > MOVING_M_S:
+        yield f"the samples of {who} say that it moves, but {frozen}"
+
+
+def _scatter_m(track: Sequence[Sample]) -> float:
+    """Return how far positions typically are off the line between their neighbours, beyond what braking explains."""
+    states = [each.state for each in track[-_RECENT:]]
+    off = []
+    for a, b, c in zip(states, states[1:], states[2:], strict=False):
+        if not a.stamp_s < b.stamp_s < c.stamp_s:
+            continue
+        share = (b.stamp_s - a.stamp_s) / (c.stamp_s - a.stamp_s)
+        x_m, y_m = a.x_m + share * (c.x_m - a.x_m), a.y_m + share * (c.y_m - a.y_m)
+        off.append(math.hypot(b.x_m - x_m, b.y_m - y_m))
+    return median(off) if len(off) >= _MANY else 0.0

@@ -1,0 +1,55 @@
+"""What was measured beside what was promised: for each capability the worst figure there is of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from soter.conformance.record import Record
+from soter.sdk.values import WIDENS, Widens
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One capability.
+
+    Attributes:
+        name: of the capability, with its unit.
+        promised: what the robots declare.
+        measured: the worst that was measured; None if nothing was.
+        share: how much of the promise that takes: above 1 it is not kept.
+        clause: that measured it.
+    """
+
+    name: str
+    promised: float
+    measured: float | None = None
+    share: float | None = None
+    clause: str = ""
+
+
+def measured_of(record: Record) -> list[Measured]:
+    """Return every capability that is a number, in the order of `Capabilities`; none where no robot was ready."""
+    declared = {} if record.subject is None else record.subject.capabilities
+    found = {
+        name: Measured(name, value)
+        for name, value in declared.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+    for outcome in record.outcomes:
+        for figure in outcome.figures:
+            known = found.get(figure.name)
+            if known is None:
+                continue
+            share = _share(figure.name, figure.value, known.promised)
+            if known.share is None or share > known.share:
+                found[figure.name] = Measured(figure.name, known.promised, figure.value, share, outcome.clause.id)
+    return list(found.values())
+
+
+def _share(name: str, measured: float, promised: float) -> float:
+    # Of some the least counts, such as of brakes.
+    part, whole = (promised, measured) if WIDENS[name] is Widens.DOWN else (measured, promised)
+    if whole == 0.0:
+        return 0.0 if part == 0.0 else math.inf
+    return part / whole

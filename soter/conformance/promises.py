@@ -1,0 +1,76 @@
+"""What measures each promise of `soter.sdk.Capabilities`, and how sharply; the tests refuse one without an entry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
+    "in_process": (("bounds.clock",), "fleet time stands still while nobody sleeps; on a wire it keeps to the host's"),
+    "deterministic": (("capabilities.deterministic",), "two runs of the same calls, compared bit for bit"),
+    "reverses": (
+        ("state.backwards",),
+        "a target straight behind with the present heading is driven to without turning",
+    ),
+    "reports_battery": (
+        ("capabilities.optional", "state.charge"),
+        "samples carry a charge, or none; it falls while the robot drives and rises on the charger",
+    ),
+    "reports_controller": (
+        ("capabilities.optional", "authority.confirmed", "authority.alternations"),
+        "samples carry who is in charge, or none; each of 100 switches shows, 1000 in process",
+    ),
+    "v_max_m_s": (("goto.v_max",), "the fastest of a run at full speed; 10 % too fast fails"),
+    "yaw_rate_max_rad_s": (("bounds.yaw_rate",), "the fastest of three turns; 10 % too fast fails"),
+    "brake_m_s2": (
+        ("bounds.braking",),
+        "median of 8 stops, each from its own first deceleration on; 10 % too weak fails in process, 20 % on a wire",
+    ),
+    "body_radius_m": (
+        ("truth.bounds.body",),
+        "two robots driven together slowly until the truth counts a contact; 10 % too large fails; simulated ones only",
+    ),
+    "latency_s": (
+        ("bounds.latency",),
+        (
+            "16 starts and 16 stops at odd phases: nine of ten within it, all within it and jitter_s; what befalls a "
+            "share p of all commands is met with 1 - (1 - p)^32: one in ten nearly always, one in a thousand seldom"
+        ),
+    ),
+    "sample_age_s": (
+        ("state.age",),
+        "several reads a tick for 8 s while it drives: 95 % within it, 99.5 % within it and jitter_s",
+    ),
+    "jitter_s": (("bounds.jitter",), "200 wakes: 95 % within it, 99 % within twice of it"),
+    "setpoint_period_s": (
+        ("bounds.latency",),
+        "how far apart the reactions to calls at odd phases are; coarse, since latency_s has it in it",
+    ),
+    "lease_s": (
+        ("deadman.lease",),
+        (
+            "mean of 8 times from the last renewal to the first deceleration, less what a cancel takes; the longest "
+            "within it, latency_s and jitter_s; 10 % too long fails"
+        ),
+    ),
+    "tube_m": (("bounds.tube",), "the widest of five legs; 10 % too wide fails where the place is known to a tenth"),
+    "overshoot_m": (("bounds.overshoot",), "the farthest of five legs"),
+    "position_noise_m": (
+        ("truth.bounds.noise",),
+        (
+            "samples against the truth at their own stamps, on a wire 97 % of them sharply; there clocks are known to "
+            "a few milliseconds, which at top speed is about a millimetre"
+        ),
+    ),
+    "pivots_first": (("bounds.pivot",), "no farther than tube_m from its place before it looks along its way"),
+    "accel_m_s2": (("bounds.acceleration",), "median of 8 starts; 10 % too fast fails in process, 20 % on a wire"),
+    "speed_noise_m_s": (
+        ("truth.bounds.velocity", "state.velocity"),
+        "means over a window against the truth, and against positions; where nothing is promised 5 % of v_max_m_s",
+    ),
+    "heading_noise_rad": (
+        ("truth.bounds.noise",),
+        "every sample against the truth at its own stamp; where nothing is promised 0.05 rad",
+    ),
+}
+"""By promise, the clauses that measure it, and how."""

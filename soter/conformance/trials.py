@@ -1,0 +1,142 @@
+"""Many cheap trials of one kind: a robot gets going and comes to rest, again and again, on one straight way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final
+
+from soter.conformance.bench import Bench
+from soter.conformance.driver import TICK_S
+from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop, quantile
+from soter.sdk import Goal, Robot, Waypoint
+
+_END: Final = 0.85
+_GOLDEN: Final = 0.618
+_REST_S: Final = 0.25
+_LONGEST_REST_S: Final = 4.0
+_SHARE_IN_PROCESS: Final = 0.02
+_SHARE: Final = 0.08
+_VOID: Final = 2
+
+
+def measure_braking(bench: Bench, stops: Sequence[Ramp], what: str) -> None:
+    """Judge how hard a robot braked, each time from its own first deceleration on."""
+    brake, share = bench.caps.brake_m_s2, share_off(bench)
+    seen = [stop.rate_m_s2 for stop in stops]
+    bench.measure(
+        "brake_m_s2", quantile(seen, 0.5), brake, share * brake,
+        f"{what} it ran on too far once it had begun to brake: brake_m_s2 is declared better than it is",
+        at_least=True, spread=seen,
+    )  # fmt: skip
+
+
+def share_off(bench: Bench) -> float:
+    """Return by what part a change of speed may be off: on a wire a few readings are all there is of one."""
+    return _SHARE_IN_PROCESS if bench.caps.in_process else _SHARE
+
+
+class Shuttle:
+    """Drives a robot to and fro in its room, from rest to an even speed and to rest.
+
+    Args:
+        bench: of the clause.
+        robot: to be driven, by the AC.
+
+    Attributes:
+        end: of the room, straight ahead of the robot.
+    """
+
+    def __init__(self, bench: Bench, robot: Robot) -> None:
+        self._bench: Final = bench
+        self._robot: Final = robot
+        caps = bench.caps
+        self._reaction_s: Final = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s
+        self._ramp_s: Final = caps.v_max_m_s / caps.brake_m_s2
+        self._number = 0
+        self.end = bench.place(robot, _END)
+        self._turn()
+
+    def trials(
+        self,
+        count: int,
+        stop: Callable[[Goal], object],
+        *,
+        waits_s: float = 0.0,
+        renew: bool = True,
+        cause: str = "a stop does not stop",
+        after: Callable[[], object] = lambda: None,
+    ) -> Iterator[tuple[Ramp, Ramp, float]]:
+        """Yield how the robot got going after a goto, how it came to rest after `stop`, and the time of that.
+
+        Args:
+            count: how many.
+            stop: stops the robot, which drives to the goal.
+            waits_s: how much later than at once it may begin to stop.
+            renew: whether the lease is renewed while it comes to rest.
+            cause: the likely cause if it does not.
+            after: called after every trial, with the robot at rest.
+        """
+        bench, robot = self._bench, self._robot
+        # A host that stops for longer than the lease stops the robot too: a few trials may be void for that.
+        good, void = 0, -max(_VOID, count // 4)
+        while good < count:
+            needs_m = bench.caps.v_max_m_s * (2.0 * self._reaction_s + 2.0 * self._ramp_s + 2.0 * CRUISE_S + waits_s)
+            if bench.tracks[robot.id][-1].distance_m(self.end.x_m, self.end.y_m) < needs_m:
+                self._turn()
+            self._wait_oddly()
+            sent_s = bench.now_s
+            goal = self._go(self.end)
+            self._wait_oddly()
+            called_s = bench.now_s
+            stop(goal)
+            self._rest(waits_s, cause, renew=renew)
+            seen = bench.tracks[robot.id]
+            start = fit_start([each for each in seen if each.at_s <= called_s], sent_s)
+            end = fit_stop(seen, called_s)
+            goal.cancel()
+            if start is not None and end is not None:
+                good += 1
+                yield start, end, called_s
+            else:
+                void += 1
+                bench.require(void <= 0, "it did not keep an even speed on a straight leg: it stops and goes")
+            after()
+            bench.run(_REST_S, closely=True)
+            del seen[: -len(bench.since(robot, bench.now_s - 2.0 * CRUISE_S))]
+
+    def _go(self, target: Waypoint) -> Goal:
+        bench, robot = self._bench, self._robot
+        goal = bench.get_going(robot, target, closely=True)
+        bench.run(0.5 * self._ramp_s + CRUISE_S + TICK_S, closely=True)
+        return goal
+
+    def _rest(self, waits_s: float, cause: str, *, renew: bool) -> None:
+        """See the robot come to rest."""
+        bench, robot = self._bench, self._robot
+        bench.run(waits_s + self._reaction_s + 1.5 * self._ramp_s + _REST_S, renew=renew, closely=True)
+        give_up_s = bench.now_s + _LONGEST_REST_S
+        while bench.now_s < give_up_s:
+            last, recent = bench.tracks[robot.id][-1], bench.since(robot, bench.now_s - _REST_S)
+            if all(last.distance_m(each.x_m, each.y_m) <= bench.still_m for each in recent):
+                return
+            bench.run(_REST_S, renew=renew, closely=True)
+        bench.require(False, f"it still moves {_LONGEST_REST_S:.0f} s after it had to be at rest: {cause}")
+
+    def _turn(self) -> None:
+        """Point the robot at the other end, so that what follows is straight ahead."""
+        bench, robot = self._bench, self._robot
+        ahead, behind = bench.place(robot, _END), bench.place(robot, -_END)
+        here = bench.look(robot)
+        away = here.distance_m(ahead.x_m, ahead.y_m) > here.distance_m(behind.x_m, behind.y_m)
+        self.end = ahead if away else behind
+        self._go(self.end).cancel()
+        self._rest(0.0, "a cancel does not stop it", renew=True)
+
+    def _wait_oddly(self) -> None:
+        """Let a call come at any phase of the vehicle's period; in virtual time all come at whole ones."""
+        bench = self._bench
+        if bench.caps.in_process:
+            return
+        self._number += 1
+        bench.fleet.clock.sleep_until(bench.now_s + (self._number * _GOLDEN % 1.0) * TICK_S)
+        bench.look(self._robot)

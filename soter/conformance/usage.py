@@ -1,0 +1,70 @@
+"""What this process holds of the system: threads, file descriptors, processes that it started, memory."""
+
+from __future__ import annotations
+
+import resource
+import threading
+from pathlib import Path
+from typing import Final, NamedTuple
+
+_PROC: Final = Path("/proc")
+_MIB: Final = 1 << 20
+
+
+class Usage(NamedTuple):
+    """What is held at one moment.
+
+    Attributes:
+        threads: by the kernel's id, each with its name.
+        descriptors: by number, each with what it leads to.
+        processes: that descend from this one, ended ones that nobody has waited for too; by id, with their command.
+        memory_mib: what is resident.
+    """
+
+    threads: dict[int, str]
+    descriptors: dict[int, str]
+    processes: dict[int, str]
+    memory_mib: float
+
+
+def usage() -> Usage | None:
+    """Return what this process holds, or None on a system that does not say so in /proc."""
+    own = _PROC / "self"
+    if not (own / "task").is_dir():
+        return None
+    python = {each.native_id: each.name for each in threading.enumerate()}
+    threads = {int(each.name): python.get(int(each.name), _text(each / "comm")) for each in (own / "task").iterdir()}
+    descriptors = {int(each.name): _target(each) for each in (own / "fd").iterdir()}
+    resident = int(_text(own / "statm").split()[1])
+    return Usage(threads, descriptors, _descendants(), resident * resource.getpagesize() / _MIB)
+
+
+def _descendants() -> dict[int, str]:
+    commands, parents = {}, {}
+    for each in _PROC.iterdir():
+        if each.name.isdigit() and (stat := _text(each / "stat")):
+            # The name stands in brackets and may hold any.
+            name, _, rest = stat.rpartition(")")
+            words = _text(each / "cmdline").replace("\0", " ") or name.partition("(")[2]
+            commands[int(each.name)], parents[int(each.name)] = words, int(rest.split()[1])
+    found: dict[int, str] = {}
+    new = {int(_target(_PROC / "self"))}
+    while new:
+        new = {child for child, parent in parents.items() if parent in new}
+        found.update((child, commands[child]) for child in new)
+    return found
+
+
+def _text(path: Path) -> str:
+    """Return a file of a thread or process, which may have ended meanwhile."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def _target(path: Path) -> str:
+    try:
+        return str(path.readlink())
+    except OSError:
+        return ""

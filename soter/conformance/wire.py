@@ -1,0 +1,91 @@
+"""A harness for backends that start simulated robots: what differs between wires is the relay."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from soter.clock import VehicleClock
+from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
+from soter.sdk import Fleet, Waypoint
+from soter.sdk.truth import StreamedTruth
+from soter.sdk.wire import Simulator, WireBackend
+
+
+@runtime_checkable
+class WireRelay(Relay, Protocol):
+    """A relay that takes the robots' place."""
+
+    @property
+    def addresses(self) -> Mapping[int, Any]:
+        """By robot, where the relay is, as the adapter is configured with."""
+
+
+class WireHarness(RelayedHarness):
+    """Opens simulated robots behind a relay, for every fleet anew, at addresses that are free.
+
+    Attributes:
+        backend: what is judged.
+    """
+
+    backend: ClassVar[type[WireBackend]]
+    room_m = 2.4
+    side_by_side = True
+
+    @abstractmethod
+    def impair(self, addresses: Mapping[int, Any]) -> WireRelay:
+        """Return a relay to the robots at these addresses."""
+
+    def open(self, robots: int) -> Fleet:
+        self.relay = self.impair(self._start(robots).robots)
+        self.fleet = self._connect()
+        return self.fleet
+
+    def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
+        simulator, backend = self._start(1), self.backend
+        given = {"robots": simulator.robots, "truth": simulator.truth}
+        argument = json.dumps([f"{backend.__module__}:{backend.__qualname__}", given])
+        return self.driven(f"{__name__}:open_given", argument, target)
+
+    def second(self) -> Fleet:
+        """Return another program's connection to the robots of the open fleet, beside the first one."""
+        return self._connect()
+
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        """Set a vehicle's own clock forward, or back where negative, while it goes on."""
+        self._simulated().step_clock(robot_id, seconds)
+
+    def restart(self, robot_id: int) -> None:
+        """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
+        self._simulated().restart(robot_id)
+
+    def _connect(self) -> Fleet:
+        simulator, relay = self._simulated(), self.relay
+        assert isinstance(relay, WireRelay)
+        return _open(self.backend, relay.addresses, simulator.truth, len(simulator.robots))
+
+    def _simulated(self) -> Simulator:
+        assert isinstance(self.simulator, Simulator)
+        return self.simulator
+
+    def _start(self, robots: int) -> Simulator:
+        config: Any = self.backend.config_model(workspace=WIDE_ROOMS)
+        self.simulator = simulator = self.backend.simulate(config, in_wide_rooms(robots))
+        self.witness = StreamedTruth(simulator.truth, VehicleClock())
+        return simulator
+
+
+def open_given(argument: str) -> Fleet:
+    """Return robot 1 at addresses that come as JSON; what the kit's driver process calls."""
+    target, given = json.loads(argument)
+    module, _, name = target.partition(":")
+    return _open(getattr(importlib.import_module(module), name), given["robots"], given["truth"], 1)
+
+
+def _open(backend: type[WireBackend], robots: Mapping[int, Any], truth: str, count: int) -> Fleet:
+    config = backend.config_model.model_validate({"workspace": WIDE_ROOMS, "robots": robots, "truth": truth})
+    return backend().open(config, in_wide_rooms(count))

@@ -1,0 +1,196 @@
+"""Tries clauses in processes of their own, one or several side by side; the kit survives its subject.
+
+A clause in which the process crashes, exits or hangs fails, and the next one is tried in another process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterable
+from typing import Final, Self
+
+from soter.child import Child, ChildDied
+from soter.conformance.clause import Clause
+from soter.conformance.kit import CLOSE_LIMIT_S, HOST_LIMIT_S
+from soter.conformance.record import Outcome, Record, Subject, Verdict
+from soter.conformance.tally import Tally
+from soter.conformance.worker import Ready, Told, decode
+from soter.errors import BackendError
+
+STUCK_S: Final = HOST_LIMIT_S + CLOSE_LIMIT_S
+"""A process that has not given up a clause by then is killed."""
+
+_LOOK_S: Final = 0.05
+_CLOSING_S: Final = 10.0
+_LEAVING_S: Final = 2.0
+_STDERR: Final = 2
+
+
+class _Worker:
+    """A process that tries one clause at a time, and the next one in its place once it is gone or unfit.
+
+    Args:
+        target: the harness, as `find_harness` takes it.
+        stuck_s: how long a clause may take.
+    """
+
+    def __init__(self, target: str, stuck_s: float) -> None:
+        self._target: Final = target
+        self._stuck_s: Final = stuck_s
+        self._child: Child | None = None
+        self._starting = False
+        self._began_s = 0.0
+        self.clause: Clause | None = None
+        self.ready: Ready | None = None
+
+    def begin(self, clause: Clause | None) -> None:
+        """Begin with a clause; with None only get ready."""
+        self.clause, self._began_s = clause, time.monotonic()
+        if self._child is None:
+            self._child = Child(f"{__package__}.worker", self._target, output_fd=_STDERR)
+            self._starting = True
+        if clause is not None:
+            # If it is dead by now, `look` finds out.
+            with contextlib.suppress(ChildDied):
+                self._child.send(clause.id.encode())
+
+    def look(self, patience_s: float) -> tuple[Outcome, Subject | None] | None:
+        """Return what has come out of the clause, if anything has within so long."""
+        assert self._child is not None
+        try:
+            data = self._child.receive(patience_s)
+        except ChildDied as death:
+            return self._lost(
+                f"the process that tried it ended with {death}: the adapter, or a library that it uses, crashed or "
+                "exited; what it said last, and the Python stack of a crash, is on standard error"
+            )
+        if data is None:
+            limit_s = STUCK_S if self._starting else self._stuck_s
+            if time.monotonic() - self._began_s <= limit_s:
+                return None
+            return self._lost(
+                f"it had to be killed after {limit_s:g} s on the host: a call blocks outside of Python, or the "
+                "adapter catches whatever is raised",
+                stuck=True,
+            )
+        told = decode(data)
+        if isinstance(told, Ready):
+            # The time that it took to start is not the clause's.
+            self.ready, self._starting, self._began_s = told, False, time.monotonic()
+            return None
+        return self._ended(told)
+
+    def _ended(self, told: Told) -> tuple[Outcome, Subject | None]:
+        self.clause = None
+        if not told.fit:
+            self.end()
+        return told.outcome(), told.subject
+
+    def _lost(self, reason: str, *, stuck: bool = False) -> tuple[Outcome, Subject | None] | None:
+        clause, self.clause = self.clause, None
+        self.end()
+        if clause is None:
+            self.ready = Ready(refusal=f"'{self._target}': {reason}")
+            return None
+        return Outcome(clause, Verdict.FAIL, reason, (), time.monotonic() - self._began_s, stuck), None
+
+    def ask_to_end(self) -> None:
+        """Let it close what it has open, if it is busy, and end."""
+        if self._child is not None and self.clause is not None and self._child.how_it_ended() is None:
+            os.kill(self._child.pid, signal.SIGTERM)
+
+    def end(self, grace_s: float = 0.0) -> None:
+        """End the process, and whatever it has started; idempotent."""
+        if self._child is not None:
+            self._child.kill(grace_s)
+            self._child = None
+
+
+class Workshop:
+    """Tries clauses on a harness in other processes. A context manager, which ends them.
+
+    Args:
+        target: a backend's name, or a harness as `module:Harness`; both are imported there, and not here.
+        jobs: how many clauses are tried side by side, where the harness allows it.
+        stop: asked all the time; once it says yes, the robots are stopped and nothing more is tried.
+        stuck_s: after which a clause that cannot be interrupted is killed, in seconds of the host.
+
+    Attributes:
+        name: what the harness calls the adapter.
+        jobs: how many clauses are tried side by side.
+
+    Raises:
+        BackendError: there is no such harness, or it cannot be used here.
+    """
+
+    def __init__(
+        self, target: str, jobs: int = 1, stop: Callable[[], bool] = lambda: False, stuck_s: float = STUCK_S
+    ) -> None:
+        self._stop: Final = stop
+        self._workers: Final = [_Worker(target, stuck_s)]
+        try:
+            ready = self._get_ready(self._workers[0])
+        except BaseException:
+            self._workers[0].end()
+            raise
+        self.name: Final = ready.name or target
+        self.jobs: Final = jobs if ready.side_by_side else 1
+        self._workers.extend(_Worker(target, stuck_s) for _ in range(self.jobs - 1))
+
+    def _get_ready(self, worker: _Worker) -> Ready:
+        worker.begin(None)
+        while worker.ready is None and not self._stop():
+            worker.look(_LOOK_S)
+        ready = worker.ready or Ready()
+        if ready.refusal:
+            raise BackendError(ready.refusal)
+        return ready
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for worker in self._workers:
+            worker.ask_to_end()
+        for worker in self._workers:
+            worker.end(_CLOSING_S if worker.clause is not None else _LEAVING_S)
+
+    def judge(
+        self,
+        clauses: Iterable[Clause],
+        on_outcome: Callable[[Outcome, Record], None] | None = None,
+        on_begin: Callable[[Collection[Clause]], None] | None = None,
+    ) -> Record:
+        """Try clauses; none that crashes or hangs stops the others.
+
+        Args:
+            clauses: which.
+            on_outcome: told of each outcome as it comes, and of the record with it.
+            on_begin: told which clauses are being tried, when that changes.
+
+        Returns:
+            The record; where it was stopped, of what there is.
+        """
+        tally = Tally(self.name, clauses, on_outcome)
+        waiting = deque(tally.clauses)
+        while not self._stop():
+            if waiting and tally.hopeless():
+                tally.give_up(waiting)
+                waiting.clear()
+            for worker in self._workers:
+                if waiting and worker.clause is None:
+                    worker.begin(waiting.popleft())
+            busy = [worker for worker in self._workers if worker.clause is not None]
+            if not busy:
+                break
+            if on_begin is not None:
+                on_begin([worker.clause for worker in busy if worker.clause is not None])
+            for worker in busy:
+                came = worker.look(_LOOK_S / len(busy))
+                if came is not None:
+                    tally.add(*came)
+        return tally.record()

@@ -1,0 +1,57 @@
+"""What is known to get past the kit: broken adapters that conform, why, and what they can do."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+
+class Survivor(NamedTuple):
+    """Something wrong that no clause finds out.
+
+    Attributes:
+        says: what is wrong.
+        why: why no trial shows it.
+        can: what it can do in a mission.
+    """
+
+    says: str
+    why: str
+    can: str
+
+
+SURVIVORS: Final = (
+    Survivor(
+        "Acts 60 ms late on one command in a minute.",
+        "32 commands are timed; one in 1200 is met once in forty runs of the kit.",
+        "One stop at top speed ends 13 mm later than proved; the run's monitor of A3 counts a stop that does so.",
+    ),
+    Survivor(
+        "Loses one hand-over in a thousand, and says otherwise.",
+        "60 hand-overs are driven in process, twice 26 on a wire, and 100 reports looked at.",
+        "The old controller's target lives on until the next goto, which the new controller sends at once; what then "
+        "still moves is met by A1 and A12.",
+    ),
+    Survivor(
+        "Reports a charge that is off by the same amount all along.",
+        "No truth of charges is told: that it falls and rises as it should is all that can be seen.",
+        "The battery runs flat within what the charge is off by; the reserve is four return paths. Measure it with a "
+        "meter.",
+    ),
+    Survivor(
+        "Scales places and speeds alike, on a robot without a truth.",
+        "Everything agrees with itself. Where a truth or `observe` is given this fails; without, the verdict says "
+        "self-reported.",
+        "Fence and boxes are elsewhere than believed. Measure a leg with a tape.",
+    ),
+    Survivor(
+        "Has a body larger than promised, on a real robot.",
+        "Robots that are not simulated are not driven into each other.",
+        "Contacts at what counts as a clearance. Measure the body with a tape.",
+    ),
+    Survivor(
+        "Follows two programs, or keeps its lease over a restart or a step of its clock, behind a harness without the "
+        "hooks `second`, `restart` and `step_clock`.",
+        "The clauses `authority.one_program`, `deadman.restart` and `deadman.clock_back` are NOT TESTED then.",
+        "A second program drives the robot, or a dead one's target lives on. Give the hooks.",
+    ),
+)  # fmt: skip

@@ -1,0 +1,104 @@
+"""The kit outlives what it judges: crashes, hangs and robots that are not there cost no more than their clauses."""
+
+from __future__ import annotations
+
+import pytest
+
+from soter.conformance import CLAUSES, Outcome, Overall, Record, Verdict, Workshop, find_harness, judge, kit, select
+from soter.errors import BackendError
+from tests.conformance.failing import Dead, Hanging
+from tests.conformance.wire import SimulatedHarness
+
+HERE = "tests.conformance.failing"
+SOME = select(["state.start", "goal.cancel", "lifecycle.init"])
+
+
+def verdicts(record: Record) -> dict[str, str]:
+    return {each.clause.id: each.verdict.value for each in record.outcomes}
+
+
+def reason(record: Record, clause: str) -> str:
+    return next(each.reason for each in record.outcomes if each.clause.id == clause)
+
+
+@pytest.mark.parametrize(("harness", "how"), [("Crashing", "signal SIGSEGV"), ("Exiting", "exit code 7")])
+def test_a_crash_fails_its_clause_and_no_other(harness: str, how: str) -> None:
+    with Workshop(f"{HERE}:{harness}Harness") as workshop:
+        record = workshop.judge(SOME)
+    assert verdicts(record) == {
+        "lifecycle.init": "PASS",
+        "state.start": "PASS",
+        "truth.state.start": "PASS",
+        "goal.cancel": "FAIL",
+        "truth.goal.cancel": "FAIL",
+    }
+    assert f"ended with {how}" in reason(record, "goal.cancel")
+    assert record.overall is Overall.FAILS
+
+
+def test_what_hangs_outside_of_python_is_killed_and_costs_its_clause() -> None:
+    with Workshop(f"{HERE}:StuckHarness", stuck_s=6.0) as workshop:
+        record = workshop.judge([CLAUSES["lifecycle.init"], CLAUSES["goal.cancel"]])
+    assert verdicts(record) == {"lifecycle.init": "PASS", "goal.cancel": "FAIL"}
+    assert "had to be killed after 6 s" in reason(record, "goal.cancel")
+
+
+def test_what_clauses_leave_behind_does_not_add_up() -> None:
+    with Workshop(f"{HERE}:LeakingToDeathHarness") as workshop:
+        record = workshop.judge(select(["lifecycle.init", "state.start", "goal.ids", "resources"]))
+    assert {key for key, verdict in verdicts(record).items() if verdict == "FAIL"} == {"resources.given_back"}
+
+
+def test_a_harness_that_cannot_even_be_made_is_refused() -> None:
+    with pytest.raises(BackendError, match="ended with signal SIGABRT"):
+        Workshop(f"{HERE}:CrashingAtImportHarness")
+
+
+def test_side_by_side_and_in_this_process_the_same_comes_out() -> None:
+    clauses = select(["goal", "deadman", "link.age"])
+    heard: list[tuple[str, int]] = []
+
+    def note(outcome: Outcome, record: Record) -> None:
+        heard.append((outcome.clause.id, len(record.outcomes)))
+
+    records = [judge(find_harness("kinematic"), clauses)]
+    for jobs in (1, 2):
+        with Workshop("kinematic", jobs) as workshop:
+            assert workshop.jobs == jobs
+            records.append(workshop.judge(clauses, note))
+    assert len({record.as_dict()["sha256"] for record in records}) == 1
+    assert [count for _, count in heard] == [*range(1, len(clauses) + 1)] * 2
+
+
+def test_robots_side_by_side_are_opened_only_where_the_harness_says_so() -> None:
+    with Workshop(f"{HERE}:OneAtATime", 4) as workshop:
+        assert workshop.jobs == 1
+
+
+def test_a_robot_that_is_never_there_costs_two_clauses() -> None:
+    record = judge(SimulatedHarness(Dead))
+    failed = [each for each in record.outcomes if each.verdict is Verdict.FAIL]
+    assert len(failed) == 2
+    assert all("nobody answers at tcp://127.0.0.1:1" in each.reason for each in failed)
+    rest = {each.reason for each in record.outcomes if each.verdict is Verdict.NOT_TESTED}
+    names = " and ".join(each.clause.id for each in failed)
+    assert f"no robot was ever ready, as {names} found" in rest
+    assert len(record.outcomes) == len(CLAUSES)
+    assert record.overall is Overall.FAILS
+
+
+def test_one_that_never_gets_ready_has_less_time_for_that_than_a_clause(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kit, "_START_S", 0.1)
+    harness = SimulatedHarness(Hanging)
+    harness.connect_timeout_s = 0.05
+    record = judge(harness, SOME)
+    assert reason(record, "lifecycle.init").startswith("TimeoutError: not done after 0.2 s on the host")
+    assert sum(each.host_s for each in record.outcomes) < kit.HOST_LIMIT_S / 10
+
+
+def test_a_run_that_is_stopped_has_what_there_is() -> None:
+    heard: list[Outcome] = []
+    with Workshop("kinematic", stop=lambda: len(heard) >= 2) as workshop:
+        record = workshop.judge(SOME, lambda outcome, _: heard.append(outcome))
+    assert record.outcomes == tuple(heard)
+    assert record.overall is Overall.UNFINISHED

@@ -1,0 +1,61 @@
+"""What a harness of simulated robots on a wire does to them, with the ZeroMQ adapter for one of its kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+
+from soter.conformance.driver import drive_until
+from soter.sdk import Controller, Robot, Waypoint
+from soter_zmq.harness import ZmqHarness
+
+
+@pytest.fixture
+def harness() -> Iterator[ZmqHarness]:
+    opened = ZmqHarness()
+    yield opened
+    opened.close()
+
+
+def speed(robot: Robot) -> float:
+    state = robot.read_state()
+    return math.hypot(state.vx_m_s, state.vy_m_s)
+
+
+@pytest.mark.parametrize("step_s", [-30.0, 30.0])
+def test_a_robot_whose_clock_is_set_stops_at_most_and_is_found_again(harness: ZmqHarness, step_s: float) -> None:
+    with harness.open(1) as fleet:
+        robot = fleet.robots[0]
+        robot.init(10.0)
+        robot.goto(Waypoint(3.3, 4.1), Controller.SC)
+        assert drive_until(fleet, lambda: speed(robot) > 0.2, 10.0)
+        before_s = robot.read_state().vehicle_stamp_s
+        harness.step_clock(1, step_s)
+        assert drive_until(fleet, lambda: abs(robot.read_state().vehicle_stamp_s - before_s - step_s) < 2.0, 10.0)
+        assert drive_until(fleet, lambda: speed(robot) > 0.2, 10.0)
+        assert robot.read_state().age_s(fleet.clock.now()) < 0.5
+        harness.step_clock(1, -30.0)
+        assert drive_until(fleet, lambda: speed(robot) < 1e-3, 5.0, renew=False), "no lease lives on"
+
+
+def test_a_robot_that_was_switched_off_and_on_knows_nothing_of_before(harness: ZmqHarness) -> None:
+    with harness.open(1) as fleet:
+        robot = fleet.robots[0]
+        robot.init(10.0)
+        robot.switch_ac_sc(Controller.AC, "test")
+        drive_until(fleet, lambda: False, 0.3)
+        assert robot.read_state().controller is Controller.AC
+        harness.restart(1)
+        assert drive_until(fleet, lambda: robot.read_state().vehicle_stamp_s < 100.0, 5.0, renew=False)
+        assert robot.read_state().controller is None, "it follows nobody"
+        assert drive_until(fleet, lambda: robot.read_state().controller is Controller.AC, 5.0)
+
+
+def test_a_second_program_has_a_connection_of_its_own(harness: ZmqHarness) -> None:
+    with harness.open(1) as fleet, harness.second() as other:
+        fleet.robots[0].init(10.0)
+        fleet.robots[0].close(5.0)
+        other.robots[0].init(10.0)
+        assert other.robots[0].read_state().controller is Controller.SC
