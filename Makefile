@@ -4,8 +4,8 @@
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
-# Processes that run the tests; with 0 they run in the order of the files, in one process.
-WORKERS ?= 2
+# Processes that run the tests, one more than cores because many tests wait for a wire; with 0 they run in the order of the files, in one process.
+WORKERS ?= 3
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
 
 .PHONY: help
@@ -44,9 +44,15 @@ browser-test: ## Open pages of recordings in Chromium: play, scrub, jump; how lo
 	$(VENV)/python benchmarks/page.py $(BENCH_ARGS)
 
 .PHONY: accept
-accept: ## The long figures of docs/evaluation.md; takes hours, can be stopped and resumed
+accept: ## The long figures of docs/evaluation.md, and random configurations; takes hours, can be stopped and resumed
 	@tools/env.sh test
 	$(VENV)/python tools/accept.py $(ACCEPT_ARGS)
+	$(if $(ACCEPT_ARGS),,@$(MAKE) --no-print-directory accept-random)
+
+.PHONY: accept-random
+accept-random: ## Random configurations, 10 to 20 minutes each, judged by two judges; resumes (RANDOM_ARGS)
+	@tools/env.sh test
+	$(VENV)/python tools/random_missions.py --count 4000 --jobs $(WORKERS) $(RANDOM_ARGS)
 
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)

@@ -46,7 +46,7 @@ voice, publisher = Voice(session, "soter/back"), session.declare_publisher("bare
 keep = Ear(session, "soter/to", Twist, voice.say), bare_ear(session, "bare/to", publisher.put)
 {CLOSE}"""
 LISTENER = f"""{OPEN}
-from soter.mux.program import favour
+from soter.onboard.program import favour
 
 heard = []
 def note(name):

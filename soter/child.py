@@ -1,6 +1,7 @@
 """Untrusted code in a process of its own: started afresh, limited, and never outliving whoever started it.
 
 What its parent says to it may be pickled; what it says is bytes, and it is for the parent to look at them with care.
+It is the first to be taken when memory runs out.
 """
 
 from __future__ import annotations
@@ -18,7 +19,11 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
+
+from soter import sandbox
+from soter.sandbox import Box, InForce
+from soter.scratch import Scratch
 
 MAX_MESSAGE_BYTES: Final = 1 << 17
 """The longest message, below what one packet of a Unix socket holds."""
@@ -34,15 +39,25 @@ _OOM_SCORE_ADJ: Final = Path("/proc/self/oom_score_adj")
 _KILLED_FIRST: Final = "1000"
 
 _BOOTSTRAP: Final = """\
-import pickle, sys
-sys.path[:] = pickle.load(sys.stdin.buffer)
+import sys
+sys.path[:] = filter(None, sys.path)
+import pickle
+given = sys.stdin.buffer, int(sys.argv[1]), int(sys.argv[2])
+sys.path[:] = pickle.load(given[0])
+from soter.child import begin
+begin(*given)
 from {module} import main
-main(sys.stdin.buffer, int(sys.argv[1]), int(sys.argv[2]))
+main(*given)
 """
+"""Before `begin` nothing is imported from the folder that it was started in, which is the user's."""
 
 
 class ChildDied(Exception):
     """The process is gone, or has closed its socket; the message says how it ended."""
+
+
+class NotBoxed(ChildDied):
+    """The kernel cannot take from the process what it is required to; the message says what, and why."""
 
 
 class Child:
@@ -60,12 +75,25 @@ class Child:
         payload: what it is given.
         output_fd: where its standard output and standard error go; None for nowhere.
         patience_s: how long `send` and `receive` may wait, once the socket is closed, to learn how the process ended.
+        box: what it is boxed in with before the first line of untrusted code, or None for not at all.
+
+    Attributes:
+        in_force: what its box consists of; None before it has said so, and where it has none.
     """
 
     def __init__(
-        self, module: str, payload: object, *, output_fd: int | None = None, patience_s: float = PATIENCE_S
+        self,
+        module: str,
+        payload: object,
+        *,
+        output_fd: int | None = None,
+        patience_s: float = PATIENCE_S,
+        box: Box | None = None,
     ) -> None:
         self._patience_s: Final = patience_s
+        self._box: Final = box
+        self.in_force: InForce | None = None
+        self._scratch: Final = None if box is None else Scratch("box")
         # Packets, not a stream: a message arrives whole or not at all, whatever the child does.
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         life_read, self._life_write = os.pipe()
@@ -74,10 +102,15 @@ class Child:
         # The same hash seed everywhere, so that what iterates over a set still repeats itself.
         env = {**os.environ, "PYTHONHASHSEED": "0"}
         env.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+        boxed = None
+        if box is not None and self._scratch is not None:
+            env["TMPDIR"] = str(self._scratch.path)
+            boxed = box, str(self._scratch.path), dict(sandbox.inherited())
         output = subprocess.DEVNULL if output_fd is None else output_fd
         try:
             with tempfile.TemporaryFile() as stdin:
                 pickle.dump([str(Path(entry).absolute()) for entry in sys.path], stdin)
+                pickle.dump(boxed, stdin)
                 pickle.dump(payload, stdin)
                 stdin.seek(0)
                 self._process = subprocess.Popen(
@@ -92,6 +125,7 @@ class Child:
         except BaseException:
             self._socket.close()
             os.close(self._life_write)
+            self._clear()
             raise
         finally:
             theirs.close()
@@ -120,8 +154,21 @@ class Child:
         """Return one message, or None if none comes within `timeout_s` of host time; 0 only looks.
 
         Raises:
+            NotBoxed: its box is required, and lacks something.
             ChildDied: there is none and there will be none.
         """
+        if self._box is not None and self.in_force is None:
+            begun_s = time.perf_counter()
+            data = self._received(timeout_s)
+            if data is None:
+                return None
+            self.in_force = InForce.decoded(data)
+            timeout_s = max(0.0, timeout_s - (time.perf_counter() - begun_s))
+        if self._box is not None and self._box.required and self.in_force is not None and self.in_force.missing:
+            raise NotBoxed(self.in_force.missing)
+        return self._received(timeout_s)
+
+    def _received(self, timeout_s: float) -> bytes | None:
         self._socket.settimeout(timeout_s)
         try:
             length = self._socket.recv_into(self._buffer)
@@ -149,6 +196,10 @@ class Child:
         if self._life_write >= 0:
             self._socket.close()
         if grace_s > 0.0:
+            if self._process.returncode is None:
+                # One that was stopped could not take the time that it is given.
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(self._process.pid, signal.SIGCONT)
             self._ended_within(grace_s)
         self.end()
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -156,6 +207,11 @@ class Child:
         if self._life_write >= 0:
             os.close(self._life_write)
             self._life_write = -1
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._scratch is not None:
+            self._scratch.close()
 
     def how_it_ended(self) -> str | None:
         """Return the process's exit code or signal in words, or None while it runs. Never waits."""
@@ -183,6 +239,20 @@ class Child:
 # --- in the child ------------------------------------------------------------------------------------------
 
 
+def begin(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
+    """Box this process in, if it is to be, and say first of all what is in force."""
+    with contextlib.suppress(OSError):
+        _OOM_SCORE_ADJ.write_text(_KILLED_FIRST, encoding="ascii")
+    boxed: tuple[Box, str, dict[str, str]] | None = pickle.load(stdin)  # noqa: S301 - from the parent
+    if boxed is None:
+        return
+    box, scratch, inherited = boxed
+    found = sandbox.enter(box, scratch, inherited, (socket_fd,), lifeline_fd)
+    os.write(socket_fd, found.encoded())
+    if box.required and found.missing:
+        os._exit(1)
+
+
 def die_with_parent(lifeline_fd: int) -> None:
     """Have the kernel kill this process when the other end of a pipe is closed, which the parent's death does.
 
@@ -199,7 +269,7 @@ def die_with_parent(lifeline_fd: int) -> None:
 
 
 def yield_to_others(niceness: int, memory_limit_bytes: int) -> None:
-    """Have the scheduler favour others, and the kernel take this process first when memory runs out.
+    """Have the scheduler favour others, and limit the memory of this process.
 
     Args:
         niceness: how much less this process is favoured than its parent.
@@ -207,8 +277,6 @@ def yield_to_others(niceness: int, memory_limit_bytes: int) -> None:
     """
     with contextlib.suppress(OSError):
         os.nice(niceness)
-    with contextlib.suppress(OSError):
-        _OOM_SCORE_ADJ.write_text(_KILLED_FIRST, encoding="ascii")
     now = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     wanted = now + memory_limit_bytes

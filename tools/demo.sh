@@ -45,7 +45,7 @@ if ! have_pybullet; then
 fi
 
 mkdir -p "$(dirname "$picture")"
-rm -f "$picture" "$recording" "$page"
+rm -f "$picture" "$recording" "$page" out/surveillance.json
 status=0
 # Robot 2 has so little charge that it has to drive home within the ten minutes.
 .venv/bin/soter run examples/surveillance.toml --backend "$backend" --duration 600 --set battery.initial.2=0.17 \

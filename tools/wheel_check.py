@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"soter": ROOT / "soter", "soter_sim": ROOT / "sim" / "soter_sim"}
 PIP = ("-m", "pip", "--quiet", "--disable-pip-version-check")
-SUFFIXES = {".py", ".typed", ".css", ".html", ".js", ".json", ".toml", ".urdf", ".xml"}
+SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".urdf", ".xml"}
 
 
 def run(*command: str | Path, cwd: Path) -> str:

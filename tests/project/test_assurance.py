@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import fnmatch
+import importlib
 import re
 from pathlib import Path
 
@@ -54,6 +56,32 @@ def test_what_attacks_an_assumption_is_there(assumption: Assumption) -> None:
 def test_the_tests_that_stand_for_the_lemmas_are_there() -> None:
     for path in re.findall(r"`((?:tests|benchmarks|examples)/[\w./-]+)`", TEXT):
         assert (ROOT / path).exists(), path
+
+
+def _named() -> set[str]:
+    """What the page names of the code: modules, classes and what they have, functions of a module."""
+    lines = re.findall(r"^    .* ([A-Za-z]\w*\.\w+)$", TEXT, re.MULTILINE)
+    return {
+        name for name in (*re.findall(r"`([\w.]+)`", TEXT), *lines) if re.match(r"soter\.|declaration\.|[A-Z]", name)
+    }
+
+
+@pytest.mark.parametrize("name", sorted(_named()))
+def test_the_code_that_computes_a_lemma_is_there(name: str) -> None:
+    """A module or what it has by its full name; a class, a constant, and what they have, wherever in the package."""
+    if name.startswith("soter."):
+        module, _, last = name.rpartition(".")
+        with contextlib.suppress(ModuleNotFoundError):
+            importlib.import_module(name)
+            return
+        assert hasattr(importlib.import_module(module), last)
+        return
+    owner, _, member = name.partition(".")
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "soter").rglob("*.py")]
+    if owner == "declaration":
+        sources, owner = [(ROOT / "soter" / "stack" / "declaration.py").read_text(encoding="utf-8")], member
+    found = [each for each in sources if re.search(rf"^(class|def) {owner}\b|^{owner}\b", each, re.MULTILINE)]
+    assert any(not member or re.search(rf"(def |self\.| ){member}\b", each) for each in found)
 
 
 def test_the_thesis_is_found_ill_formed_as_shown() -> None:

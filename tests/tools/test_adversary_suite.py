@@ -12,7 +12,6 @@ from soter.config import load_mission
 from soter.runner import RunResult, run_mission
 from soter.sdk import RULES
 from soter.stack.adversaries import BUILT_IN, PREFIX
-from soter_sim.truth import COLLISION_M
 from tools import accept
 from tools.acceptance.adversaries import (
     DISTANCES,
@@ -42,8 +41,6 @@ def result_of(case: Case, part: float = 0.05, **changes: Any) -> RunResult:
     """What a good run of a case looks like, its margins at so much of R(H)."""
     bounds = reach_m(case)
     margins = {rule: part * bounds.get(rule, 1.0) for rule in RULES}
-    if case.group == "apart":
-        margins["collision"] += 1.2 - COLLISION_M
     modules = tuple(name for name in ("collision", "obstacle", "geofence", "battery") if name in {*bounds, "battery"})
     usual = {"duration_s": case.duration_s, "robots": 2, "modules": modules, "min_margin": margins}
     return real_result().model_copy(update={**usual, "violations": dict.fromkeys(RULES, 0), **changes})
@@ -62,9 +59,9 @@ def test_every_adversary_runs_on_both_engines_with_every_seed() -> None:
 
 def test_the_reach_bounds_are_those_of_the_faults_too() -> None:
     found = {case.group: reach_m(case) for case in adversary_cases() if case.engine == "kinematic"}
-    assert found["adversary"]["collision"] == pytest.approx(2 * (0.22 * 0.25 + 0.0242))
-    assert found["adversary"]["geofence"] == pytest.approx(0.22 * 1.05 + 0.0242)
-    assert found["late"]["geofence"] == pytest.approx(0.22 * 1.1 + 0.0242)
+    assert found["adversary"]["collision"] == pytest.approx(2 * (0.22 * 0.15 + 0.0242))
+    assert found["adversary"]["geofence"] == pytest.approx(0.22 * 0.15 + 0.0242)
+    assert found["late"]["geofence"] == pytest.approx(0.22 * 0.2 + 0.0242)
     assert set(found["stretched"]) == {"obstacle", "geofence"}
     assert found["stretched"]["obstacle"] == pytest.approx(0.22 * 1.25 + 0.0242)
     assert set(found["apart"]) == {"collision", "geofence"}

@@ -16,7 +16,6 @@ from soter.runner import RunResult
 from soter.sdk import RULES
 from soter.stack.adversaries import BUILT_IN, PREFIX
 from soter.stack.declaration import timing_of
-from soter_sim.truth import COLLISION_M
 from tools.acceptance.cases import CHARGE_FROM_SEED, SURVEILLANCE, Case
 from tools.acceptance.judge import Criterion, Outcome, Verdict
 from tools.acceptance.store import ROOT
@@ -51,7 +50,7 @@ STRETCHED: Final = (
     "workspace=../tools/acceptance/alone.xml",
     "rta.modules=['obstacle', 'geofence', 'battery']",
     "rta.obstacle.phi_safer_m=0.3",
-    "rta.geofence.delta_s=0.05",
+    "rta.geofence.phi_safer_inset_m=0.5",
     "fault=[{kind='delay', commands_s=1.1}]",
 )
 """The worst latency that the obstacle module, given room, can admit, and modules that look at every tick.
@@ -65,7 +64,7 @@ APART: Final = (
     "rta.collision.phi_safe_m=1.2",
     "rta.collision.phi_safer_m=1.9",
     "rta.collision.delta_s=0.05",
-    "rta.geofence.delta_s=0.05",
+    "rta.geofence.phi_safer_inset_m=0.5",
     "fault=[{kind='delay', commands_s=1.1}]",
 )
 """The same latency for two robots that keep so far apart that the collision module can admit it, in an empty hall."""
@@ -105,14 +104,8 @@ def _mission(case: Case) -> Mission:
 
 
 def least_m(outcome: Outcome, rule: str) -> float | None:
-    """Return the least margin of a rule that truth saw, to the edge of the module's phi_safe; None without a truth.
-
-    Truth measures collisions from its own distance, which a mission may ask more than.
-    """
-    seen = None if outcome.result is None else (outcome.result.min_margin or {}).get(rule)
-    if seen is None or rule != "collision":
-        return seen
-    return seen + COLLISION_M - _mission(outcome.case).rta.collision.phi_safe_m
+    """Return the least margin of a rule that truth saw, to the edge of the module's phi_safe; None without a truth."""
+    return None if outcome.result is None else (outcome.result.min_margin or {}).get(rule)
 
 
 @cache

@@ -1,0 +1,54 @@
+"""What modules need of a robot's figures: the drawing's own reading of the conditions in docs/assurance.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from soter.sdk import Capabilities
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The worst of a fleet's promises, and how often it is ticked.
+
+    Attributes:
+        promise: v, brake, latency, age, jitter, noise, lease, radius.
+        tick_s: the base tick.
+    """
+
+    promise: Capabilities
+    tick_s: float
+
+    def reach_m(self, delta_s: float) -> float:
+        """Return how far a robot gets within a module's horizon, and until it stands."""
+        p = self.promise
+        ahead_s = max(2.0 * delta_s, delta_s - self.tick_s + p.lease_s)
+        return p.v_max_m_s * (ahead_s + p.latency_s + p.sample_age_s + p.jitter_s) + self.braking_m
+
+    @property
+    def braking_m(self) -> float:
+        """The way that braking from top speed takes."""
+        return self.promise.v_max_m_s**2 / (2.0 * self.promise.brake_m_s2)
+
+    @property
+    def leg_m(self) -> float:
+        """The longest leg of a safe controller."""
+        p = self.promise
+        return p.v_max_m_s * (self.tick_s + p.latency_s + p.sample_age_s) + self.braking_m
+
+    def spare_m(self, delta_s: float) -> float:
+        """Return the room that a module with this Delta needs between phi_safe and phi_safer, noise included."""
+        return self.reach_m(delta_s) + self.promise.position_noise_m
+
+
+def worst(promises: list[Capabilities]) -> Capabilities:
+    """Return one promise that is as bad as the worst of several in the figures that matter here."""
+    first = promises[0]
+    values = {name: getattr(first, name) for name in Capabilities.__slots__}
+    for name in ("v_max_m_s", "body_radius_m", "latency_s", "sample_age_s", "jitter_s", "position_noise_m", "tube_m"):
+        values[name] = max(getattr(each, name) for each in promises)
+    values["brake_m_s2"] = min(each.brake_m_s2 for each in promises)
+    for name in ("accel_m_s2", "speed_noise_m_s", "heading_noise_rad"):
+        given = [getattr(each, name) for each in promises]
+        values[name] = None if None in given else max(given)
+    return Capabilities(**values)
