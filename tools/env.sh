@@ -69,4 +69,7 @@ elif "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.ven
 else
     echo "PyBullet has no wheel for this Python; going on without it (see .venv/pybullet-wheel.log)."
 fi
+if [ -x "$venv/bin/lcm-gen" ]; then
+    "$venv/bin/lcm-gen" -p --ppath examples/adapter-lcm examples/adapter-lcm/soter_lcm/messages.lcm
+fi
 touch "$stamp"

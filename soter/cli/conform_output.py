@@ -16,7 +16,7 @@ from soter.cli.console import is_live
 from soter.cli.exits import complain
 from soter.cli.outputs import Output, StandardOutput
 from soter.conformance import KIT_VERSION, Clause, Outcome, Overall, Record, Verdict
-from soter.conformance.bench import Figure
+from soter.conformance.figure import Figure
 from soter.conformance.measured import measured_of
 from soter.conformance.record import overall
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from soter.conformance.diagnosis import explain
 from soter.conformance.driver import ROUNDING, TICK_S, drive_until
+from soter.conformance.figure import Failed, Figure, NotTested
 from soter.conformance.harness import Harness
-from soter.conformance.track import Fastest, Sample, fastest, quantile, rates, turn
+from soter.conformance.track import Fastest, Sample, fastest, rates, turn
 from soter.sdk import Capabilities, Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 STILL_M: Final = 0.005
@@ -33,36 +33,6 @@ _LOOKS: Final = 5
 _READS: Final = 5
 _PATIENCE_S: Final = 3.0
 _ASTRAY_RAD: Final = 0.3
-
-
-class Failed(Exception):
-    """The adapter does not keep the clause; the message says what was seen and the likely cause."""
-
-
-class NotTested(Exception):
-    """The clause cannot be tried; the message says what is missing."""
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """Something measured.
-
-    Attributes:
-        name: what, with its unit at the end; a field of `Capabilities` where that is what was measured.
-        value: what was seen; but where it is beyond its bound by no more than the measurement itself may be off, the
-            bound. So a value beyond its bound is always a failure.
-        bound: what was declared, or follows from that; None if nothing does.
-        resolution: how far the measurement itself may be off.
-        at_least: the bound is the least that is allowed, and not the most.
-        spread: least, median and largest of what was seen, where there were several trials.
-    """
-
-    name: str
-    value: float
-    bound: float | None = None
-    resolution: float = 0.0
-    at_least: bool = False
-    spread: tuple[float, ...] = ()
 
 
 class Bench:
@@ -444,19 +414,10 @@ class Bench:
             at_least: the bound is the least that is allowed.
             spread: of several trials, all that was seen.
         """
-        value = seen
-        if bound is not None:
-            off = resolution + ROUNDING
-            # Towards the bound, and no farther, by what may not be the robot's.
-            value = min(max(seen, bound), seen + off) if at_least else max(min(seen, bound), seen - off)
-        value = round(max(value, 0.0), 6)
-        of = tuple(round(quantile(spread, share), 6) for share in (0.0, 0.5, 1.0)) if spread else ()
-        self.figures.append(Figure(name, value, bound, round(resolution, 6), at_least, of))
-        if bound is None:
-            return
-        assert cause, f"{name}: a figure with a bound is judged by it"
-        # Written so that NaN, too, is beyond.
-        if not (value >= bound - ROUNDING if at_least else value <= bound + ROUNDING):
+        figure = Figure.of(name, seen, bound, resolution, at_least=at_least, trials=spread)
+        self.figures.append(figure)
+        assert bound is None or cause, f"{name}: a figure with a bound is judged by it"
+        if not figure.kept:
             word = "declared" if hasattr(self.capabilities, name) else "allowed"
             raise Failed(
                 f"{explain(self)}{name} is {seen:.4g}, {word} is {bound:.4g} (measured to {resolution:.2g}): {cause}"

@@ -11,8 +11,9 @@ from types import FrameType
 from typing import Final
 
 import soter.conformance.clauses  # noqa: F401 - registers the clauses
-from soter.conformance.bench import Bench, Failed, NotTested
+from soter.conformance.bench import Bench
 from soter.conformance.clause import CLAUSES, Clause, Tier
+from soter.conformance.figure import Failed, NotTested
 from soter.conformance.harness import Harness
 from soter.conformance.record import Outcome, Record, Verdict, subject_of
 from soter.conformance.tally import Tally

@@ -14,8 +14,9 @@ from importlib.metadata import packages_distributions, version
 from typing import Any, Final
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from soter.conformance.bench import Bench, Figure
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Clause, Tier
+from soter.conformance.figure import Figure
 
 KIT_VERSION: Final = "2.0"
 """Changes whenever an adapter that conformed might no longer do so."""

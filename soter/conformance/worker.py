@@ -13,8 +13,8 @@ from typing import BinaryIO, Final
 import msgspec
 
 from soter.child import MAX_MESSAGE_BYTES, die_with_parent
-from soter.conformance.bench import Figure
 from soter.conformance.clause import CLAUSES
+from soter.conformance.figure import Figure
 from soter.conformance.find import find_harness
 from soter.conformance.kit import explain, try_clause
 from soter.conformance.record import Outcome, Subject, Verdict, subject_of

@@ -20,7 +20,7 @@ from soter.cli.conform_output import Files, print_summary
 from soter.cli.console import make_console
 from soter.cli.outputs import Output, StandardOutput
 from soter.conformance import CLAUSES, Outcome, Overall, Record, Tier, Verdict, find_harness, judge, select
-from soter.conformance.bench import Figure
+from soter.conformance.figure import Figure
 from soter.conformance.measured import measured_of
 from soter.conformance.record import make_record
 from tests.project.source import ROOT

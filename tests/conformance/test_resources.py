@@ -14,7 +14,7 @@ import pytest
 
 from soter.adapters.pybullet.robot import SimulatedRobot
 from soter.conformance import CLAUSES, Verdict, try_clause
-from soter.conformance.bench import Figure
+from soter.conformance.figure import Figure
 from soter.sdk import Capabilities
 from tests.conformance.wire import SimulatedHarness
 

@@ -1,4 +1,4 @@
-"""What goes over the wire, for both its ends: the types of `types/messages.lcm`, and the channels of a robot."""
+"""What goes over the wire, for both its ends: the types of `messages.lcm`, and the channels of a robot."""
 
 from __future__ import annotations
 

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +14,8 @@ from pydantic import ValidationError
 
 pytest.importorskip("lcm")
 
+from soter_lcm.types import report_t
+
 from soter.conformance import CLAUSES as KIT
 from soter.conformance import WIDE_ROOMS, Verdict, find_harness, judge
 from soter.conformance.driver import drive_until
@@ -28,10 +26,8 @@ from soter.sdk import Controller, GoalStatus, Waypoint
 from soter_lcm.adapter import LcmBackend, LcmConfig
 from soter_lcm.bus import Bus, free_url
 from soter_lcm.harness import LcmHarness
-from soter_lcm.types import report_t
 from soter_lcm.wire import decode_command, decode_report, encode_command, encode_report
 
-TYPES = Path(__file__).resolve().parents[1] / "soter_lcm" / "types"
 GOAL = GoalMessage(3, "AC", 1.0, 2.0, 0.0, 0.5, 0.1)
 COMMAND = Command("me", 7, "AC", "first", 12.5, GOAL)
 REPORT = Report(1, "first", 12.5, 1.0, 2.0, 0.7, 0.1, 0.2, 0.5, 0.75, GateReport("me", 7, "AC", True), 3)
@@ -135,14 +131,6 @@ def test_a_number_that_is_none_is_refused(field: str) -> None:
     setattr(said, field, math.nan)
     with pytest.raises(ValueError, match="allowed: a number"):
         decode_report(said.encode())
-
-
-def test_the_types_are_what_lcm_gen_makes_of_them(tmp_path: Path) -> None:
-    generator = shutil.which("lcm-gen", path=os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"])))
-    assert generator is not None
-    subprocess.run([generator, "-p", TYPES / "messages.lcm", "--ppath", tmp_path], check=True, capture_output=True)
-    for path in TYPES.glob("*_t.py"):
-        assert path.read_text() == (tmp_path / "soter_lcm" / "types" / path.name).read_text()
 
 
 def test_the_adapter_declares_what_its_robots_keep() -> None:

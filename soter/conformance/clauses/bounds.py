@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from soter.conformance.bench import SETTLE_S, Bench, NotTested
+from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
+from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
 from soter.sdk import Controller, Waypoint

@@ -8,9 +8,10 @@ import time
 from collections.abc import Sequence
 from typing import Final
 
-from soter.conformance.bench import Bench, NotTested
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.figure import NotTested
 from soter.conformance.usage import Usage, usage
 from soter.sdk import Controller
 

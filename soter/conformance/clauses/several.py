@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
-from soter.conformance.bench import SETTLE_S, Bench, NotTested
+from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.clauses import deadman, goals, state
 from soter.conformance.driver import TICK_S
+from soter.conformance.figure import NotTested
 from soter.sdk import Controller, GoalStatus
 
 

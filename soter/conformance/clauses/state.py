@@ -6,9 +6,10 @@ import math
 import time
 from itertools import pairwise
 
-from soter.conformance.bench import STILL_RAD, Bench, NotTested
+from soter.conformance.bench import STILL_RAD, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
+from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Robot, RobotState

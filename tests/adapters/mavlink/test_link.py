@@ -312,7 +312,7 @@ def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(stack: ExitStac
     assert link.inboxes[1].latest["LOCAL_POSITION_NED"].message.x == 1.5
     # JSON has no NaN; what was none must not become a number.
     assert math.isnan(link.inboxes[2].latest["LOCAL_POSITION_NED"].message.x)
-    assert link.strangers == {9}
+    assert eventually(lambda: link.strangers == {9})
     link.send(1, SENDERS[Controller.AC], "SET_POSITION_TARGET_LOCAL_NED", {
         "time_boot_ms": 0, "target_system": 1, "target_component": 1, "coordinate_frame": 1, "type_mask": 0x0DF8,
         **dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.5),

@@ -1,0 +1,66 @@
+"""What a clause measures, and the two ways in which it ends early."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from soter.conformance.driver import ROUNDING
+from soter.conformance.track import quantile
+
+
+class Failed(Exception):
+    """The adapter does not keep the clause; the message says what was seen and the likely cause."""
+
+
+class NotTested(Exception):
+    """The clause cannot be tried; the message says what is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """Something measured.
+
+    Attributes:
+        name: what, with its unit at the end; a field of `Capabilities` where that is what was measured.
+        value: what was seen; but where it is beyond its bound by no more than the measurement itself may be off, the
+            bound. So a value beyond its bound is always a failure.
+        bound: what was declared, or follows from that; None if nothing does.
+        resolution: how far the measurement itself may be off.
+        at_least: the bound is the least that is allowed, and not the most.
+        spread: least, median and largest of what was seen, where there were several trials.
+    """
+
+    name: str
+    value: float
+    bound: float | None = None
+    resolution: float = 0.0
+    at_least: bool = False
+    spread: tuple[float, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        seen: float,
+        bound: float | None = None,
+        resolution: float = 0.0,
+        *,
+        at_least: bool = False,
+        trials: Sequence[float] = (),
+    ) -> Figure:
+        """Return the figure of what was seen, in the worst and in all trials."""
+        value = seen
+        if bound is not None:
+            off = resolution + ROUNDING
+            # Towards the bound, and no farther, by what may not be the robot's.
+            value = min(max(seen, bound), seen + off) if at_least else max(min(seen, bound), seen - off)
+        spread = tuple(round(quantile(trials, share), 6) for share in (0.0, 0.5, 1.0)) if trials else ()
+        return cls(name, round(max(value, 0.0), 6), bound, round(resolution, 6), at_least, spread)
+
+    @property
+    def kept(self) -> bool:
+        """Whether it is not beyond its bound; NaN is beyond every bound."""
+        if self.bound is None:
+            return True
+        return self.value >= self.bound - ROUNDING if self.at_least else self.value <= self.bound + ROUNDING
