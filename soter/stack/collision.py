@@ -198,4 +198,4 @@ class BackAway(Retreat):
         nearest = min(situation.peers, key=lambda p: (p.x_m - own.x_m) ** 2 + (p.y_m - own.y_m) ** 2, default=None)
         if nearest is None:
             return super().without_refuge(situation)
-        return self.recovery.away(situation, own.x_m - nearest.x_m, own.y_m - nearest.y_m)
+        return self.recovery.away(situation, own.x_m - nearest.x_m, own.y_m - nearest.y_m, self._dock.path.leads_back)

@@ -9,7 +9,7 @@ not fit, a leg may only lead away from what is too near, in every direction that
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -268,14 +268,26 @@ class RecoveryPlanner:
             return True
         return self.rules.boxes and self.terrain.clearance_m(own.x_m, own.y_m) < self.path_m
 
-    def away(self, situation: Situation, score_x: float, score_y: float) -> Waypoint | None:
-        """Return the certified leg that gets farthest along a direction, or None to hold."""
+    def away(
+        self, situation: Situation, score_x: float, score_y: float, leads_back: Callable[[float, float], bool]
+    ) -> Waypoint | None:
+        """Return the certified leg that gets farthest along a direction, or None to hold.
+
+        Args:
+            situation: of the robot.
+            score_x: the direction, east.
+            score_y: the direction, north.
+            leads_back: whether a place has a path to the station. A leg, which needs less room than a path, ends only
+                where there is one, unless the robot has none now.
+        """
         own = situation.own
         length = self.leg_m(situation.age_s)
+        anywhere = not leads_back(own.x_m, own.y_m)
         best, chosen = 0.1, None
         for ux, uy in _DIRECTIONS:
             score = ux * score_x + uy * score_y
-            if score > best and self.certify(situation, own.x_m + ux * length, own.y_m + uy * length) >= 0.0:
+            bx, by = own.x_m + ux * length, own.y_m + uy * length
+            if score > best and self.certify(situation, bx, by) >= 0.0 and (anywhere or leads_back(bx, by)):
                 best, chosen = score, (ux, uy)
         return self._go(situation, chosen, length)
 

@@ -21,6 +21,8 @@ from soter.stack.terrain import Point, Terrain
 DETOUR_M: Final = 0.5
 """A roomy path is taken instead of a narrow one if it is longer by no more than this; the charge pays for it."""
 
+_ROUNDING_M: Final = 1e-6
+
 LOOK_S: Final = 1.0
 """The path is looked for again when the robot may have driven for so long."""
 
@@ -105,6 +107,12 @@ class ReturnPath:
         entry = self.entry(x_m, y_m)
         length = self.roomy.distance_m(*entry)
         return (length if length < math.inf else self.narrow.distance_m(*entry)) + math.dist(entry, (x_m, y_m))
+
+    def leads_back(self, x_m: float, y_m: float) -> bool:
+        """Return whether the roadmaps show a path from a point, all of which keeps what paths keep."""
+        x, y = self.entry(x_m, y_m)
+        spare_m = min(self._terrain.clearance_m(x, y) - self._boxes_m, self._terrain.fence_m(x, y) - self._fence_m)
+        return spare_m >= -_ROUNDING_M and self.shortest_m(x, y) < math.inf
 
     def track(self, x_m: float, y_m: float) -> None:
         """Keep the path up to date with where the robot is; call it at every tick."""

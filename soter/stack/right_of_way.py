@@ -26,6 +26,9 @@ CLEAR_M: Final = 0.70
 PATIENCE_S: Final = 4.0
 """After so long in SC a robot at phi_safer may go on whatever the order says."""
 
+WAIT_S: Final = 60.0
+"""A robot that has waited for so long to be given back is left alone by peers that are too near for that."""
+
 SETTLED_S: Final = 1.0
 """A robot needs its return path once the battery's module has had it for so long; all begin with all modules in SC."""
 
@@ -96,8 +99,10 @@ class RightOfWay:
 
     Robots that have to charge come first, in the order in which they began to: the first of them is left its return
     path by all others, whoever drives them, the next by all but the first, and so on. One that does not get along goes
-    to the end. Supervisors that share peers come to the same order of encounters, up to the time it takes to hear of
-    each other; the paths of their robots they do not know.
+    to the end. Room is made for a robot, too, that is not given back because peers linger near it with their ACs.
+
+    Supervisors that share peers come to the same order of encounters, up to the time it takes to hear of each other;
+    the paths of their robots they do not know.
 
     Args:
         safer_m: the distance from which the collision module gives robots back.
@@ -121,6 +126,7 @@ class RightOfWay:
         self._modules: dict[int, dict[str, DecisionModule]] = {}
         self._homing: dict[int, _Homing] = {}
         self._to_leave: dict[int, Path] = {}
+        self._safer_m: Final = safer_m
         self._near_m: Final = max(NEAR_M, safer_m + 0.1)
         self._clear_m: Final = max(CLEAR_M, safer_m + 0.2)
         self._remote_needs_charge: Final = needs_charge
@@ -143,6 +149,8 @@ class RightOfWay:
             collision = self._module(robot, COLLISION)
             if collision is not None:
                 self._disengaged_s[robot_id] = collision.since_s if collision.mode is Mode.SC else now_s
+                if now_s - self._disengaged_s[robot_id] > WAIT_S:
+                    self._move_away(now_s, robots, robot.situation)
         if self._find_homing(now_s, robots) or self._to_leave:
             self._make_room(now_s, robots)
         if met or self._encounters:
@@ -223,6 +231,15 @@ class RightOfWay:
                 to_leave[robot_id] = path
                 collision.take(now_s, f"robot {path.robot_id} has to get past to its charging station")
         self._to_leave = to_leave
+
+    def _move_away(self, now_s: float, robots: Mapping[int, RobotSupervisor], waiting: Situation) -> None:
+        """Take their robots from the ACs that keep a robot from being given back."""
+        own = waiting.own
+        for peer in waiting.peers:
+            robot = robots.get(peer.robot_id)
+            collision = None if robot is None else self._module(robot, COLLISION)
+            if collision is not None and math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) < self._safer_m:
+                collision.take(now_s, f"robot {waiting.robot_id} has waited {WAIT_S:g} s for it to move away")
 
     def _form(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         groups: dict[int, set[int]] = {}

@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 _CORNER_M: Final = 1e-6
 """Corners stand off the rectangles by this much, so that a way round a corner does not count as through it."""
 
+_ROUNDING_M: Final = 1e-9
 _LOOKS: Final = 400
 """The longest way is looked for from so many places, spread evenly."""
 
@@ -39,6 +40,8 @@ class Roadmap:
     """
 
     def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
+        self._terrain: Final = terrain
+        self._clearance_m: Final = clearance_m
         grow_m = terrain.body_radius_m + clearance_m
         self.rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
         self._edges: Final[Floats] = np.array(self.rectangles, dtype=np.float64).reshape(-1, 4)
@@ -71,23 +74,31 @@ class Roadmap:
         return np.flatnonzero(~(enter < leave).any(axis=1))
 
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them."""
+        """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them.
+
+        Whoever stands in the corner of a grown box may well be far enough from the box: there, its clearance counts.
+        """
         left, right = (ax, bx) if ax < bx else (bx, ax)
         low, high = (ay, by) if ay < by else (by, ay)
-        for low_x, low_y, high_x, high_y in self.rectangles:
+        here_m = math.inf
+        for index, (low_x, low_y, high_x, high_y) in enumerate(self.rectangles):
             if high_x <= left or low_x >= right or high_y <= low or low_y >= high:
                 if left != right and low != high:
                     continue
                 if not (low_x < left < high_x and low < high) and not (low_y < low < high_y and left < right):
                     continue
             if low_x < ax < high_x and low_y < ay < high_y:
-                # From inside a grown box the way may only lead outwards: never deeper than where it begins.
+                if index < len(self._terrain.boxes) and (here_m := self._terrain.clearance_m(ax, ay)) >= 0.0:
+                    continue
+                # From inside a box or a peer's room the way may only lead outwards: never deeper than where it begins.
                 depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
                 if crosses(ax, ay, bx, by, low_x + depth, low_y + depth, high_x - depth, high_y - depth):
                     return False
             elif crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
                 return False
-        return True
+        if here_m == math.inf:
+            return True
+        return self._terrain.segment_clearance_m(ax, ay, bx, by) >= min(self._clearance_m, here_m) - _ROUNDING_M
 
     def _covered(self, x: float, y: float) -> bool:
         return any(r[0] < x < r[2] and r[1] < y < r[3] for r in self.rectangles)

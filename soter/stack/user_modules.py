@@ -29,6 +29,9 @@ BLOCKED_S: Final = 5.0
 """A robot that has stood still for so long beside another is blocked by it."""
 
 RETREAT_M: Final = 0.75
+TURN_S: Final = 20.0
+"""Robots under a rule about pairs take turns in giving way when it has had them for so long."""
+
 LETS_GO_S: Final = 30.0
 """A module that says nothing else lets go after so long, while the battery's module needs to drive."""
 
@@ -147,6 +150,7 @@ class CertifiedController(SafeController):
         inner = made.sc
         super().__init__(inner.name, inner.period_s, waypoint, kit.recovery)
         self._rule: Final = made.phi_safe
+        self._of_pairs: Final = made.model is not None and made.model.of_pairs
         self._lets_go_s: Final = made.lets_go_s
         self._dock: Final = kit.dock
         self._home: Final = kit.home
@@ -156,7 +160,7 @@ class CertifiedController(SafeController):
         self.inner: Final = inner
         self._wanted: Final = wanted
         self._engaged = False
-        self._moved_s = 0.0
+        self._engaged_s = self._moved_s = 0.0
         self._yields = False
 
     def engage(self, situation: Situation) -> None:
@@ -164,7 +168,7 @@ class CertifiedController(SafeController):
         # What the inner node wanted when it was last in charge is no concern of now.
         self._wanted.value = None
         self._engaged = True
-        self._moved_s = situation.now_s
+        self._engaged_s = self._moved_s = situation.now_s
         self._yields = False
         self._kept_since_s, self._homewards = situation.now_s, False
         self.inner.engage(situation)
@@ -176,14 +180,17 @@ class CertifiedController(SafeController):
         self.inner.step(situation)
         wanted = self._wanted.value
         speed_m_s = wanted.speed_m_s if isinstance(wanted, Waypoint) else None
-        if self._has_to_let_go(situation) and (leg := self._leg_home(situation)) is not None:
+        leg = self._out_of_the_way(situation)
+        if leg is None and self._has_to_let_go(situation):
+            leg = self._home.leg_home(situation)
+        if leg is not None and self._keeps_own_rule(situation, leg):
             return leg._replace(speed_m_s=speed_m_s)
         if wanted is None:
             return self.recovery.hold(situation)
         if not isinstance(wanted, Waypoint):
             raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
         wanted.check()
-        leg = self._out_of_the_way(situation) or self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
+        leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
         if leg is None or not self._keeps_own_rule(situation, leg):
             return self.recovery.hold(situation)
         return leg._replace(speed_m_s=wanted.speed_m_s)
@@ -200,11 +207,6 @@ class CertifiedController(SafeController):
             self._homewards = True
             self._home.start_anew()
         return True
-
-    def _leg_home(self, situation: Situation) -> Waypoint | None:
-        """Return the next leg of the return path, if the module's own margin allows it."""
-        leg = self._home.leg_home(situation)
-        return leg if leg is not None and self._keeps_own_rule(situation, leg) else None
 
     def _keeps_own_rule(self, situation: Situation, leg: Waypoint) -> bool:
         """Return whether the module's rule holds along a leg wherever the robot strays from it, or gets no worse.
@@ -229,23 +231,30 @@ class CertifiedController(SafeController):
         return True
 
     def _out_of_the_way(self, situation: Situation) -> Waypoint | None:
-        """Return a leg away from a near peer with a lower id, if this robot has stood still for long; None otherwise.
+        """Return a leg away from the nearest peer, if this robot has to give way to it; None otherwise.
 
-        Two robots whose ways are blocked by each other would stand there for ever. One of them gives way; safety does
-        not rest on it, since the leg is certified like any other.
+        Two robots whose ways are blocked by each other would stand there for ever, or go to and fro. So one of them
+        gives way, the one with the higher id first; safety does not rest on it, since the leg is certified like any
+        other. Where the rule is about pairs they take turns, until it is content and the AC gets them back.
         """
         own, now_s = situation.own, situation.now_s
         if own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > _MOVING_M_S * _MOVING_M_S:
             self._moved_s = now_s
         near = min(situation.peers, key=lambda p: math.hypot(p.x_m - own.x_m, p.y_m - own.y_m), default=None)
-        if near is None or near.robot_id > own.robot_id:
+        if near is None or self._dock.charging(situation):
             return None
         away_x, away_y = own.x_m - near.x_m, own.y_m - near.y_m
-        if now_s - self._moved_s > BLOCKED_S:
-            self._yields = True
-        if math.hypot(away_x, away_y) > RETREAT_M:
+        if self._of_pairs:
+            turn = int((now_s - self._engaged_s) / TURN_S)
+            # Whoever has to charge lets the others try first.
+            self._yields = turn > (2 if self._dock.wants_charge else 0) and (own.robot_id > near.robot_id) == (
+                turn % 2 == 1
+            )
+        elif near.robot_id > own.robot_id or math.hypot(away_x, away_y) > RETREAT_M:
             self._yields = False
-        return self.recovery.away(situation, away_x, away_y) if self._yields else None
+        elif now_s - self._moved_s > BLOCKED_S:
+            self._yields = True
+        return self.recovery.away(situation, away_x, away_y, self._dock.path.leads_back) if self._yields else None
 
 
 class _Moved:

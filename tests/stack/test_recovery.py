@@ -307,14 +307,30 @@ def test_a_robot_that_cannot_reverse_gets_no_heading() -> None:
 def test_a_moving_robot_stops_before_it_goes_another_way(angle: float, goes: bool) -> None:
     own = At(2.0, 2.0, vx_m_s=0.2 * math.cos(angle), vy_m_s=0.2 * math.sin(angle))
     assert (planner(EMPTY).towards(seen(own), [(3.0, 2.0)]) is not None) is goes
-    assert (planner(EMPTY).away(seen(own), 1.0, 0.0) is not None) is goes
+    assert (planner(EMPTY).away(seen(own), 1.0, 0.0, anywhere) is not None) is goes
+
+
+def anywhere(x_m: float, y_m: float) -> bool:
+    return True
+
+
+def test_away_ends_only_where_a_path_leads_back_unless_there_is_none_now() -> None:
+    def west(x_m: float, y_m: float) -> bool:
+        return x_m <= 2.0
+
+    leg = planner(EMPTY).away(seen(At(2.0, 2.0)), 1.0, 1.0, west)
+    assert leg is not None
+    assert leg.x_m <= 2.0 < leg.y_m
+    assert planner(EMPTY).away(seen(At(2.1, 2.0)), 1.0, 1.0, west) == planner(EMPTY).away(
+        seen(At(2.1, 2.0)), 1.0, 1.0, anywhere
+    )
 
 
 def test_away_takes_the_certified_direction_that_leads_farthest() -> None:
     pair = robots([(0.03, 2.0), (0.4, 2.0)])
-    leg = planner(EMPTY).away(seen(pair[0], pair), -1.0, 0.0)
+    leg = planner(EMPTY).away(seen(pair[0], pair), -1.0, 0.0, anywhere)
     assert leg is None or leg.x_m >= 0.02
-    free = planner(EMPTY).away(seen(At(2.0, 2.0)), 1.0, 1.0)
+    free = planner(EMPTY).away(seen(At(2.0, 2.0)), 1.0, 1.0, anywhere)
     assert free is not None
     assert math.atan2(free.y_m - 2.0, free.x_m - 2.0) == pytest.approx(math.pi / 4.0)
 

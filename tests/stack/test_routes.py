@@ -67,17 +67,20 @@ def test_the_distance_is_the_length_of_the_legs(start: Point) -> None:
 
 @settings(max_examples=200)
 @given(boxes(), inside, inside)
-def test_a_way_never_leads_deeper_into_grown_boxes_than_its_ends_lie(
+def test_a_way_keeps_its_clearance_or_that_of_where_it_begins(
     some: tuple[Box, ...], start: Point, place: Point
 ) -> None:
     terrain = Terrain(Workspace(5.0, 5.0, some, ()), RADIUS_M)
     assume(depth_m(terrain, *place) <= 0.0)
     legs = Routes(terrain, place, CLEAR_M, -math.inf).legs(*start)
-    allowed = max(depth_m(terrain, *start), 0.0)
+    beside = terrain.clearance_m(*start) >= 0.0
+    kept_m, allowed = min(CLEAR_M, terrain.clearance_m(*start)), max(depth_m(terrain, *start), 0.0)
     for a, b in pairwise([start, *legs]):
         for point in between(a, b, 60):
-            assert depth_m(terrain, *point) <= allowed + 2e-6
-        allowed = 0.0
+            assert (
+                (terrain.clearance_m(*point) >= kept_m - 2e-6) if beside else depth_m(terrain, *point) <= allowed + 2e-6
+            )
+        kept_m, allowed = CLEAR_M, 0.0
 
 
 @given(st.floats(0.01, GROWN_M - 0.01), st.floats(0.3, 0.7), st.sampled_from(["west", "east", "north", "south"]))

@@ -14,8 +14,6 @@ from pydantic import ValidationError
 
 pytest.importorskip("lcm")
 
-from soter_lcm.types import report_t
-
 from soter.conformance import CLAUSES as KIT
 from soter.conformance import WIDE_ROOMS, Verdict, find_harness, judge
 from soter.conformance.driver import drive_until
@@ -26,6 +24,7 @@ from soter.sdk import Controller, GoalStatus, Waypoint
 from soter_lcm.adapter import LcmBackend, LcmConfig
 from soter_lcm.bus import Bus, free_url
 from soter_lcm.harness import LcmHarness
+from soter_lcm.types import report_t
 from soter_lcm.wire import decode_command, decode_report, encode_command, encode_report
 
 GOAL = GoalMessage(3, "AC", 1.0, 2.0, 0.0, 0.5, 0.1)
