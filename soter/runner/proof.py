@@ -18,7 +18,7 @@ from soter.rta import RTAModule
 from soter.sdk import Capabilities
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.infrastructure import standing
-from soter.stack.right_of_way import BATTERY
+from soter.stack.right_of_way import BATTERY, COLLISION
 
 _ORDER: Final = (Verdict.PROVED, Verdict.TESTED, Verdict.ASSUMED, Verdict.PARTLY, Verdict.REJECTED)
 
@@ -93,6 +93,12 @@ def _way_home(mission: Mission, made: Declared, promised: Capabilities, module: 
         f"robot {robot_id}: home in {home_s:.0f} s from as far as the roadmap reaches, at the declared speeds, and "
         f"charged in {battery.charge_s:g} s"
     )
+    if others and COLLISION not in mission.rta.order:
+        blocked = (
+            f"robot {robot_id}: without the module 'collision' nobody makes way, and a body that stands on the return "
+            f"path blocks it for ever ({others} other{'s'[: others != 1]})"
+        )
+        return [Finding(BATTERY, "P2a", Verdict.PARTLY, blocked, figures)]
     return [
         Finding(BATTERY, "P2a", Verdict.PROVED, stays, figures),
         Finding(BATTERY, "P2b", Verdict.PROVED, returns, figures),

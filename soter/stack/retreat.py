@@ -118,7 +118,13 @@ class Retreat(SafeController):
             self._homewards = False
             return self.follow(situation, self._legs)
         if self._homewards:
-            return self._leg_home(situation)
+            leg = self._leg_home(situation)
+            if leg is not None or _moving(situation.own):
+                self._drove_home_s = situation.now_s
+            if situation.now_s - self._drove_home_s <= self.patience_s(situation):
+                return leg
+            # Nothing leads on along the return path: away from whatever is in the way, and back on it from elsewhere.
+            self._homewards = False
         leg = self.without_refuge(situation)
         return leg if leg is not None or _moving(situation.own) else self._leg_home(situation)
 
@@ -134,6 +140,7 @@ class Retreat(SafeController):
     def _leg_home(self, situation: Situation) -> Waypoint | None:
         if not self._homewards:
             self._homewards = True
+            self._drove_home_s = situation.now_s
             self._home.start_anew()
         return self._home.leg_home(situation)
 
