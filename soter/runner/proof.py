@@ -42,7 +42,26 @@ def prove(
                 prover(mission, made, capabilities[robot_id], _named(made, name)) for robot_id, made in declared.items()
             ]
             findings += max(each, key=lambda found: max(_ORDER.index(one.verdict) for one in found))
-    return findings
+    return [*findings, *_crowded(mission, declared)]
+
+
+def _crowded(mission: Mission, declared: Mapping[int, Declared]) -> list[Finding]:
+    """Return P2b of the collision module where not all robots can be with their ACs at once; nothing where they can."""
+    if COLLISION not in mission.rta.order:
+        return []
+    apart_m = mission.rta.collision.phi_safer_m
+    robots = 1 + len(next(iter(declared.values())).others)
+    room, refuges = min(
+        ((each.refuges.room_for(robots, apart_m), each.refuges) for each in declared.values()), key=lambda one: one[0]
+    )
+    if room == robots:
+        return []
+    text = (
+        f"{room} of {robots} robots are found room for {apart_m:g} m apart, {max(refuges.fence_m, 0.0):.3f} m from the "
+        f"fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back: they may wait for each "
+        "other for ever; smaller phi_safer_m and phi_safer_inset_m, or fewer robots, would do"
+    )
+    return [Finding(COLLISION, "P2b", Verdict.PARTLY, text, {"robots": robots, "room": room})]
 
 
 def _retreat(mission: Mission, made: Declared, promised: Capabilities, module: RTAModule) -> list[Finding]:

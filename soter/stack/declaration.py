@@ -18,7 +18,7 @@ from soter.stack.geofence import Fence
 from soter.stack.infrastructure import check_infrastructure
 from soter.stack.obstacle import Clearance
 from soter.stack.reach import Limits, reach_between, reach_into
-from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
+from soter.stack.recovery import OwnRule, RecoveryPlanner, RecoveryRules, extent_m
 from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import Retreat
 from soter.stack.return_path import ReturnPath
@@ -227,8 +227,14 @@ def declare(
             home, speed, timing, tick_s,
         )  # fmt: skip
         own_modules[name] = declare_own(mission, own, kit, waypoint)
+    enforced = [own_modules[name] for name in enabled(mission) if name in own_modules]
+    recovery.own_rules = [
+        OwnRule(module.phi_safe, module.model is not None and module.model.of_pairs)
+        for module in enforced
+        if module.phi_safe is not None
+    ]
     # Each of the user's modules may keep a robot from going home for so long.
-    contracts_s = sum(own_modules[name].lets_go_s for name in enabled(mission) if name in own_modules)
+    contracts_s = sum(module.lets_go_s for module in enforced)
     table = {
         COLLISION: lambda: RTAModule(
             COLLISION,

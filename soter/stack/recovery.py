@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple
 
-from soter.rta import Sample, Situation
+from soter.rta import Region, Sample, Situation
 from soter.sdk import Capabilities, Waypoint
 from soter.stack.terrain import Point, Terrain
 
@@ -33,7 +33,32 @@ _MOVING_M_S: Final = 0.02
 _ALIGNED_RAD: Final = 0.35
 _ALIGNED_COS: Final = math.cos(_ALIGNED_RAD)
 _ALIGNED_SIN: Final = math.sin(_ALIGNED_RAD)
+_PARTS: Final = (0.5, 1.0)
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
+
+
+class OwnRule(NamedTuple):
+    """What a module of the user's own keeps.
+
+    Attributes:
+        region: its phi_safe.
+        of_pairs: whether peers use up its margin as well.
+    """
+
+    region: Region
+    of_pairs: bool
+
+
+class _Moved:
+    """A sample of a robot as if it were elsewhere."""
+
+    def __init__(self, own: Sample, x_m: float, y_m: float) -> None:
+        self._own: Final = own
+        self.x_m: Final = x_m
+        self.y_m: Final = y_m
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._own, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +112,7 @@ class RecoveryPlanner:
     Attributes:
         terrain: see above.
         rules: see above.
+        own_rules: what the user's own modules keep, which every leg keeps, too.
         v_max_m_s: top speed of the robot.
         certified_m: what the end of a leg keeps from fence and boxes.
         path_m: what paths keep from fence and boxes, so that every leg of theirs is certified from wherever the robot
@@ -106,6 +132,7 @@ class RecoveryPlanner:
     ) -> None:
         self.terrain: Final = terrain
         self.rules: Final = rules
+        self.own_rules: Sequence[OwnRule] = ()
         self.v_max_m_s: Final = capabilities.v_max_m_s
         self._peer_v_max = max(capabilities.v_max_m_s, peer_v_max_m_s)
         self._tracking_m = capabilities.tube_m
@@ -170,7 +197,33 @@ class RecoveryPlanner:
             spare = self._pair_spare_m(situation, bx_m - ax, by_m - ay)
             if spare < worst:
                 worst = spare
+        if worst >= 0.0 and not all(self._keeps(rule, situation, bx_m, by_m) for rule in self.own_rules):
+            return -1.0
         return worst
+
+    def _keeps(self, rule: OwnRule, situation: Situation, bx_m: float, by_m: float) -> bool:
+        """Return whether a rule of the user's own holds along a leg wherever the robot strays, or gets no worse.
+
+        Nothing is known of its margin but what it is: it is asked as if the robot were there, as fast as it is now.
+        """
+        own, off_m, region = situation.own, self.certified_m, rule.region
+        margin = region.margin(situation)
+        least = min(0.0, margin)
+        if rule.of_pairs and margin > 0.0:
+            # Half of it is the peer's, which may be on its way.
+            least = min(margin, margin / 2.0 + self._peer_v_max * (self._blind_s + situation.age_s))
+        dx, dy = bx_m - own.x_m, by_m - own.y_m
+        length_m = math.hypot(dx, dy) or 1.0
+        ux, uy = dx / length_m, dy / length_m
+        for part in _PARTS:
+            for ahead_m, left_m in ((0.0, 0.0), (0.0, off_m), (0.0, -off_m), (off_m, 0.0)):
+                x_m = own.x_m + part * dx + ahead_m * ux - left_m * uy
+                y_m = own.y_m + part * dy + ahead_m * uy + left_m * ux
+                there = Situation(situation.robot_id, _Moved(own, x_m, y_m), situation.now_s)
+                there.peers = situation.peers
+                if not region.margin(there) >= least:
+                    return False
+        return True
 
     def hold_margin(self, situation: Situation) -> float:
         """Return the worst margin of staying where the robot is."""

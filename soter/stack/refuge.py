@@ -83,6 +83,23 @@ class RefugeFinder:
                 return legs
         return []
 
+    def room_for(self, robots: int, apart_m: float) -> int:
+        """Return how many robots are found room for in refuges at once, so far from each other; all, or the most.
+
+        A bound from below: places are taken greedily, along the room and across it, from both ends.
+        """
+        terrain, most = self._terrain, 0
+        for order in ("C", "F"):
+            xs, ys = (cells.ravel(order)[self.static.ravel(order)] for cells in (terrain.cell_x, terrain.cell_y))
+            for free_x, free_y in ((xs, ys), (xs[::-1], ys[::-1])):
+                found = 0
+                while found < robots and free_x.size:
+                    found += 1
+                    left = (free_x - free_x[0]) ** 2 + (free_y - free_y[0]) ** 2 >= apart_m * apart_m
+                    free_x, free_y = free_x[left], free_y[left]
+                most = max(most, found)
+        return most
+
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
         """Return whether a refuge is still far enough from every peer, and off the path that is to be left."""
         if self.leave is not None and self.leave.near(*place):

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from soter.config import Mission, validate_options
 from soter.config_tables import UserModuleTable
 from soter.errors import ConfigError, IllFormedModule, nearest
-from soter.rta import Node, RTAModule, Sample, Situation, SpeedBound, Timing, Topic
+from soter.rta import Node, RTAModule, Situation, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities, Waypoint
 from soter.stack.battery import Dock, GoHome
 from soter.stack.recovery import RecoveryPlanner
@@ -37,7 +37,6 @@ LETS_GO_S: Final = 30.0
 
 _MOVING_M_S: Final = 0.02
 _STEP_M: Final = 0.1
-_PARTS: Final = (0.5, 1.0)
 
 
 @dataclass(frozen=True)
@@ -132,12 +131,11 @@ class GoTo(Node):
 
 
 class CertifiedController(SafeController):
-    """Drives where another node wants to go, but only by legs that keep every rule of the mission's other modules.
+    """Drives where another node wants to go, but only by legs that keep every rule of the mission's modules.
 
-    Whoever writes a safe controller thinks of one rule. The recovery planner thinks of the rest: a leg that would break
-    another one is shortened or not driven, and one on which the module's own rule would break is not driven either, so
-    that a mistake in a safe controller costs time only. It lets go as its contract says: where the robot stands, or the
-    battery's module needs to drive, the return path is driven after `lets_go_s`, where that keeps the module's rule.
+    Whoever writes a safe controller thinks of one rule. The recovery planner thinks of all: a leg that would break one,
+    the module's own included, is shortened or not driven, so that a mistake costs time only. It lets go as its contract
+    says: where the robot stands, or the battery's module needs to drive, the return path is driven after `lets_go_s`.
 
     Args:
         made: the user's declaration.
@@ -149,7 +147,6 @@ class CertifiedController(SafeController):
     def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Waypoint]) -> None:
         inner = made.sc
         super().__init__(inner.name, inner.period_s, waypoint, kit.recovery)
-        self._rule: Final = made.phi_safe
         self._of_pairs: Final = made.model is not None and made.model.of_pairs
         self._lets_go_s: Final = made.lets_go_s
         self._dock: Final = kit.dock
@@ -183,7 +180,7 @@ class CertifiedController(SafeController):
         leg = self._out_of_the_way(situation)
         if leg is None and self._has_to_let_go(situation):
             leg = self._home.leg_home(situation)
-        if leg is not None and self._keeps_own_rule(situation, leg):
+        if leg is not None:
             return leg._replace(speed_m_s=speed_m_s)
         if wanted is None:
             return self.recovery.hold(situation)
@@ -191,9 +188,7 @@ class CertifiedController(SafeController):
             raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
         wanted.check()
         leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
-        if leg is None or not self._keeps_own_rule(situation, leg):
-            return self.recovery.hold(situation)
-        return leg._replace(speed_m_s=wanted.speed_m_s)
+        return None if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
 
     def _has_to_let_go(self, situation: Situation) -> bool:
         """Whether the robot has stood, or the battery's module has waited, for as long as the contract allows."""
@@ -201,33 +196,13 @@ class CertifiedController(SafeController):
         moves = math.hypot(own.vx_m_s, own.vy_m_s) > _MOVING_M_S
         if not self._homewards and moves and not self._dock.wants_charge:
             self._kept_since_s = now_s
-        if now_s - self._kept_since_s <= self._lets_go_s:
+        # Whoever is given way to does not follow, unless it has to charge: the rule would never be content.
+        waits = self._of_pairs and now_s - self._engaged_s >= TURN_S and not self._dock.wants_charge
+        if waits or now_s - self._kept_since_s <= self._lets_go_s:
             return False
         if not self._homewards:
             self._homewards = True
             self._home.start_anew()
-        return True
-
-    def _keeps_own_rule(self, situation: Situation, leg: Waypoint) -> bool:
-        """Return whether the module's rule holds along a leg wherever the robot strays from it, or gets no worse.
-
-        The margin is looked at as if the robot were there already, and as slow or fast as it is now.
-        """
-        if self._rule is None:
-            return True
-        own, off_m = situation.own, self.recovery.certified_m
-        least = min(0.0, self._rule.margin(situation))
-        dx, dy = leg.x_m - own.x_m, leg.y_m - own.y_m
-        length_m = math.hypot(dx, dy) or 1.0
-        ux, uy = dx / length_m, dy / length_m
-        for part in _PARTS:
-            for ahead_m, left_m in ((0.0, 0.0), (0.0, off_m), (0.0, -off_m), (off_m, 0.0)):
-                x_m = own.x_m + part * dx + ahead_m * ux - left_m * uy
-                y_m = own.y_m + part * dy + ahead_m * uy + left_m * ux
-                there = Situation(situation.robot_id, _Moved(own, x_m, y_m), situation.now_s)
-                there.peers = situation.peers
-                if not self._rule.margin(there) >= least:
-                    return False
         return True
 
     def _out_of_the_way(self, situation: Situation) -> Waypoint | None:
@@ -255,18 +230,6 @@ class CertifiedController(SafeController):
         elif now_s - self._moved_s > BLOCKED_S:
             self._yields = True
         return self.recovery.away(situation, away_x, away_y, self._dock.path.leads_back) if self._yields else None
-
-
-class _Moved:
-    """A sample of a robot as if it were elsewhere."""
-
-    def __init__(self, own: Sample, x_m: float, y_m: float) -> None:
-        self._own: Final = own
-        self.x_m: Final = x_m
-        self.y_m: Final = y_m
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._own, name)
 
 
 def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.rta import Mode, RobotSupervisor, Situation
-from soter.stack.right_of_way import CLEAR_M, LOW_CHARGE, MEMORY_S, NEAR_M, PATIENCE_S, TURN_S, RightOfWay
+from soter.stack.right_of_way import CLEAR_M, LOW_CHARGE, MEMORY_S, NEAR_M, PATIENCE_S, TURN_S, WAIT_S, RightOfWay
 from soter.stack.terrain import Point
 from tests.rta.doubles import At, Rig
 
@@ -166,3 +166,12 @@ def test_everybody_is_in_one_order_at_most_and_somebody_is_first(places: list[Po
         assert {number, *close} <= encounter.members
         assert all(meeting.rule.encounter(member) is encounter for member in encounter.members)
         assert sum(meeting.rule.first(member) for member in encounter.members) == 1
+
+
+@pytest.mark.parametrize(("apart_m", "waited_s", "taken"), [(0.8, 61.0, True), (0.8, 59.0, False), (0.95, 61.0, False)])
+def test_a_peer_that_lingers_is_taken_from_its_ac_after_a_while(apart_m: float, waited_s: float, taken: bool) -> None:
+    assert WAIT_S == 60.0
+    meeting = Meeting((0.0, 0.0), (apart_m, 0.0), rule=RightOfWay(safer_m=0.9))
+    meeting.mode(1, "collision", Mode.SC, since_s=10.0)
+    meeting.look(10.0 + waited_s)
+    assert (meeting.rigs[2].modules["collision"].mode is Mode.SC) is taken

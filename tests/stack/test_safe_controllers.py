@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from soter.stack.battery import BLOCKED_S
 from soter.stack.collision import RETREAT_M
-from soter.stack.terrain import Point
+from soter.stack.terrain import Point, Terrain
+from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
 from tests.stack.follower import CLEAR_M, FENCE_M, PEER_M, Controllers, Follower, Says
-from tests.stack.ground import TERRAIN, clear_m, fence_m, inside, seen
+from tests.stack.ground import RADIUS_M, TERRAIN, clear_m, fence_m, inside, planner, seen
 
 
 @settings(max_examples=60)
@@ -94,6 +95,32 @@ def test_a_robot_that_is_surrounded_stays_apart_from_all() -> None:
     robot = Follower(made, made.back_away(Says(False)), (3.8, 2.0), *ring)
     robot.run(20.0)
     assert min(math.dist(robot.place, peer) for peer in ring) >= 0.3
+
+
+def test_a_robot_whose_way_home_is_blocked_too_tries_again_to_get_away() -> None:
+    made = Controllers(fence_m=9.0)
+    towards_home, *others = [
+        (3.8 + 0.33 * x, 2.0 + 0.33 * y) for x, y in ((-0.94, -0.34), (1, 0), (0, 1), (0, -1), (-0.7, 0.7))
+    ]
+    robot = Follower(made, made.back_away(Says(False)), (3.8, 2.0), towards_home, *others)
+    robot.run(20.0)
+    assert math.dist(robot.place, (3.8, 2.0)) < 0.1
+    robot.peers = (towards_home,)
+    robot.run(20.0)
+    assert math.dist(robot.place, towards_home) > 0.5
+
+
+def test_a_robot_does_not_flee_into_a_gap_that_no_path_leads_out_of() -> None:
+    half_m = RADIUS_M + planner().path_m - 0.015
+    boxes = (Box(2.0, 0.0, 2.6, 2.0 - half_m), Box(2.0, 2.0 + half_m, 2.6, 4.0))
+    made = Controllers(Terrain(Workspace(6.0, 4.0, boxes, ()), RADIUS_M), station=Box(4.8, 1.8, 5.2, 2.2), fence_m=9.0)
+    path = made.dock.path
+    assert path.leads_back(2.9, 2.0)
+    assert not path.leads_back(2.3, 2.0)
+    robot = Follower(made, made.back_away(Says(False)), (2.9, 2.0), (3.25, 2.0))
+    for _ in range(100):
+        robot.run(0.2)
+        assert path.leads_back(*robot.place)
 
 
 @pytest.mark.parametrize("place", [(4.5, 0.5), (4.5, 4.5), (0.5, 4.5), (1.45, 3.3), (0.05, 2.5), (2.5, 1.2)])

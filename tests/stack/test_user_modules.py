@@ -20,6 +20,7 @@ from soter.runner import RunResult, run_mission
 from soter.runner.user_rules import UserRules
 from soter.sdk import TruthReport, Waypoint
 from soter.stack.battery import GoHome
+from soter.stack.recovery import OwnRule
 from soter.stack.user_modules import CertifiedController, ModuleKit
 from tests.project.source import ROOT
 from tests.rta.doubles import At, FakeNode, module
@@ -166,6 +167,9 @@ def certified(wanted: Any, **declared: Any) -> tuple[CertifiedController, Topic[
     station = dock()
     kit = SimpleNamespace(recovery=planner(), dock=station, home=GoHome(0.05, out, planner(), station))
     made = replace(module(sc=inner), **{"phi_safe": None, "lets_go_s": 30.0, **declared})
+    if made.phi_safe is not None:
+        for each in (kit.recovery, kit.home.recovery):
+            each.own_rules = [OwnRule(made.phi_safe, of_pairs=False)]
     return CertifiedController(made, cast("ModuleKit", kit), inner_topic, out), out, inner
 
 
