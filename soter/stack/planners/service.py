@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -27,21 +26,8 @@ MEMORY_LIMIT_BYTES = 2 << 30
 WALL_CLOCK_NICENESS = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Ticket:
-    """The promise of one result.
-
-    Attributes:
-        request_id: the request.
-        submitted_s: fleet time at which it was handed in.
-    """
-
-    request_id: int
-    submitted_s: float
-
-
 class PlanService:
-    """Runs an untrusted planner in worker processes and hands out its plans at the right time.
+    """Runs an untrusted planner in a worker process and hands out its plans at the right time.
 
     In virtual time a plan is delivered at its request's time plus its cost (state checks), however long the host
     took to compute it, so that a run repeats itself. Whatever the planner does costs its robot a plan and nothing
@@ -57,14 +43,12 @@ class PlanService:
         body_radius_m: radius of the robots' round bodies, in metres.
         options: the raw table `[planners.NAME]`.
         source: the mission file that the options are from, for error messages.
-        workers: number of worker processes. Requests go to them in turn, so that it makes no difference which one
-            is quicker.
         virtual_time: False for a mission on a wall clock: results are handed out as they come and nothing waits.
         in_process: False to have a worker for a trusted planner, too.
         time_limit_s: host time after which a worker that does not answer is killed, in seconds.
         start_limit_s: host time that a worker may take to start, in seconds.
         memory_limit_bytes: address space that a planner may use, beyond the bare worker's.
-        box: what the workers are boxed in with, or None.
+        box: what the worker is boxed in with, or None.
 
     Raises:
         ConfigError: the planner's name, or the options of a trusted planner, are wrong. For other planners the
@@ -79,7 +63,6 @@ class PlanService:
         options: Mapping[str, Any] | None = None,
         *,
         source: str | None = None,
-        workers: int = 1,
         virtual_time: bool = True,
         in_process: bool = True,
         time_limit_s: float = TIME_LIMIT_S,
@@ -87,15 +70,13 @@ class PlanService:
         memory_limit_bytes: int = MEMORY_LIMIT_BYTES,
         box: Box | None = None,
     ) -> None:
-        if workers < 1:
-            raise ValueError(f"workers is {workers}, must be at least 1")
         check_name(planner)
         self._virtual_time: Final = virtual_time
         self._limits: Final = Limits(start_limit_s, time_limit_s)
         self._pending: list[Job] = []
         self._submitted = 0
         self._closed = False
-        self._lanes: list[Lane] = []
+        self._lane: Lane | None = None
         self._local: Planner | None = None
         if in_process and planner in TRUSTED:
             self._local = build_planner(planner, workspace, body_radius_m, options, source)
@@ -103,12 +84,7 @@ class PlanService:
         # A planner that runs wild must not starve the supervisors on the same host; in virtual time all wait for it.
         niceness = 0 if virtual_time else WALL_CLOCK_NICENESS
         spec = WorkerSpec(planner, workspace, body_radius_m, dict(options or {}), source, memory_limit_bytes, niceness)
-        self._lanes += [Lane(spec, self._limits, box) for _ in range(workers)]
-
-    @property
-    def deterministic(self) -> bool:
-        """False once a result depended on the host: a worker was too slow, or died."""
-        return not self._limits.incidents
+        self._lane = Lane(spec, self._limits, box)
 
     @property
     def incidents(self) -> tuple[str, ...]:
@@ -116,17 +92,12 @@ class PlanService:
         return tuple(self._limits.incidents)
 
     @property
-    def pending(self) -> int:
-        """Number of results that are yet to be delivered."""
-        return len(self._pending)
-
-    @property
     def pids(self) -> tuple[int, ...]:
-        """Process ids of the workers that are running now."""
-        return tuple(lane.pid for lane in self._lanes if lane.pid is not None)
+        """Process id of the worker, if one is running now."""
+        return () if self._lane is None or self._lane.pid is None else (self._lane.pid,)
 
     def ready(self) -> None:
-        """Wait until the workers, which have been starting since the construction, are ready.
+        """Wait until the worker, which has been starting since the construction, is ready.
 
         To be called before anything moves: it is where a bad option of an untrusted planner shows.
 
@@ -135,13 +106,13 @@ class PlanService:
             PlannerUnavailable: a library is missing, or the worker cannot be started.
         """
         try:
-            for lane in self._lanes:
-                lane.await_ready()
+            if self._lane is not None:
+                self._lane.await_ready()
         except BaseException:
             self.close()
             raise
 
-    def submit(self, request: PlanRequest, now_s: float) -> Ticket:
+    def submit(self, request: PlanRequest, now_s: float) -> None:
         """Hand in a request and return at once.
 
         Args:
@@ -164,9 +135,8 @@ class PlanService:
                 job.result = checked(request.request_id, self._local.plan(request))
             except Garbage as error:
                 job.result = garbage(request.request_id, error)
-        else:
-            self._lanes[job.number % len(self._lanes)].add(job)
-        return Ticket(request.request_id, now_s)
+        elif self._lane is not None:
+            self._lane.add(job)
 
     def due(self, now_s: float) -> list[PlanResult]:
         """Return the results whose time has come, earliest first, then in the order of their requests.
@@ -178,10 +148,10 @@ class PlanService:
         """
         if not self._pending:
             return []
+        lane = self._lane
         for job in self._pending:
-            if job.known:
+            if job.known or lane is None:
                 continue
-            lane = self._lanes[job.number % len(self._lanes)]
             lane.step(wait=False)
             if self._virtual_time and job.submitted_s + CHECK_COST_S <= now_s:
                 while not job.known:
@@ -197,11 +167,11 @@ class PlanService:
         return [job.result for job in done if job.result is not None]
 
     def close(self) -> None:
-        """Kill the workers and wait until they are gone. Pending results are lost. Idempotent."""
+        """Kill the worker and wait until it is gone. Pending results are lost. Idempotent."""
         self._closed = True
         self._pending.clear()
-        for lane in self._lanes:
-            lane.close()
+        if self._lane is not None:
+            self._lane.close()
 
     def __enter__(self) -> Self:
         return self
