@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from soter.check.conditions import Finding, Verdict
 from soter.check.search import Vector, search
 from soter.check.trial import Breach, Obligation, Subject, Trial
-from soter.check.verdict import Finding, Verdict
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
-from soter.check.conditions import conditions
+from soter.check.conditions import Finding, Verdict, conditions
 from soter.check.falsify import falsify
 from soter.check.trial import Subject
-from soter.check.verdict import Finding, Verdict
 
 OBLIGATIONS: Final = ("P1a", "P1b", "P2a", "P2b", "P3", "model")
 """`model`: in no trial did the margin fall by more than the module's model allows."""

@@ -10,8 +10,18 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Call, Command, Context, Fault, Passage, Spacing
-from soter.faults.options import FaultOptions, Probability, Seconds, wrong
+from soter.faults.fault import (
+    Call,
+    Command,
+    Context,
+    Fault,
+    FaultOptions,
+    Passage,
+    Probability,
+    Seconds,
+    Spacing,
+    wrong,
+)
 from soter.sdk import Capabilities, RobotState
 
 _ROUNDING_S = 1e-9

@@ -9,8 +9,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Command, Context, Fault, Passage, Spacing
-from soter.faults.options import FaultOptions, wrong
+from soter.faults.fault import Command, Context, Fault, FaultOptions, Passage, Spacing, wrong
 from soter.sdk import Capabilities, RobotState
 
 Offset = Annotated[float, Field(ge=-1000.0, le=1000.0, allow_inf_nan=False)]

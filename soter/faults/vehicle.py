@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Command, Fault, Impairment, Passage
-from soter.faults.options import FaultOptions, wrong
+from soter.faults.fault import Command, Fault, FaultOptions, Impairment, Passage, wrong
 from soter.sdk import Capabilities, RobotState
 
 Part = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]

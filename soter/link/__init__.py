@@ -1,6 +1,5 @@
 """Between processes: the ports of a mission beside its supervisor, and the processes of a distributed mission."""
 
-from soter.link.clock import FollowedClock
 from soter.link.messages import (
     Ask,
     Begin,
@@ -16,7 +15,7 @@ from soter.link.messages import (
     Tick,
     Turn,
 )
-from soter.link.mission_end import MissionEnd
+from soter.link.mission_end import FollowedClock, MissionEnd
 from soter.link.supervisor_end import SupervisorEnd
 
 __all__ = [

@@ -2,16 +2,69 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from soter.rta.assumptions import Assumption
 from soter.rta.monitors import Finding, PeerMonitor
-from soter.rta.neighbours import Neighbours
 from soter.rta.peers import PEER_SILENT_S, RemotePeer, StillPeers
 from soter.rta.situation import Sample
 from soter.rta.supervisor import RobotSupervisor
+
+if TYPE_CHECKING:
+    from soter.rta.supervisor import RobotSupervisor
+
+FEW = 6
+"""Up to so many robots, everybody is everybody's peer: cheaper than sorting them."""
+
+
+class Neighbours:
+    """Sorts robots into square cells as wide as the radius, and takes a cell's and its eight neighbours' as peers.
+
+    The cost grows linearly with the number of robots.
+
+    Args:
+        radius_m: robots nearer than this are always peers; some farther ones are too. If it is infinite, all are.
+    """
+
+    def __init__(self, radius_m: float) -> None:
+        self._per_m = 1.0 / radius_m
+
+    def assign(
+        self, robots: Sequence[RobotSupervisor], samples: Sequence[Sample], others: Sequence[Sample] = ()
+    ) -> None:
+        """Refresh `situation.peers` of every robot.
+
+        Args:
+            robots: whose situations.
+            samples: of each of them.
+            others: of robots that are not among them, peers of all that are.
+        """
+        count = len(robots)
+        if count <= FEW:
+            for index, robot in enumerate(robots):
+                robot.situation.peers = (*samples[:index], *samples[index + 1 :], *others)
+            return
+        per_m, floor = self._per_m, math.floor
+        cells: dict[tuple[int, int], list[Sample]] = {}
+        places = []
+        for sample in samples:
+            place = (floor(sample.x_m * per_m), floor(sample.y_m * per_m))
+            places.append(place)
+            cells.setdefault(place, []).append(sample)
+        for robot, sample, (column, row) in zip(robots, samples, places, strict=True):
+            peers = []
+            for near_column in (column - 1, column, column + 1):
+                for near_row in (row - 1, row, row + 1):
+                    members = cells.get((near_column, near_row))
+                    if members:
+                        peers += members
+            peers.remove(sample)
+            peers += others
+            robot.situation.peers = peers
+
 
 _ROUNDING_S: Final = 1e-9
 

@@ -13,8 +13,7 @@ from pydantic import TypeAdapter
 from soter.clock import Clock
 from soter.config import Mission
 from soter.errors import ConfigError, nearest
-from soter.link.bus import Bus
-from soter.link.buses import open_bus
+from soter.link.bus import Bus, open_bus
 from soter.link.company import Company
 from soter.link.post import Post
 from soter.link.status import VERSION

@@ -12,13 +12,12 @@ from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
 from soter.registry import load_backend
 from soter.runner.ac_side import Scene
-from soter.runner.done import Run
 from soter.runner.metrics import Metrics, counts
 from soter.runner.mission_side import MissionSide
 from soter.runner.part import Part
 from soter.runner.progress import Progress
 from soter.runner.remote_side import WALL_CLOCK
-from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.result import NeedlessCounts, Run, RunResult
 from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
 from soter.stack.declaration import enabled

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from pydantic import BaseModel, ConfigDict
+
+from soter.record.recorder import RecordingReport
+from soter.record.tracks import RunTracks
 
 THESIS_DISENGAGEMENTS = 313
 """In 2 h with 2 robots, mean of 4 runs: UCB/EECS-2020-99, section 3.3."""
@@ -255,3 +260,18 @@ class RunResult(BaseModel):
             for robot, stall in self.permanent_stalls.items()
         ]
         return [*failed, *stalled, *(f"robot {robot} never moved" for robot in self.never_moved)]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run leaves behind.
+
+    Attributes:
+        result: the figures.
+        tracks: where the robots were, and who was in control.
+        recording: how its recording went; None if there is none.
+    """
+
+    result: RunResult
+    tracks: RunTracks
+    recording: RecordingReport | None = None

@@ -18,16 +18,14 @@ from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
 from soter.runner.ac_side import AcSide, Scene, TargetLog
 from soter.runner.admission import admitted
-from soter.runner.aside import Aside
-from soter.runner.done import Run
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.part import Part, refuse_in_one_process
 from soter.runner.planner_run import run_planner
-from soter.runner.progress import Progress, robot_progress
+from soter.runner.progress import Aside, Progress, robot_progress
 from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
-from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.result import NeedlessCounts, Run, RunResult
 from soter.runner.sides import make_ac_side
 from soter.runner.specs import promises, read_options, robot_specs
 from soter.runner.speedup import refused_at

@@ -31,9 +31,8 @@ from soter.rta import (
 from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
-from soter.stack.charge_monitor import ChargeMonitor
-from soter.stack.contracts import ContractMonitor
 from soter.stack.declaration import PeerBounds, declare, enabled, timing_of
+from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT

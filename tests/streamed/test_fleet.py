@@ -9,7 +9,7 @@ import pytest
 
 from soter.adapters.mavlink.backend import MavlinkFleet
 from soter.clock import VehicleClock
-from soter.streamed.fleet import StreamedFleet
+from soter.streamed.simulator import StreamedFleet
 
 
 class Simulator:

@@ -12,8 +12,8 @@ from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
-from soter.streamed.fleet import StreamedFleet
 from soter.streamed.options import require_places
+from soter.streamed.simulator import StreamedFleet
 
 
 class ZenohFleet(StreamedFleet[ZenohRobot, Simulator]):

@@ -7,7 +7,7 @@ import ssl
 from pathlib import Path
 from typing import Final, Protocol
 
-from soter.adapters.zenoh.endpoint import Endpoint
+from soter.adapters.zenoh.session_options import Endpoint
 
 _TRY_S: Final = 2.0
 _ALERT_S: Final = 0.5

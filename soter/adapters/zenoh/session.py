@@ -13,8 +13,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.zenoh.diagnosis import why_not_reached
-from soter.adapters.zenoh.endpoint import Endpoint
-from soter.adapters.zenoh.session_options import SessionOptions, TlsOptions
+from soter.adapters.zenoh.session_options import Endpoint, SessionOptions, TlsOptions
 from soter.errors import BackendUnavailable, RobotUnavailable
 from soter.sdk.hints import install_command
 
