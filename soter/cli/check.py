@@ -131,7 +131,6 @@ def _mission(subject: dict[str, Any]) -> Mission:
 
 
 def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
-    """Return a bench with one module of the user's own on an open floor."""
     import sys
 
     from soter.cli.overrides import merge
@@ -206,7 +205,6 @@ def _picture(report: Report, target: str) -> bytes:
 
 
 def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
-    """Draw one trial as a run is drawn."""
     import math
 
     from soter.record.tracks import RunTracks, Track
@@ -288,7 +286,6 @@ def _replay(
 
 
 def _bench_of(example: Counterexample, path: Path) -> ModuleBench:
-    """Return the bench that a counterexample was found on."""
     from soter.runner.bench import ModuleBench
 
     tried = dict(example.subject)

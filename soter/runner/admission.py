@@ -138,11 +138,7 @@ def admitted(
 
 
 def _check(mission: Mission, declared: Mapping[int, Declared]) -> None:
-    """Check all modules, that their rules hold where the robots start (A13), and users' where all robots charge (P2b).
-
-    Raises:
-        IllFormedModule: names the module, the robot and the numbers.
-    """
+    """Check all modules; that rules hold where the robots start (A13), and users' where all robots charge (P2b)."""
     places = [each.place for each in declared.values()]
     starts = {place.id: (place.x_m, place.y_m, place.heading_rad) for place in places}
     stations = {place.id: place.charger.centre for place in places}

@@ -205,8 +205,6 @@ class ModuleBench:
 
 
 class _Run:
-    """One trial while it lasts."""
-
     def __init__(
         self,
         bench: ModuleBench,
@@ -234,7 +232,6 @@ class _Run:
         self._returns_s: list[float] = []
 
     def trial(self) -> Trial:
-        """Run it to its end."""
         if not self._begins_inside():
             return Trial(valid=False)
         tick_s, clock = self._bench.base_tick_s, self._fleet.clock

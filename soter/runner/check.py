@@ -91,8 +91,6 @@ def check_module(bench: ModuleBench, budget: int = 200, seed: int = 0, on_progre
 
 
 class _Checker:
-    """One check of a mission."""
-
     def __init__(
         self,
         mission: Mission,
@@ -109,7 +107,6 @@ class _Checker:
         self._benches: dict[str, ModuleBench] = {}
 
     def report(self) -> Report:
-        """Check everything."""
         self._tell("P1 and P3")
         admission = admit_declared(self._mission, self._declared, self._capabilities)
         known = (*admission.findings, *admission.proofs)

@@ -92,7 +92,6 @@ class _Host:
         self._broken = ""
 
     def serve(self) -> None:
-        """Make the ACs' side, and run it at every tick until the supervisor is gone."""
         side = self._made()
         if side is None:
             return
@@ -117,11 +116,9 @@ class _Host:
     # --- the log of targets ------------------------------------------------------------------------------------
 
     def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
-        """Note a robot's target."""
         self._news.append(TargetGiven(robot_id, target_id, float(place[0]), float(place[1])))
 
     def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
-        """Note how a target ended."""
         self._news.append(TargetEnded(robot_id, target_id, outcome.value))
 
     # --- the rest ----------------------------------------------------------------------------------------------

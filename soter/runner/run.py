@@ -354,7 +354,6 @@ class _Loop:
         return {rule: round(margin, 5) for rule, margin in margins.items()}
 
     def result(self, status: str, failure: str, engine: str | None) -> RunResult:
-        """Sum up."""
         metrics, mission, truth = self.metrics, self.mission, self.fleet.truth
         report = None if truth is None else truth.report()
         duration_s = round(self.ticks * mission.base_tick_s, 6)

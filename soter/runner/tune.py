@@ -231,11 +231,7 @@ class _Search:
         return declare_all(changed(self._mission, choices), self._workspace, self._capabilities)
 
     def _costs(self, choices: Sequence[Choice]) -> list[Choice]:
-        """Return numbers with what they cost on the robot that is worst off, and why they are ill-formed if they are.
-
-        Raises:
-            IllFormedModule: a robot does not promise what a model needs.
-        """
+        """Return numbers with what they cost on the robot that is worst off, and why any are ill-formed."""
         declared = self._declared(choices)
         return [self._cost(choice, declared) for choice in choices]
 

@@ -61,11 +61,7 @@ class StreamedSimulator(ABC):
         program.end([self.world, *self.muxes.values()])
 
     def _hand_over(self, workspace: Workspace, limits: RuleLimits) -> dict[str, Any]:
-        """Hand the world, and what its mission promises, to its process and return what that says of it.
-
-        Raises:
-            RobotUnavailable: it does not start; everything that was started has ended.
-        """
+        """Hand the world, and what its mission promises, to its process and return what that says of it."""
         try:
             told = program.hand_over(self.world, self._module, describe(workspace, self._robots, limits))
             self.truth = told["truth"]

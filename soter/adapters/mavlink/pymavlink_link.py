@@ -143,7 +143,6 @@ class PymavlinkLink(Link):
         return True
 
     def _stream(self, data: bytes) -> Sequence[Any]:
-        """Return the messages of a stream up to now."""
         parser = self._parser
         try:
             return parser.parse_buffer(data) or ()

@@ -157,8 +157,6 @@ class StreamTransport(Transport):
 
 
 class _Line:
-    """A stream of bytes that is open."""
-
     def __init__(self, descriptor: int) -> None:
         self._descriptor: Final = descriptor
         self._pending = b""

@@ -57,11 +57,7 @@ def why_not_reached(endpoint: Endpoint, tls: _Tls | None) -> str:
 
 
 def _shake_hands(connected: socket.socket, host: str, tls: _Tls) -> None:
-    """Encrypt as the session would.
-
-    Raises:
-        OSError: it does not work.
-    """
+    """Encrypt as the session would."""
     context = ssl.create_default_context(cafile=tls.root_ca)
     context.check_hostname = tls.verify_name
     if tls.certificate is not None:

@@ -182,11 +182,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _read_keys(given: Sequence[str]) -> Keys:
-    """Return the keys that a program was told, `NAME=KEY` each.
-
-    Raises:
-        ConfigError: one is not allowed.
-    """
+    """Return the keys that a program was told, `NAME=KEY` each."""
     told = {name: key for name, _, key in (each.partition("=") for each in given)}
     return validate_options(Keys, told, "command line", "--key")
 

@@ -111,7 +111,6 @@ def endpoints(session: zenoh.Session) -> list[str]:
 
 
 def _settings(options: SessionOptions) -> dict[str, Any]:
-    """Return the configuration of Zenoh, by its keys."""
     waits = options.mode == "client"
     timeout_ms = round(1000.0 * options.open_timeout_s)
     settings: dict[str, Any] = {

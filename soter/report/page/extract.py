@@ -159,7 +159,6 @@ class Document:
         return self._columns.add(change(values), quantum, since)
 
     def _rows(self, rows: Rows) -> dict[str, Any]:
-        """Return rows, and from which on they are."""
         since, values = rows.news() if self._news else rows.whole()
         return {"since": since, "rows": values}
 
