@@ -9,10 +9,9 @@ from enum import Enum
 from random import Random
 from typing import Annotated, ClassVar, Final, Generic, Literal, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails
+from pydantic import Field, model_validator
 
-from soter.problems import not_allowed
+from soter.config_tables import Table, wrong
 from soter.sdk import Capabilities, Controller, Goal, RobotState, Waypoint
 from soter.workspace_xml import MAX_ROBOT_ID
 
@@ -23,14 +22,7 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 _ROUNDING_S = 1e-9
 
 
-def wrong(key: str, value: object, allowed: str) -> ValidationError:
-    """Return an error on one key of the table that is being validated."""
-    return ValidationError.from_exception_data(
-        "fault", [InitErrorDetails(type=not_allowed(allowed), loc=(key,), input=value)]
-    )
-
-
-class FaultOptions(BaseModel):
+class FaultOptions(Table):
     """The part of a `[[fault]]` table that all kinds share; each kind's own model adds its parameters.
 
     Attributes:
@@ -43,8 +35,6 @@ class FaultOptions(BaseModel):
             that is not declared breaks the promises: the stack is not told.
     """
 
-    # Strict: "0.1" is no number and 1 is no truth value; a slip is named instead of guessed at.
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     kind: str
     robot: Literal["all"] | Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)] = "all"
     start_s: Seconds = 0.0
@@ -56,7 +46,7 @@ class FaultOptions(BaseModel):
     def _repeats_after_its_end(self) -> Self:
         if self.every_s is not None and (self.duration_s is None or self.duration_s >= self.every_s):
             least = "a fault with a duration_s" if self.duration_s is None else f"above duration_s, {self.duration_s:g}"
-            raise wrong("every_s", self.every_s, least)
+            raise wrong(("every_s",), self.every_s, least)
         return self
 
     @property

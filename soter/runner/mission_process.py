@@ -19,8 +19,21 @@ from typing import BinaryIO, Final, NoReturn
 from soter.child import die_with_parent, yield_to_others
 from soter.config import Mission
 from soter.errors import BackendError, ConfigError
-from soter.link import Begin, Failed, MissionEnd, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
-from soter.link.messages import MAX_LONG_TEXT, MAX_MOVES, MAX_TEXT
+from soter.link.messages import (
+    MAX_LONG_TEXT,
+    MAX_MOVES,
+    MAX_TEXT,
+    Begin,
+    Failed,
+    Moved,
+    Refused,
+    Started,
+    TargetEnded,
+    TargetGiven,
+    Tick,
+    Turn,
+)
+from soter.link.mission_end import MissionEnd
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import AcSide, Scene

@@ -11,7 +11,8 @@ from typing import Final
 from soter.child import Child, ChildDied, NotBoxed
 from soter.config import Mission
 from soter.errors import BackendUnavailable, ConfigError, RunFailed
-from soter.link import Garbage, PeerSeen, Refused, SupervisorEnd, TargetGiven, Turn
+from soter.link.messages import Garbage, PeerSeen, Refused, TargetGiven, Turn
+from soter.link.supervisor_end import SupervisorEnd
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import Scene
