@@ -2,8 +2,7 @@
 
 from soter.check.conditions import Finding, Verdict, conditions
 from soter.check.counterexample import Counterexample, read_counterexample
-from soter.check.falsify import Falsified, falsify
-from soter.check.search import Found, search
+from soter.check.falsify import Falsified, Found, falsify, search
 from soter.check.trial import Breach, Obligation, Row, Subject, Trial
 
 __all__ = [

@@ -7,10 +7,8 @@ import secrets
 from collections.abc import Iterable
 from typing import Final
 
-from soter.link.bus import Bus
-from soter.link.channel import Came, Channel
-from soter.link.inbox import Inbox
-from soter.link.letters import Letter, decode_frame, encode_frame
+from soter.link.bus import Bus, Inbox
+from soter.link.channel import Came, Channel, Letter, decode_frame, encode_frame
 
 logger = logging.getLogger(__name__)
 

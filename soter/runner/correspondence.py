@@ -8,8 +8,7 @@ from functools import partial
 from typing import Final
 
 from soter.link.bus import Bus
-from soter.link.channel import Came
-from soter.link.letters import Ended, Joined, Letter, Visit
+from soter.link.channel import Came, Ended, Joined, Letter, Visit
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
 from soter.stack.away import AwayKit, JoinedAway, OtherSideCame, VisitAway

@@ -72,11 +72,9 @@ ALLOWED: dict[str, set[str]] = {
     "soter_sim.zenoh": {
         "soter.adapters.zenoh.messages",
         "soter.adapters.zenoh.options",
-        "soter.adapters.zenoh.presence",
+        "soter.adapters.zenoh.talk",
         "soter.adapters.zenoh.programs",
         "soter.adapters.zenoh.session",
-        "soter.adapters.zenoh.talk",
-        "soter.adapters.zenoh.velocities",
         "soter.sdk.values",
         "soter.onboard",
         "soter_sim",

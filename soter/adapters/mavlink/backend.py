@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import ClassVar, Final
 
-from soter.adapters.mavlink.address import Address
 from soter.adapters.mavlink.components import COMPONENTS
 from soter.adapters.mavlink.link import Inbox, Link
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock, VehicleClock
 from soter.errors import ConfigError, RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
