@@ -17,7 +17,7 @@ from soter.runner.mission_side import MissionSide
 from soter.runner.part import Part
 from soter.runner.progress import Progress
 from soter.runner.remote_side import WALL_CLOCK
-from soter.runner.result import NeedlessCounts, Run, RunResult
+from soter.runner.result import Run, RunResult
 from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
 from soter.stack.declaration import enabled
@@ -154,7 +154,6 @@ class _PlannerLoop:
             peer_age_ms=self.together.ages_ms(),
             peer_tick_us=self.together.took_us(),
             backend=mission.backend,
-            engine=None,
             planner=mission.planner,
             ac=mission.ac,
             targets_from=mission.targets,
@@ -164,27 +163,13 @@ class _PlannerLoop:
             duration_s=duration_s,
             wall_s=round(self.wall_s, 3),
             real_time_factor=round(duration_s / self.wall_s, 1) if self.wall_s else 0.0,
-            violations=None,
-            contacts=None,
-            ac_share=0.0,
-            ac_share_without_charging=0.0,
             disengagements=counts({}, self.modules),
             joined=counts({}, self.modules),
-            disengagements_total=0,
-            needless=NeedlessCounts(),
             targets=targets,
             targets_reached=targets.reached,
-            longest_stall_s=0.0,
             no_progress_s=round(metrics.no_progress_s, 2),
-            min_margin=None,
-            paths_replaced=0,
-            no_certified_motion=0,
-            monitors={},
             dm_tick_us=metrics.tick_times(),
-            missed_ticks=0,
             tick_late_ms=metrics.tick_lateness(),
             deterministic=False,
             nondeterminism=WALL_CLOCK,
-            trace_sha256="",
-            failed_robots={},
         )
