@@ -8,8 +8,8 @@ from typing import Final
 
 from soter.clock import Clock
 from soter.link.bus import Bus, Inbox
+from soter.link.channel import new_epoch
 from soter.link.peers import OtherProcess, RemoteRobot, stamps_of
-from soter.link.post import new_epoch
 from soter.link.status import RobotStatus, Status, decode_status, encode_status
 from soter.rta import PEER_SILENT_S, ReachModel
 

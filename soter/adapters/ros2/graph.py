@@ -9,6 +9,7 @@ from contextlib import nullcontext
 from typing import Any, Final
 
 import rclpy
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.context import Context
 from rclpy.duration import Infinite
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -18,6 +19,25 @@ from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, Reliabilit
 
 from soter.adapters.ros2.loopback import loopback
 from soter.streamed.robot import wait_for
+
+KINDS: Final = {False: "geometry_msgs/msg/Twist", True: "geometry_msgs/msg/TwistStamped"}
+"""The type of a velocity, by whether it is stamped."""
+
+
+def velocity_type(*, stamped: bool) -> Any:
+    """Return the class of messages for velocities."""
+    return TwistStamped if stamped else Twist
+
+
+def make_velocity(forward_m_s: float, turn_rad_s: float, stamp: Any, *, stamped: bool) -> Any:
+    """Return a velocity as a message; `stamp` is a builtin_interfaces/Time, used where it is stamped."""
+    message = velocity_type(stamped=stamped)()
+    twist = message.twist if stamped else message
+    twist.linear.x, twist.angular.z = forward_m_s, turn_rad_s
+    if stamped:
+        message.header.stamp = stamp
+    return message
+
 
 logger = logging.getLogger(__name__)
 

@@ -43,7 +43,7 @@ class Ros2Robot(StreamedRobot):
         from std_msgs.msg import String
 
         from soter.adapters.ros2 import graph
-        from soter.adapters.ros2.messages import velocity_type
+        from soter.adapters.ros2.graph import velocity_type
 
         place, topics = config.robots[spec.id], config.topics
         super().__init__(spec, clock, place.odom_origin, external_ac=external_ac)
@@ -61,7 +61,7 @@ class Ros2Robot(StreamedRobot):
         node.create_subscription(Odometry, topics.odom, self._take_odometry, graph.SENSOR)
 
     def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
-        from soter.adapters.ros2.messages import make_velocity
+        from soter.adapters.ros2.graph import make_velocity
 
         stamped = self._config.stamped
         stamp: Any = self.node.get_clock().now().to_msg() if stamped else None
@@ -90,7 +90,7 @@ class Ros2Robot(StreamedRobot):
     def _missing(self) -> str:
         """Return what was not heard, and why that may be."""
         from soter.adapters.ros2 import graph
-        from soter.adapters.ros2.messages import KINDS
+        from soter.adapters.ros2.graph import KINDS
 
         config, node = self._config, self.node
         topics, missing = config.topics, []
@@ -157,7 +157,7 @@ class Ros2Robot(StreamedRobot):
     def _refuse_others(self, timeout_s: float) -> None:
         """Refuse a robot that others may drive past the mux, or in the SC's name."""
         from soter.adapters.ros2 import graph
-        from soter.adapters.ros2.messages import KINDS
+        from soter.adapters.ros2.graph import KINDS
 
         node, topics = self.node, self._config.topics
         self._ros.wait_for(lambda: graph.all_named(node, topics.cmd_vel, topics.cmd_vel_sc), timeout_s)

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import zenoh
 
-from soter.adapters.zenoh.diagnosis import why_not_reached
 from soter.adapters.zenoh.messages import BatteryState, Odometry, String
 from soter.adapters.zenoh.options import ZenohConfig
+from soter.adapters.zenoh.session import why_not_reached
 from soter.adapters.zenoh.session_options import Endpoint
 from soter.adapters.zenoh.talk import Ear, Presence, Voice, announce, hear_velocity, make_velocity, stamp_of
 from soter.onboard.wire import AC, SC

@@ -18,15 +18,15 @@ PREFIX: Final = "adversary:"
 
 BUILT_IN: Final[Mapping[str, str]] = {
     "random": "soter.stack.adversaries.random_goals:RandomGoals",
-    "fastest-to-boundary": "soter.stack.adversaries.fastest:FastestToBoundary",
+    "fastest-to-boundary": "soter.stack.adversaries.hugging:FastestToBoundary",
     "boundary-hugging": "soter.stack.adversaries.hugging:BoundaryHugging",
     "chase": "soter.stack.adversaries.chase:Chase",
     "pincer": "soter.stack.adversaries.pincer:Pincer",
     "search": "soter.stack.adversaries.search:Search",
     "flood": "soter.stack.adversaries.flood:Flood",
     "nan": "soter.stack.adversaries.nonsense:Nonsense",
-    "frozen": "soter.stack.adversaries.idle:Frozen",
-    "raises": "soter.stack.adversaries.idle:Raises",
+    "frozen": "soter.stack.adversaries.nonsense:Frozen",
+    "raises": "soter.stack.adversaries.nonsense:Raises",
 }
 """The adversaries of this distribution."""
 
