@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from benchmarks.common import Row, arguments, in_turns, show
 from soter.adapters.mavlink import MavlinkBackend, MavlinkConfig
-from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.frames import Frame
 from soter.adapters.mavlink.link import Inbox
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink

@@ -164,7 +164,7 @@ def _open(mission: Mission) -> Ros2Fleet:
 
 def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:
     """Print what a mission file needs, and what a terminal needs, to meet the robots."""
-    from soter.adapters.ros2.loopback import SETTINGS
+    from soter.adapters.ros2.simulator import SETTINGS
 
     lines = [
         "[backends.ros2]", f"domain_id = {simulator.domain_id}", f'truth = "{simulator.truth}"',

@@ -10,10 +10,9 @@ from soter.check import Falsified, Finding, Verdict, conditions, falsify
 from soter.config import Mission
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
-from soter.runner.admission import admit_declared
+from soter.runner.admission import admit_declared, declare_all
 from soter.runner.bench import ModuleBench
 from soter.runner.specs import promises, read_options
-from soter.runner.speedup import declare_all
 from soter.sdk import Capabilities
 from soter.stack.declaration import Declared
 from soter.stack.right_of_way import COLLISION

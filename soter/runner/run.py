@@ -17,7 +17,7 @@ from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
 from soter.runner.ac_side import AcSide, Scene, TargetLog
-from soter.runner.admission import admitted
+from soter.runner.admission import admitted, refused_at
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.part import Part, refuse_in_one_process
@@ -28,7 +28,6 @@ from soter.runner.remote_side import RemoteSide
 from soter.runner.result import NeedlessCounts, Run, RunResult
 from soter.runner.sides import make_ac_side
 from soter.runner.specs import promises, read_options, robot_specs
-from soter.runner.speedup import refused_at
 from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
 from soter.runner.user_rules import UserRules

@@ -14,9 +14,8 @@ from soter.config_tables import MotionModel
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
 from soter.rta import DirectedReach, Motion, PairBound, ReachModel, RTAModule, SpeedBound, Timing
-from soter.runner.admission import admit
+from soter.runner.admission import admit, declare_all
 from soter.runner.specs import promises, read_options
-from soter.runner.speedup import declare_all
 from soter.sdk import Capabilities, Link, RobotState
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.right_of_way import BATTERY, COLLISION

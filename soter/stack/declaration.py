@@ -14,9 +14,7 @@ from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
-from soter.stack.geofence import Fence
 from soter.stack.infrastructure import check_infrastructure
-from soter.stack.obstacle import Clearance
 from soter.stack.reach import Limits, reach_between, reach_into
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
 from soter.stack.refuge import RefugeFinder
@@ -24,6 +22,7 @@ from soter.stack.retreat import Retreat
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, TURN_S, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
+from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Terrain, grown
 from soter.stack.user_modules import ModuleKit, declare_own
 from soter.workspace import Box, RobotPlace, Workspace

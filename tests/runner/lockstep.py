@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from soter.adapters.pybullet.robot import KinematicRobot
+from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import Clock
 from soter.config import Mission, load_mission
 from soter.link.bus import Bus

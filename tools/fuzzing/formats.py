@@ -17,7 +17,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.link import Inbox
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
 from soter.adapters.mavlink.transport import Address

@@ -12,8 +12,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.authority import LEASE_PARAMETER, Authority
-from soter.adapters.mavlink.components import KEEPER, SENDERS
+from soter.adapters.mavlink.authority import KEEPER, LEASE_PARAMETER, SENDERS, Authority
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.setpoints import Setpoints

@@ -14,8 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
 
-from soter.adapters.mavlink.authority import Authority
-from soter.adapters.mavlink.components import CONTROLLERS, KEEPER, SENDERS
+from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
 from soter.adapters.mavlink.frames import Frame, turned_rad, wrapped_rad
 from soter.adapters.mavlink.link import Link
 from soter.adapters.mavlink.options import MavlinkConfig, simulated

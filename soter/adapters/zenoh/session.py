@@ -14,8 +14,7 @@ import logging
 import socket
 import ssl
 import threading
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.zenoh.session_options import Endpoint, SessionOptions, TlsOptions
 from soter.errors import BackendUnavailable, RobotUnavailable
@@ -28,18 +27,7 @@ _TRY_S: Final = 2.0
 _ALERT_S: Final = 0.5
 
 
-class _Tls(Protocol):
-    @property
-    def root_ca(self) -> Path: ...
-    @property
-    def certificate(self) -> Path | None: ...
-    @property
-    def private_key(self) -> Path | None: ...
-    @property
-    def verify_name(self) -> bool: ...
-
-
-def why_not_reached(endpoint: Endpoint, tls: _Tls | None) -> str:
+def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
     """Return the likely cause, and what to do about it.
 
     Args:
@@ -71,7 +59,7 @@ def why_not_reached(endpoint: Endpoint, tls: _Tls | None) -> str:
     )
 
 
-def _shake_hands(connected: socket.socket, host: str, tls: _Tls) -> None:
+def _shake_hands(connected: socket.socket, host: str, tls: TlsOptions) -> None:
     """Encrypt as the session would."""
     context = ssl.create_default_context(cafile=tls.root_ca)
     context.check_hostname = tls.verify_name

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.components import COMPONENTS, KEEPER, SENDERS
+from soter.adapters.mavlink.authority import COMPONENTS, KEEPER, SENDERS
 from soter.adapters.mavlink.link import Inbox, Link
 from soter.adapters.mavlink.mavsdk_link import MavsdkLink
 from soter.adapters.mavlink.pymavlink_link import SILENT_S, PymavlinkLink, signing_key

@@ -206,9 +206,9 @@ def test_a_vehicle_stops_when_who_drives_it_is_killed(stack: ExitStack) -> None:
         time.sleep(0.02)
     process.kill()
     process.wait()
-    time.sleep(1.0)
+    time.sleep(0.7)
     rest = harness.observe(1)
-    time.sleep(1.0)
+    time.sleep(0.5)
     assert harness.observe(1) == rest
     assert math.dist(rest[:2], (4.0, 4.5)) > 0.2
 

@@ -42,8 +42,7 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
     from std_msgs.msg import Float64, String
 
     from soter.adapters.ros2.graph import LATCHED, SENSOR, Graph
-    from soter.adapters.ros2.loopback import environment
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Simulator, environment
     from soter.clock import VehicleClock
     from soter.sdk.truth import StreamedTruth
 

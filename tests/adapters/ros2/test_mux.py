@@ -52,7 +52,7 @@ def test_it_needs_nothing_but_ros_and_a_few_modules_of_the_standard_library_only
     ],
 )
 def test_a_bad_parameter_ends_it_before_anything_moves(parameter: str, complaint: str) -> None:
-    from soter.adapters.ros2.loopback import environment
+    from soter.adapters.ros2.simulator import environment
 
     done = subprocess.run(
         [sys.executable, "-m", "soter.adapters.ros2.mux", "--robot", "r1", "--ros-args", "-p", parameter],

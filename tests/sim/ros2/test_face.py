@@ -70,7 +70,7 @@ def face(domain_id: int) -> Iterator[subprocess.Popen[bytes]]:
     """The face alone, without a mux in front of it."""
     from pydantic import TypeAdapter
 
-    from soter.adapters.ros2.loopback import environment
+    from soter.adapters.ros2.simulator import environment
 
     process = subprocess.Popen(
         [sys.executable, "-m", "soter_sim.ros2", "--namespaces", "1=/robot1", "--parent", str(os.getpid())],
@@ -130,6 +130,6 @@ def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes
 
 
 def test_it_ends_with_its_parent() -> None:
-    from soter.adapters.ros2.loopback import environment
+    from soter.adapters.ros2.simulator import environment
 
     end_with_their_parent("soter.adapters.ros2.simulator", environment())
