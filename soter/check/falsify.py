@@ -80,7 +80,8 @@ def search(
                 return False
         return True
 
-    going = not (known and known[0][1] < 0.0) and evaluate(_stratified(random, dimensions, _sample_size(budget, known)))
+    sampled = 0 if known else max(1, math.ceil(_SAMPLED * budget))
+    going = not (known and known[0][1] < 0.0) and evaluate(_stratified(random, dimensions, sampled))
     mean, spread = np.full(dimensions, 0.5), np.full(dimensions, 0.3)
     while going:
         known.sort(key=lambda each: each[1])
@@ -94,10 +95,6 @@ def search(
     if not known or not math.isfinite(known[0][1]):
         return Found((), math.inf, tried)
     return Found(known[0][0], known[0][1], tried)
-
-
-def _sample_size(budget: int, known: Sequence[tuple[Vector, float]]) -> int:
-    return 0 if known else max(1, math.ceil(_SAMPLED * budget))
 
 
 def _stratified(random: np.random.Generator, dimensions: int, count: int) -> np.ndarray:

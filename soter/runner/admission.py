@@ -267,7 +267,7 @@ def _conditions(mission: Mission, declared: Mapping[int, Declared], name: str) -
     """Return P1 and P3 of a module: those of the robot that is worst off."""
     found: list[Finding] = []
     for each in declared.values():
-        module = next(module for module in each.modules if module.name == name)
+        module = each.module(name)
         found = conditions(module, each.timing, mission.base_tick_s)
         if any(one.verdict is Verdict.REJECTED for one in found):
             break

@@ -194,7 +194,7 @@ class _Search:
             return {}
         least, most = [], []
         for trial in trials:
-            asked = [_asked(_module(made, trial.module), made.timing) for made in declared]
+            asked = [_asked(made.module(trial.module), made.timing) for made in declared]
             safe_m = self._now(trial.module, "phi_safe_m") if trial.module != GEOFENCE else 0.0
             # What is kept for the safe controller the obstacle module adds to its phi_safer by itself.
             least.append(replace(trial, phi_safer=_up(safe_m + max(asked_m - kept_m for asked_m, kept_m in asked))))
@@ -237,7 +237,7 @@ class _Search:
     def _cost(self, choice: Choice, declared: Mapping[int, Declared]) -> Choice:
         why_not, costs = "", []
         for robot_id, made in declared.items():
-            module, timing = _module(made, choice.module), made.timing
+            module, timing = made.module(choice.module), made.timing
             assert module.model is not None
             horizon_s, (asked, _) = module.horizon_s(timing), _asked(module, timing)
             reach = module.model.bound(horizon_s)
@@ -251,10 +251,6 @@ class _Search:
                 why_not = why_not or _reason(failure)
         reach, usual, needed = (max(each) for each in zip(*costs, strict=True))
         return replace(choice, reach=reach, usual=usual, needed=needed, why_not=why_not)
-
-
-def _module(made: Declared, name: str) -> RTAModule:
-    return next(module for module in made.modules if module.name == name)
 
 
 def _asked(module: RTAModule, timing: Timing) -> tuple[float, float]:

@@ -102,6 +102,10 @@ class Declared:
     timing: Timing
     own: tuple[RTAModule, ...] = ()
 
+    def module(self, name: str) -> RTAModule:
+        """Return one of the modules by its name."""
+        return next(module for module in self.modules if module.name == name)
+
     def check(self, base_tick_s: float) -> None:
         """Check every module against the robot's promises.
 
