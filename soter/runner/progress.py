@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
 
 from soter.rta import RobotSupervisor
@@ -53,6 +54,21 @@ class Progress(NamedTuple):
     wall_s: float
     robots: tuple[RobotProgress, ...]
     violations: dict[str, int] | None
+
+
+@dataclass(frozen=True)
+class Audience:
+    """Who follows a run, and may end it.
+
+    Attributes:
+        show: called with its progress, or None.
+        every_s: host time between two calls.
+        stop: asked at every tick whether to end the run early.
+    """
+
+    show: Callable[[Progress], None] | None = None
+    every_s: float = 0.2
+    stop: Callable[[], bool] = lambda: False
 
 
 def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple[RobotProgress, ...]:
