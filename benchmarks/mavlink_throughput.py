@@ -21,8 +21,7 @@ from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.frames import Frame
 from soter.adapters.mavlink.link import Inbox
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
-from soter.adapters.mavlink.sampling import Charge, Sampler
-from soter.adapters.mavlink.timesync import TimeSync
+from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
 from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.sdk import Controller, RobotSpec, Waypoint

@@ -230,7 +230,7 @@ def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
 
 def _write_example(console: Console, report: Report, subject: dict[str, Any], file: Output) -> bool:
     from soter.check import Counterexample
-    from soter.check.counterexample import trace_hash
+    from soter.check.trial import trace_hash
 
     found = next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
     if found is None:
@@ -258,7 +258,7 @@ def _replay(
     import json
 
     from soter.check import read_counterexample
-    from soter.check.counterexample import trace_hash
+    from soter.check.trial import trace_hash
 
     example = read_counterexample(path)
     bench = _bench_of(example, path)

@@ -29,7 +29,7 @@ from soter.link.messages import (
     encode,
     unpacked,
 )
-from soter.link.watched_port import WatchedPort
+from soter.link.peers import WatchedPort
 from soter.rta import Port, Report
 from soter.sdk import RobotState, Waypoint
 

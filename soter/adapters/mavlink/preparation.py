@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.adapters.mavlink.authority import KEEPER, LEASE_PARAMETER, SENDERS, Authority
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.timesync import TimeSync
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller

@@ -19,9 +19,8 @@ from soter.adapters.mavlink.frames import Frame, turned_rad, wrapped_rad
 from soter.adapters.mavlink.link import Link
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
 from soter.adapters.mavlink.preparation import Preparation
-from soter.adapters.mavlink.sampling import Charge, Sampler
+from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.timesync import TimeSync
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Unsupported

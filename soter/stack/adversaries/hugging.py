@@ -9,8 +9,16 @@ from pydantic import Field
 
 from soter.rta import ControlReport, Report
 from soter.sdk import Waypoint
-from soter.stack.adversaries.base import Adversary, AdversaryOptions, Arena, Positive, towards
-from soter.stack.adversaries.edges import RULES, Edge, nearest_edge
+from soter.stack.adversaries.base import (
+    RULES,
+    Adversary,
+    AdversaryOptions,
+    Arena,
+    Edge,
+    Positive,
+    nearest_edge,
+    towards,
+)
 from soter.stack.terrain import Point
 
 _CORNER_M = 0.03

@@ -11,8 +11,7 @@ from pydantic import Field
 
 from soter.config_tables import ModuleTable, RtaTable
 from soter.sdk import RobotState
-from soter.stack.adversaries.base import Adversary, AdversaryOptions, Arena, Positive, RobotFacts, towards
-from soter.stack.adversaries.edges import nearest_edge
+from soter.stack.adversaries.base import Adversary, AdversaryOptions, Arena, Positive, RobotFacts, nearest_edge, towards
 from soter.stack.terrain import Point, Terrain
 
 Floats = NDArray[np.float64]

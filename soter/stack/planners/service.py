@@ -16,8 +16,7 @@ from soter.errors import ConfigError, SoterError
 from soter.sandbox import Box
 from soter.stack.planners.base import CHECK_COST_S, Planner, PlanRequest, PlanResult
 from soter.stack.planners.names import TRUSTED, PlannerUnavailable, build_planner, check_name
-from soter.stack.planners.wire import Garbage, checked, decode_result, decode_start, garbage
-from soter.stack.planners.worker import WorkerSpec
+from soter.stack.planners.worker import Garbage, WorkerSpec, checked, decode_result, decode_start, garbage
 from soter.workspace import Workspace
 
 WORKER = "soter.stack.planners.worker"
