@@ -59,22 +59,20 @@ class VehicleBackend(Backend):
         port = free_port() if simulated else 0
         robot_class = promising(config.promised())
         simulator: Simulator | None = None
-        with ExitStack() as shared:
+        with ExitStack() as started, ExitStack() as shared:
             link = self._link(clock, Address.parse(config.connection or f"udpin:127.0.0.1:{port}"), config)
             shared.callback(link.close)
-            try:
-                for spec in robots:
-                    link.inboxes[spec.id] = Inbox()
-                vehicles = [robot_class(spec, clock, link, config) for spec in robots]
-                link.start()
-                if simulated:
-                    simulator = Simulator(describe(config.workspace, robots, config.limits), port, *_options(config))
-                truth = config.truth if simulator is None else simulator.truth
-                return MavlinkFleet(clock, vehicles, truth, simulator, shared)
-            except BaseException:
-                if simulator is not None:
-                    simulator.close()
-                raise
+            for spec in robots:
+                link.inboxes[spec.id] = Inbox()
+            vehicles = [robot_class(spec, clock, link, config) for spec in robots]
+            link.start()
+            if simulated:
+                simulator = Simulator(describe(config.workspace, robots, config.limits), port, *_options(config))
+                started.callback(simulator.close)
+            truth = config.truth if simulator is None else simulator.truth
+            fleet = MavlinkFleet(clock, vehicles, truth, simulator, shared)
+            started.pop_all()
+            return fleet
 
     @abstractmethod
     def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
