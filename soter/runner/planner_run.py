@@ -19,7 +19,6 @@ from soter.runner.remote_side import WALL_CLOCK
 from soter.runner.result import Run, RunResult
 from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
-from soter.stack.declaration import enabled
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
@@ -69,7 +68,7 @@ class _PlannerLoop:
         self.clock: Final[Clock] = clock
         self.workspace: Final = workspace
         self.body_radius_m: Final = body_radius_m
-        self.modules: Final = enabled(self.mission)
+        self.modules: Final = self.mission.rta.order
         self.metrics: Final = Metrics(workspace, self.modules, sorted(part.homes), None)
         self.ticks = 0
         self.wall_s = 0.0

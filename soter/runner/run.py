@@ -34,7 +34,7 @@ from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, TruthReport
 from soter.stack.assembly import SafetySide, assemble
-from soter.stack.declaration import enabled, timing_of
+from soter.stack.declaration import timing_of
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -183,7 +183,7 @@ class _Loop:
         self.side: Final = side
         self.together: Final = together
         self.recorder: Final = recorder
-        self.modules: Final = enabled(mission)
+        self.modules: Final = mission.rta.order
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
         robot_ids = [robot.id for robot in fleet.robots]
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)

@@ -140,11 +140,6 @@ def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
     )  # fmt: skip
 
 
-def enabled(mission: Mission) -> tuple[str, ...]:
-    """Return the names of the enabled modules, in order of their right to drive: the highest that is in SC does."""
-    return mission.rta.order
-
-
 def declare(
     mission: Mission,
     workspace: Workspace,
@@ -231,7 +226,7 @@ def declare(
         )  # fmt: skip
         own_modules[name] = declare_own(mission, own, kit, waypoint)
     # Each of the user's modules may keep a robot from going home for so long.
-    contracts_s = sum(own_modules[name].lets_go_s for name in enabled(mission) if name in own_modules)
+    contracts_s = sum(own_modules[name].lets_go_s for name in mission.rta.order if name in own_modules)
     table = {
         COLLISION: lambda: RTAModule(
             COLLISION,
@@ -280,13 +275,13 @@ def declare(
             keep=_reserve(mission, workspace, dock, capabilities, contracts_s),
         ),
     }
-    declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in enabled(mission))
+    declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in mission.rta.order)
     others = tuple(each for each in workspace.robots if each.id != robot_id)
     return Declared(declared, recovery, refuges, dock, place, others, peers, timing, tuple(own_modules.values()))
 
 
 def _rules(mission: Mission) -> RecoveryRules:
-    names = enabled(mission)
+    names = mission.rta.order
     return RecoveryRules(
         fence=GEOFENCE in names,
         boxes=OBSTACLE in names,
@@ -297,7 +292,7 @@ def _rules(mission: Mission) -> RecoveryRules:
 
 def _home_clearance_m(mission: Mission, capabilities: Capabilities) -> float:
     """Return what ways home keep from boxes: so much that the obstacle module, which goes first, does not step in."""
-    if OBSTACLE not in enabled(mission):
+    if OBSTACLE not in mission.rta.order:
         return HOME_CLEARANCE_M
     obstacle = mission.rta.obstacle
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
@@ -311,7 +306,7 @@ def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
 
     Without that module robots may be anywhere on the open ground around the fence, and ways lead there too.
     """
-    if GEOFENCE not in enabled(mission):
+    if GEOFENCE not in mission.rta.order:
         return -math.inf
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
@@ -340,7 +335,7 @@ def _reserve(
 ) -> float:
     """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts."""
     battery, v = mission.battery, capabilities.v_max_m_s
-    others = len(workspace.robots) - 1 if COLLISION in enabled(mission) else 0
+    others = len(workspace.robots) - 1 if COLLISION in mission.rta.order else 0
     each_s = dock.longest_m / v + TURN_S
     # Whoever waits also has to make room now and then.
     waiting = WAITING * others * each_s / min(battery.idle_s, WAITING * battery.drive_s)

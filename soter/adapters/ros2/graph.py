@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any, Final
 
@@ -18,7 +18,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 
 from soter.adapters.ros2.simulator import loopback
-from soter.streamed.robot import wait_for
 
 KINDS: Final = {False: "geometry_msgs/msg/Twist", True: "geometry_msgs/msg/TwistStamped"}
 """The type of a velocity, by whether it is stamped."""
@@ -98,10 +97,6 @@ class Graph:
         self._nodes.append(node)
         self._executor.add_node(node)
         return node
-
-    def wait_for(self, holds: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until something holds, which callbacks bring about; return whether it does in time."""
-        return wait_for(holds, timeout_s)
 
     def close(self) -> None:
         """End everything: the executor, its thread, the nodes, the context. Idempotent."""

@@ -14,6 +14,7 @@ import pytest
 
 from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.motion import seconds
+from soter.streamed.robot import wait_for
 from soter.workspace import Workspace
 from tests.streamed.base import says_where_it_stands, stops_by_itself
 from tests.streamed.driving import ROOM, SPECS
@@ -49,7 +50,7 @@ class Client:
         self._velocity.publish(Twist(linear=Vector3(x=speed_m_s)))
 
     def wait_for(self, holds: Callable[[], bool], timeout_s: float = 30.0) -> bool:
-        return self.graph.wait_for(holds, timeout_s)
+        return wait_for(holds, timeout_s)
 
     @property
     def speed_m_s(self) -> float:
