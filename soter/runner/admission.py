@@ -125,11 +125,6 @@ class Admission:
         return any(each.verdict is Verdict.REJECTED for each in (*self.findings, *self.proofs))
 
     @property
-    def gaps(self) -> bool:
-        """Whether a proof has a gap."""
-        return any(each.verdict is Verdict.PARTLY for each in (*self.findings, *self.proofs))
-
-    @property
     def ill_formed(self) -> Finding | None:
         """The first finding that nobody can accept, or None."""
         return next((each for each in self.findings if each.verdict is Verdict.REJECTED), None)
