@@ -17,14 +17,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from benchmarks.common import Row, arguments, in_turns, show
 from soter.adapters.mavlink import MavlinkBackend, MavlinkConfig
-from soter.adapters.mavlink.address import Address
-from soter.adapters.mavlink.charge import Charge
-from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.frames import Frame
 from soter.adapters.mavlink.link import Inbox
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
-from soter.adapters.mavlink.sampling import Sampler
-from soter.adapters.mavlink.timesync import TimeSync
+from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
+from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.sdk import Controller, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace

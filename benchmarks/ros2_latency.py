@@ -39,9 +39,8 @@ def measure(rounds: int) -> tuple[list[float], list[float]]:
     from geometry_msgs.msg import Twist, Vector3
 
     from soter.adapters.ros2.backend import Ros2Fleet, simulated
-    from soter.adapters.ros2.loopback import environment
     from soter.adapters.ros2.options import Ros2Config
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Simulator, environment
 
     with ExitStack() as stack:
         simulator = Simulator(switching.ROOM, switching.SPECS)

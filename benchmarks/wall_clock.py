@@ -9,7 +9,7 @@ from functools import partial
 from typing import ClassVar
 
 from soter.adapters.pybullet import KinematicConfig
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
 from soter_sim import World

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Timing, Topic
     from soter.runner import Run, RunResult, run_mission
     from soter.sdk import Backend, Capabilities, Robot
-    from soter.stack.geofence import Fence
+    from soter.stack.static_rules import Fence
 
 _HOMES = {
     "soter.config": ("Mission", "load_mission"),
@@ -29,7 +29,7 @@ _HOMES = {
     "soter.rta": ("Node", "PairBound", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
     "soter.runner": ("Run", "RunResult", "run_mission"),
     "soter.sdk": ("Backend", "Capabilities", "Robot"),
-    "soter.stack.geofence": ("Fence",),
+    "soter.stack.static_rules": ("Fence",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

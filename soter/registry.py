@@ -152,7 +152,6 @@ def _distribution(entry: EntryPoint) -> str:
 
 
 def _find(name: str) -> tuple[str, str]:
-    """Return the target and the origin of a name."""
     if name in BUILT_IN:
         return BUILT_IN[name], "built in"
     registered = _registered()

@@ -2,7 +2,7 @@
 
 from soter.rta import Node, RTAModule, Situation
 from soter.sdk import Waypoint
-from soter.stack.geofence import Fence
+from soter.stack.static_rules import Fence
 from soter.stack.user_modules import ModuleKit
 
 DELTA_S = 0.5

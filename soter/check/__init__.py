@@ -1,11 +1,8 @@
 """Systematic checks of safety modules: conditions, falsification. What to test is handed in."""
 
-from soter.check.conditions import conditions
-from soter.check.counterexample import Counterexample, read_counterexample
-from soter.check.falsify import Falsified, falsify
-from soter.check.search import Found, search
-from soter.check.trial import Breach, Obligation, Row, Subject, Trial
-from soter.check.verdict import Finding, Verdict
+from soter.check.conditions import Finding, Verdict, conditions
+from soter.check.falsify import Falsified, Found, falsify, search
+from soter.check.trial import Breach, Counterexample, Obligation, Row, Subject, Trial, read_counterexample
 
 __all__ = [
     "Breach",

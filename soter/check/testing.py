@@ -13,10 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
-from soter.check.conditions import conditions
+from soter.check.conditions import Finding, Verdict, conditions
 from soter.check.falsify import falsify
 from soter.check.trial import Subject
-from soter.check.verdict import Finding, Verdict
 
 OBLIGATIONS: Final = ("P1a", "P1b", "P2a", "P2b", "P3", "model")
 """`model`: in no trial did the margin fall by more than the module's model allows."""
@@ -65,10 +64,9 @@ class ModuleSuite:
             if not any(each.verdict is Verdict.REJECTED for each in found.values()):
                 tried, _ = falsify(subject, cls.budget, cls.seed)
                 found |= {each.condition: each for each in tried if each.condition != "model"}
-                found["model"] = next((each for each in tried if each.condition == "model"), _model_fits(subject))
+                fits = Finding(
+                    subject.module.name, "model", Verdict.TESTED, "no margin fell by more than the model allows"
+                )
+                found["model"] = next((each for each in tried if each.condition == "model"), fits)
             cls._found = found
         return cls._found
-
-
-def _model_fits(subject: Subject) -> Finding:
-    return Finding(subject.module.name, "model", Verdict.TESTED, "no margin fell by more than the model allows")

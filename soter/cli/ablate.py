@@ -128,11 +128,7 @@ def _refusal(option: str, message: str) -> Exception:
 
 
 def _numbers(text: str) -> list[int]:
-    """Return the seeds.
-
-    Raises:
-        ConfigError: it is no list of whole numbers, or one is there twice.
-    """
+    """Return the seeds."""
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isascii() and part.isdecimal() for part in parts):
         raise _refusal("--seeds", f"it is '{text}', allowed: whole numbers from 0, separated by commas, such as 1,2")

@@ -131,7 +131,6 @@ def _mission(subject: dict[str, Any]) -> Mission:
 
 
 def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
-    """Return a bench with one module of the user's own on an open floor."""
     import sys
 
     from soter.cli.overrides import merge
@@ -206,7 +205,6 @@ def _picture(report: Report, target: str) -> bytes:
 
 
 def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
-    """Draw one trial as a run is drawn."""
     import math
 
     from soter.record.tracks import RunTracks, Track
@@ -232,7 +230,7 @@ def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
 
 def _write_example(console: Console, report: Report, subject: dict[str, Any], file: Output) -> bool:
     from soter.check import Counterexample
-    from soter.check.counterexample import trace_hash
+    from soter.check.trial import trace_hash
 
     found = next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
     if found is None:
@@ -260,7 +258,7 @@ def _replay(
     import json
 
     from soter.check import read_counterexample
-    from soter.check.counterexample import trace_hash
+    from soter.check.trial import trace_hash
 
     example = read_counterexample(path)
     bench = _bench_of(example, path)
@@ -288,7 +286,6 @@ def _replay(
 
 
 def _bench_of(example: Counterexample, path: Path) -> ModuleBench:
-    """Return the bench that a counterexample was found on."""
     from soter.runner.bench import ModuleBench
 
     tried = dict(example.subject)

@@ -65,7 +65,7 @@ class Files:
 
     def __init__(self, json_file: Output | StandardOutput | None, junit_file: Output | StandardOutput | None) -> None:
         self._files: Final = [
-            (each, text) for each, text in ((json_file, _json), (junit_file, _junit)) if each is not None
+            (each, text) for each, text in ((json_file, _json), (junit_file, Record.as_junit)) if each is not None
         ]
         self._failed = False
 
@@ -97,10 +97,6 @@ def _json(record: Record) -> str:
         for each in measured_of(record)
     ]
     return json.dumps({**record.as_dict(), "promises": beside}, indent=2)
-
-
-def _junit(record: Record) -> str:
-    return record.as_junit()
 
 
 def _line(outcome: Outcome) -> Text:

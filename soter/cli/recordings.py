@@ -54,11 +54,7 @@ def recording_path(record: Path | None, no_record: bool, mission: Mission, proce
 
 
 def _refuse_other(record: Path) -> None:
-    """Refuse to replace what is no recording, whoever asked for it.
-
-    Raises:
-        ConfigError: it is none.
-    """
+    """Refuse to replace what is no recording, whoever asked for it."""
     if record.is_file():
         with record.open("rb") as file:
             if file.read(len(MAGIC)) not in {b"", MAGIC}:

@@ -87,7 +87,6 @@ def _verdict(found: Replay) -> Verdict:
 
 
 def _plain(found: Replay) -> dict[str, object]:
-    """Return what was found as JSON has it."""
     values: dict[str, object] = {"same": found.same}
     for name in found.__slots__:
         value = getattr(found, name)

@@ -92,14 +92,13 @@ def ros2_monitor(
         from soter.apps.ros2_monitor import Watcher
         from soter.cli.overrides import load_with_engine, merge
         from soter.runner.real_time import real_time
-        from soter.stack.declaration import enabled
 
         options = {"backend": "ros2", "duration_s": duration, "rta.enabled": False if no_rta else None}
         loaded = load_with_engine(mission, merge(options, settings or []), None)
         with _open(loaded) as fleet:
             for robot in fleet.robots:
                 robot.init(_INIT_TIMEOUT_S)
-            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.streamed, enabled(loaded)))
+            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.streamed, loaded.rta.order))
             emit(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.streamed)}")
             wanted = loaded.isolation.real_time
             with real_time(required=wanted == "always") if wanted != "never" else nullcontext():
@@ -164,7 +163,7 @@ def _open(mission: Mission) -> Ros2Fleet:
 
 def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:
     """Print what a mission file needs, and what a terminal needs, to meet the robots."""
-    from soter.adapters.ros2.loopback import SETTINGS
+    from soter.adapters.ros2.simulator import SETTINGS
 
     lines = [
         "[backends.ros2]", f"domain_id = {simulator.domain_id}", f'truth = "{simulator.truth}"',

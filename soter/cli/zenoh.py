@@ -98,7 +98,6 @@ def sim_zenoh(
 
 
 def _require_zenoh() -> None:
-    """Say at once what is missing."""
     from soter.registry import load_backend
 
     load_backend("zenoh")

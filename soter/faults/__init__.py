@@ -1,10 +1,8 @@
 """Injected faults: the `[[fault]]` tables of a mission file, on any backend."""
 
-from soter.faults.fault import Call, Command, Context, Fault, Impairable, Impairment, Passage, Spacing
-from soter.faults.fleet import FaultReport, FaultyFleet
+from soter.faults.fault import Call, Command, Context, Fault, FaultOptions, Impairable, Impairment, Passage, Spacing
 from soter.faults.kinds import BUILT_IN, FaultTable, read_faults
-from soter.faults.options import FaultOptions
-from soter.faults.robot import FaultyRobot
+from soter.faults.robot import FaultReport, FaultyFleet, FaultyRobot
 
 __all__ = [
     "BUILT_IN",

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 from soter.config import Mission, validate_options
 from soter.errors import ConfigError, nearest
-from soter.faults.fault import Context, Fault
-from soter.faults.options import FaultOptions
+from soter.faults.fault import Context, Fault, FaultOptions
 from soter.faults.telemetry import ClockStepOptions
 from soter.sdk.robot import FUTURE_S
 

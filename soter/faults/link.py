@@ -10,8 +10,18 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Call, Command, Context, Fault, Passage, Spacing
-from soter.faults.options import FaultOptions, Probability, Seconds, wrong
+from soter.config_tables import wrong
+from soter.faults.fault import (
+    Call,
+    Command,
+    Context,
+    Fault,
+    FaultOptions,
+    Passage,
+    Probability,
+    Seconds,
+    Spacing,
+)
 from soter.sdk import Capabilities, RobotState
 
 _ROUNDING_S = 1e-9
@@ -33,7 +43,7 @@ class DelayOptions(FaultOptions):
     @model_validator(mode="after")
     def _delays_something(self) -> Self:
         if self.commands_s + self.samples_s + self.jitter_s <= 0.0:
-            raise wrong("commands_s", self.commands_s, "above 0, or a samples_s or jitter_s above 0")
+            raise wrong(("commands_s",), self.commands_s, "above 0, or a samples_s or jitter_s above 0")
         return self
 
 
@@ -115,11 +125,11 @@ class LossOptions(FaultOptions):
     @model_validator(mode="after")
     def _bounded_if_declared(self) -> Self:
         if self.commands + self.samples <= 0.0:
-            raise wrong("commands", self.commands, "above 0, or a samples above 0")
+            raise wrong(("commands",), self.commands, "above 0, or a samples above 0")
         if self.declared and self.burst == 0:
-            raise wrong("burst", self.burst, "1 or more; or declared = false, since nothing bounds such a loss")
+            raise wrong(("burst",), self.burst, "1 or more; or declared = false, since nothing bounds such a loss")
         if self.declared and self.commands > 0.0 and not self.resend:
-            raise wrong("resend", self.resend, "true; or declared = false, since no promise covers a lost command")
+            raise wrong(("resend",), self.resend, "true; or declared = false, since no promise covers a lost command")
         return self
 
 
@@ -201,9 +211,11 @@ class DuplicateOptions(FaultOptions):
     @model_validator(mode="after")
     def _in_order_if_declared(self) -> Self:
         if self.commands + self.samples <= 0.0:
-            raise wrong("commands", self.commands, "above 0, or a samples above 0")
+            raise wrong(("commands",), self.commands, "above 0, or a samples above 0")
         if self.declared and self.reorder:
-            raise wrong("reorder", self.reorder, "false; or declared = false, since no promise covers an old command")
+            raise wrong(
+                ("reorder",), self.reorder, "false; or declared = false, since no promise covers an old command"
+            )
         return self
 
 

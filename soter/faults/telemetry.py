@@ -9,8 +9,8 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Command, Context, Fault, Passage, Spacing
-from soter.faults.options import FaultOptions, wrong
+from soter.config_tables import wrong
+from soter.faults.fault import Command, Context, Fault, FaultOptions, Passage, Spacing
 from soter.sdk import Capabilities, RobotState
 
 Offset = Annotated[float, Field(ge=-1000.0, le=1000.0, allow_inf_nan=False)]
@@ -31,7 +31,7 @@ class FreezeOptions(FaultOptions):
     @model_validator(mode="after")
     def _bounded_if_declared(self) -> Self:
         if self.declared and self.duration_s is None:
-            raise wrong("declared", self.declared, "false; or give a duration_s, since nothing bounds such an age")
+            raise wrong(("declared",), self.declared, "false; or give a duration_s, since nothing bounds such an age")
         return self
 
 
@@ -97,7 +97,7 @@ class BiasOptions(FaultOptions):
     @model_validator(mode="after")
     def _is_off(self) -> Self:
         if self.x_m == self.y_m == self.heading_rad == 0.0:
-            raise wrong("x_m", self.x_m, "other than 0, or a y_m or heading_rad other than 0")
+            raise wrong(("x_m",), self.x_m, "other than 0, or a y_m or heading_rad other than 0")
         return self
 
 
@@ -148,7 +148,7 @@ class ClockStepOptions(FaultOptions):
     @model_validator(mode="after")
     def _steps(self) -> Self:
         if self.step_s == 0.0:
-            raise wrong("step_s", self.step_s, "other than 0")
+            raise wrong(("step_s",), self.step_s, "other than 0")
         return self
 
 
@@ -191,7 +191,7 @@ class BatteryOptions(FaultOptions):
     def _low_if_declared(self) -> Self:
         if self.declared and self.offset > 0.0:
             allowed = "at most 0; or declared = false, since no promise covers a charge that is not there"
-            raise wrong("offset", self.offset, allowed)
+            raise wrong(("offset",), self.offset, allowed)
         return self
 
 

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from soter.faults.fault import Command, Fault, Impairment, Passage
-from soter.faults.options import FaultOptions, wrong
+from soter.config_tables import wrong
+from soter.faults.fault import Command, Fault, FaultOptions, Impairment, Passage
 from soter.sdk import Capabilities, RobotState
 
 Part = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
@@ -37,10 +37,10 @@ class WheelSlipOptions(FaultOptions):
     @model_validator(mode="after")
     def _slips(self) -> Self:
         if self.left == self.right == 1.0:
-            raise wrong("left", self.left, "below 1, or a right below 1")
+            raise wrong(("left",), self.left, "below 1, or a right below 1")
         if self.declared and abs(self.left - self.right) > UNEVEN + _ROUNDING:
             allowed = f"at most {UNEVEN:g} apart from right, {self.right:g}; or declared = false"
-            raise wrong("left", self.left, allowed)
+            raise wrong(("left",), self.left, allowed)
         return self
 
 

@@ -1,17 +1,106 @@
 """A channel between two processes over a bus that loses, doubles, delays and reorders: letters once each, in order.
 
+Letters are machine events in MessagePack: what a task planner and robot agents elsewhere tell each other. They are
+decoded into these types or refused; who sends is named by the key that they came under.
+
 One end a process and peer. Nothing here has a clock, a thread or a bus: frames and the time are handed in and out.
 """
 
 from __future__ import annotations
 
+import logging
 import math
+import secrets
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
-from soter.link.letters import MAX_LETTERS, Frame, Letter
+import msgspec
+
+from soter.link.bus import Bus, Inbox
+from soter.link.messages import Id, Text, decoded
+from soter.sdk.values import MAX_COORDINATE_M
+
+MAX_FRAME_BYTES: Final = 1 << 14
+MAX_LETTERS: Final = 16
+"""Letters in one frame; the rest goes with the next."""
+
+Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
+
+
+class _Letter(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    pass
+
+
+class Visit(_Letter, tag="visit", frozen=True):
+    """To a robot's process: the robot is to go there."""
+
+    robot_id: Id
+    target_id: Id
+    x_m: Coordinate
+    y_m: Coordinate
+
+
+class Joined(_Letter, tag="joined", frozen=True):
+    """To a robot's process: its robot is told of another."""
+
+    robot_id: Id
+    other_id: Id
+
+
+class Ended(_Letter, tag="ended", frozen=True):
+    """To the task planner's process: a robot is done with a target."""
+
+    robot_id: Id
+    target_id: Id
+    outcome: Text
+
+
+Letter = Visit | Joined | Ended
+
+
+class Frame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """What one end of a channel sends at once.
+
+    Attributes:
+        epoch: which start of the sender this is; a number that no other start has.
+        to: which start of the receiver it is meant for; 0 for whichever there is.
+        mission: what the sender runs; only processes of one mission talk.
+        ask: a number that the receiver is to repeat, which shows that it lives; 0 for none.
+        answer: what the receiver has asked for; 0 for nothing.
+        taken: up to which number the receiver's letters have been taken.
+        first: number of the first letter; they are numbered from 1 without gaps.
+        letters: not acknowledged yet, oldest first.
+    """
+
+    epoch: Id
+    to: Id
+    mission: Text
+    ask: Id = 0
+    answer: Id = 0
+    taken: Id = 0
+    first: Id = 1
+    letters: Annotated[tuple[Letter, ...], msgspec.Meta(max_length=MAX_LETTERS)] = ()
+
+
+_encoder: Final = msgspec.msgpack.Encoder()
+_frame: Final = msgspec.msgpack.Decoder(Frame)
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Encode a frame."""
+    return _encoder.encode(frame)
+
+
+def decode_frame(data: bytes) -> Frame:
+    """Decode a frame.
+
+    Raises:
+        Garbage: it is none.
+    """
+    return decoded(_frame, data, MAX_FRAME_BYTES, "frame")
+
 
 REPEAT_S: Final = 0.2
 """What is not acknowledged is sent again after so long, and so is a question that nobody has answered."""
@@ -156,3 +245,62 @@ class Channel:
             self._first += 1
             # The next ones need not wait until those before them would have been repeated.
             self._fresh = bool(self._waiting)
+
+
+logger = logging.getLogger(__name__)
+
+_EPOCH_BITS: Final = 61
+
+
+def new_epoch() -> int:
+    """Return a number that no other start of any process has."""
+    return secrets.randbits(_EPOCH_BITS) + 1
+
+
+class Post:
+    """Sends and delivers letters. One thread, but for what the bus does.
+
+    Args:
+        bus: closed with it.
+        prefix: of all keys of this mission.
+        me: this process's name.
+        others: the processes that letters go to and come from.
+        mission: what this process runs.
+    """
+
+    def __init__(self, bus: Bus, prefix: str, me: str, others: Iterable[str], mission: str) -> None:
+        self._bus: Final = bus
+        self._prefix: Final = prefix
+        self._me: Final = me
+        epoch = new_epoch()
+        self._channels: Final = {name: Channel(epoch, mission, new_epoch) for name in others}
+        self._said_foreign: Final[set[str]] = set()
+        self._inbox: Final = Inbox(bus, f"{prefix}/*/letters/{me}", decode_frame, lambda: 0.0)
+
+    def send(self, to: str, letter: Letter) -> None:
+        """Have a letter delivered to a process as it lives now; dropped while it has not come."""
+        self._channels[to].send(letter)
+
+    def pump(self, now_s: float) -> list[tuple[str, Letter | Came]]:
+        """Take what has come and send what is due; return what was delivered, with the process that it is from."""
+        delivered: list[tuple[str, Letter | Came]] = []
+        for key, frame, _ in self._inbox.take():
+            sender = key.removeprefix(f"{self._prefix}/").partition("/")[0]
+            channel = self._channels.get(sender)
+            if channel is None:
+                continue
+            for each in channel.take(frame):
+                if isinstance(each, Came):
+                    logger.info("process '%s' is there", sender)
+                delivered.append((sender, each))
+            if channel.foreign and sender not in self._said_foreign:
+                self._said_foreign.add(sender)
+                logger.error("process '%s' runs another mission; letters to and from it are dropped", sender)
+        for name, channel in self._channels.items():
+            for frame in channel.due(now_s):
+                self._bus.publish(f"{self._prefix}/{self._me}/letters/{name}", encode_frame(frame))
+        return delivered
+
+    def close(self) -> None:
+        """Leave the bus. Idempotent."""
+        self._bus.close()

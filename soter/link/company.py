@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from soter.clock import Clock
-from soter.link.bus import Bus
-from soter.link.inbox import Inbox
+from soter.link.bus import Bus, Inbox
+from soter.link.channel import new_epoch
 from soter.link.peers import OtherProcess, RemoteRobot, stamps_of
-from soter.link.post import new_epoch
 from soter.link.status import RobotStatus, Status, decode_status, encode_status
 from soter.rta import PEER_SILENT_S, ReachModel
 

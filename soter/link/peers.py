@@ -15,10 +15,24 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from soter.link.status import Echo, RobotStatus, Status
-from soter.link.watched_port import WatchedPort
-from soter.rta import Assumption, PeerMonitor, ReachModel
+from soter.rta import Assumption, PeerMonitor, Port, ReachModel, Request
 from soter.rta.monitors import Finding
-from soter.sdk import RobotState
+from soter.sdk import RobotState, Waypoint
+
+
+class WatchedPort(Port[Waypoint, RobotState]):
+    """Shows where a robot is and whether its AC has control, and takes no commands."""
+
+    def __init__(self, robot_id: int) -> None:
+        super().__init__(robot_id, lambda report: None)  # nobody can ask for anything
+
+    def put(self, request: Request[Waypoint]) -> None:
+        """Leave it out: who commands this robot is elsewhere."""
+
+    def goto(self, command: Waypoint, upcoming: tuple[Waypoint, ...] = ()) -> int:
+        """Leave it out, and return 0, which is no goal's number."""
+        return 0
+
 
 DRIFT: Final = 1e-3
 """By which part two processes' clocks may go at different rates. Clocks of fleets follow crystals, and may be off by

@@ -17,11 +17,10 @@ from soter.machine.errors import (
     UnhandledEventError,
 )
 from soter.machine.events import Event, Halt, MachineRef
+from soter.machine.intake import Timer
 from soter.machine.machines import Machine, Spec
-from soter.machine.runtime import Blocked, Runtime, SpecStatus
+from soter.machine.runtime import Blocked, Runtime, SpecStatus, Strategy
 from soter.machine.states import Goto, Next, Raise, State, Stay
-from soter.machine.strategy import Strategy
-from soter.machine.timers import Timer
 
 __all__ = [
     "Blocked",

@@ -9,16 +9,15 @@ from soter.machine.audience import Audience, Transition
 from soter.machine.cell import Cell, SpecCell
 from soter.machine.errors import MachineError, MisuseError
 from soter.machine.events import Event, MachineRef, guard_of
-from soter.machine.intake import NOTHING
+from soter.machine.intake import NOTHING, TimerQueue
 from soter.machine.machines import Machine
 from soter.machine.states import NO_PAYLOAD, State
 from soter.machine.tables import DEFER, LAST_TAKEN, ClassTable, StateTable
-from soter.machine.timers import TimerQueue
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from soter.machine.timers import Timer
+    from soter.machine.intake import Timer
 
 
 class Core:

@@ -15,7 +15,7 @@ from soter.machine.tables import ClassTable, compile_class
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from soter.machine.timers import Timer
+    from soter.machine.intake import Timer
 
 E1 = TypeVar("E1", bound=Event)
 E2 = TypeVar("E2", bound=Event)

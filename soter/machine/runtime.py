@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from soter.errors import SoterError
 from soter.machine.audience import Transition
@@ -16,8 +16,31 @@ from soter.machine.states import NO_PAYLOAD
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from soter.machine.intake import Timer
     from soter.machine.machines import Machine, Spec
-    from soter.machine.timers import Timer
+
+
+class Strategy(Protocol):
+    """Answers every open choice of a run, run after run. ``Runtime(pick=strategy.pick)`` uses it for one run.
+
+    Replaying the numbers that `pick` returned repeats the run exactly, so their list is the run's trace.
+    """
+
+    def pick(self, n: int, /) -> int:
+        """Choose one of `n` >= 2 possibilities.
+
+        Returns:
+            A number from 0 to n - 1.
+        """
+        ...
+
+    def next_run(self) -> bool:
+        """Get ready for the next run.
+
+        Returns:
+            False when there is nothing left to explore.
+        """
+        ...
 
 
 class Blocked(NamedTuple):

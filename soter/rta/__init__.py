@@ -3,7 +3,7 @@
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog, Breach, Worst
 from soter.rta.decision import STARTS, DecisionModule, Permission
-from soter.rta.fleet import Supervisor
+from soter.rta.fleet import PEER_SILENT_S, RemotePeer, StillPeers, Supervisor
 from soter.rta.models import (
     Directed,
     DirectedReach,
@@ -19,7 +19,6 @@ from soter.rta.models import (
 )
 from soter.rta.module import Region, RTAModule, Timing
 from soter.rta.monitors import ModuleMonitor, PeerMonitor
-from soter.rta.peers import PEER_SILENT_S, RemotePeer, StillPeers
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
 from soter.rta.situation import Mode, Sample, Situation
 from soter.rta.supervisor import SUPERVISOR, RobotSupervisor, SwitchRecord, Watch

@@ -2,16 +2,141 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
 
 from soter.rta.assumptions import Assumption
 from soter.rta.monitors import Finding, PeerMonitor
-from soter.rta.neighbours import Neighbours
-from soter.rta.peers import PEER_SILENT_S, RemotePeer, StillPeers
 from soter.rta.situation import Sample
 from soter.rta.supervisor import RobotSupervisor
+
+if TYPE_CHECKING:
+    from soter.rta.supervisor import RobotSupervisor
+
+PEER_SILENT_S: Final = 0.5
+"""A robot that is not heard of for longer may not be driven, nor may those that have not heard of it."""
+
+
+class RemotePeer(Protocol):
+    """A robot that another process supervises. Asked in the supervisor's thread, at every tick; never waits."""
+
+    robot_id: int
+
+    def sample(self) -> Sample | None:
+        """Return the latest sample, or None while there is none.
+
+        Its stamp is in this process's fleet time, never later than the sample really was taken, and never goes back.
+        """
+
+    def heard_of(self, robot_id: int) -> float:
+        """Return the stamp of the latest sample of one of this process's robots that the peer has said it heard.
+
+        In this process's fleet time; minus infinity while it has said nothing.
+        """
+
+    def needs_charge(self) -> bool:
+        """Return whether it is on its way to charge, and low."""
+
+    def found(self) -> Finding | None:
+        """Return what is wrong with what it reports of itself, if anything, and forget it."""
+
+
+@dataclass(frozen=True, slots=True)
+class StillSample:
+    """The last sample of a robot that has come to rest unheard, with a later stamp.
+
+    At its top speed from the stamp on it could get as far as it can really have got; see `StillPeers`.
+    """
+
+    robot_id: int
+    stamp_s: float
+    x_m: float
+    y_m: float
+    z_m: float
+    heading_rad: float
+    vx_m_s: float
+    vy_m_s: float
+    vz_m_s: float | None
+    battery: float | None
+
+
+class StillPeers:
+    """Bounds the whereabouts of robots that are silent.
+
+    A robot that its supervisor does not hear of is not driven on, its lease runs out, and it stands. A robot of another
+    supervisor holds when it does not know that it is heard. So both come to rest, and however long they
+    stay silent they are no farther from their last sample than top speed takes them in `still_s`.
+
+    Args:
+        still_s: how long a silent robot moves on at most after its last sample, if braking counts as half.
+    """
+
+    def __init__(self, still_s: float) -> None:
+        self.still_s: Final = still_s
+
+    def bounded(self, now_s: float, sample: Sample) -> Sample:
+        """Return a sample that bounds where the robot is now, the same one while the robot may still move."""
+        least_s = now_s - self.still_s
+        if sample.stamp_s >= least_s:
+            return sample
+        return StillSample(
+            sample.robot_id, least_s, sample.x_m, sample.y_m, sample.z_m, sample.heading_rad,
+            sample.vx_m_s, sample.vy_m_s, sample.vz_m_s, sample.battery,
+        )  # fmt: skip
+
+
+FEW = 6
+"""Up to so many robots, everybody is everybody's peer: cheaper than sorting them."""
+
+
+class Neighbours:
+    """Sorts robots into square cells as wide as the radius, and takes a cell's and its eight neighbours' as peers.
+
+    The cost grows linearly with the number of robots.
+
+    Args:
+        radius_m: robots nearer than this are always peers; some farther ones are too. If it is infinite, all are.
+    """
+
+    def __init__(self, radius_m: float) -> None:
+        self._per_m = 1.0 / radius_m
+
+    def assign(
+        self, robots: Sequence[RobotSupervisor], samples: Sequence[Sample], others: Sequence[Sample] = ()
+    ) -> None:
+        """Refresh `situation.peers` of every robot.
+
+        Args:
+            robots: whose situations.
+            samples: of each of them.
+            others: of robots that are not among them, peers of all that are.
+        """
+        count = len(robots)
+        if count <= FEW:
+            for index, robot in enumerate(robots):
+                robot.situation.peers = (*samples[:index], *samples[index + 1 :], *others)
+            return
+        per_m, floor = self._per_m, math.floor
+        cells: dict[tuple[int, int], list[Sample]] = {}
+        places = []
+        for sample in samples:
+            place = (floor(sample.x_m * per_m), floor(sample.y_m * per_m))
+            places.append(place)
+            cells.setdefault(place, []).append(sample)
+        for robot, sample, (column, row) in zip(robots, samples, places, strict=True):
+            peers = []
+            for near_column in (column - 1, column, column + 1):
+                for near_row in (row - 1, row, row + 1):
+                    members = cells.get((near_column, near_row))
+                    if members:
+                        peers += members
+            peers.remove(sample)
+            peers += others
+            robot.situation.peers = peers
+
 
 _ROUNDING_S: Final = 1e-9
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from soter.rta.assumptions import Assumption
@@ -35,6 +36,7 @@ class Finding(NamedTuple):
     unit: str = ""
 
 
+@dataclass(slots=True, eq=False)
 class ModuleMonitor:
     """Watches one decision module: does its invariant hold, and does its model fit the robot?
 
@@ -56,46 +58,23 @@ class ModuleMonitor:
         least_margin: the least margin seen.
         broken: looks at which the margin was negative or no number.
         surprises: looks at which the margin had fallen by more than the model allows.
-        first_broken_s: fleet time of the first such look of either kind, or None.
         found: the assumption that did not hold at the last look, until somebody has taken note of it.
     """
 
-    __slots__ = (
-        "_last_margin",
-        "_last_s",
-        "_model",
-        "_noise",
-        "_sample_age_s",
-        "_unit",
-        "broken",
-        "first_broken_s",
-        "found",
-        "least_margin",
-        "looks",
-        "sc_s",
-        "surprises",
-        "to_ac",
-        "to_sc",
-    )
-
-    def __init__(
-        self, model: ReachModel | None, noise: float = 0.0, sample_age_s: float = 0.0, unit: str = "m"
-    ) -> None:
-        self._model: Final = model
-        self._noise: Final = noise
-        self._sample_age_s: Final = sample_age_s
-        self._unit: Final = unit
-        self._last_margin = math.nan
-        self._last_s = math.nan
-        self.looks = 0
-        self.to_sc = 0
-        self.to_ac = 0
-        self.sc_s = 0.0
-        self.least_margin = math.inf
-        self.broken = 0
-        self.surprises = 0
-        self.first_broken_s: float | None = None
-        self.found: Finding | None = None
+    model: ReachModel | None
+    noise: float = 0.0
+    sample_age_s: float = 0.0
+    unit: str = "m"
+    looks: int = field(default=0, init=False)
+    to_sc: int = field(default=0, init=False)
+    to_ac: int = field(default=0, init=False)
+    sc_s: float = field(default=0.0, init=False)
+    least_margin: float = field(default=math.inf, init=False)
+    broken: int = field(default=0, init=False)
+    surprises: int = field(default=0, init=False)
+    found: Finding | None = field(default=None, init=False)
+    _last_margin: float = field(default=math.nan, init=False)
+    _last_s: float = field(default=math.nan, init=False)
 
     def look(self, now_s: float, margin: float, before: Mode, after: Mode) -> None:
         """Take one look of the decision module."""
@@ -105,7 +84,7 @@ class ModuleMonitor:
                 self.to_sc += 1
             else:
                 self.to_ac += 1
-        model = self._model
+        model = self.model
         if model is None:
             return
         elapsed_s = now_s - self._last_s
@@ -117,23 +96,17 @@ class ModuleMonitor:
         # Written so that a margin that is not a number counts.
         if not margin >= 0.0:
             self.broken += 1
-            self._note(now_s)
-            if -math.inf < margin < -self._noise:
+            if -math.inf < margin < -self.noise:
                 first = math.isnan(self._last_margin)
                 assumption = Assumption.START if first else Assumption.RECOVERY
-                self.found = Finding(assumption, f"margin {margin:.3f}", -margin, self._unit)
-        elif math.inf > fall > (most := model.bound(max(0.0, elapsed_s) + self._sample_age_s) + 2.0 * self._noise):
+                self.found = Finding(assumption, f"margin {margin:.3f}", -margin, self.unit)
+        elif math.inf > fall > (most := model.bound(max(0.0, elapsed_s) + self.sample_age_s) + 2.0 * self.noise):
             self.surprises += 1
-            self._note(now_s)
             if not model.of_pairs:
                 # The samples are tested on their own: where they are right, it is the world that has changed.
                 cause = f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s"
-                self.found = Finding(Assumption.WORKSPACE, cause, fall - most, self._unit)
+                self.found = Finding(Assumption.WORKSPACE, cause, fall - most, self.unit)
         self._last_margin, self._last_s = margin, now_s
-
-    def _note(self, now_s: float) -> None:
-        if self.first_broken_s is None:
-            self.first_broken_s = now_s
 
 
 class SampleMonitor:

@@ -1,8 +1,7 @@
 """Mission in, result out."""
 
-from soter.runner.done import Run
 from soter.runner.progress import Progress, RobotProgress
-from soter.runner.result import NeedlessCounts, RunResult, TargetCounts, TickTimes
+from soter.runner.result import NeedlessCounts, Run, RunResult, TargetCounts, TickTimes
 from soter.runner.run import Study, run_mission
 
 __all__ = [

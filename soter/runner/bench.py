@@ -28,7 +28,7 @@ from soter.runner.stand_in import stand_ins
 from soter.runner.user_rules import UserRules
 from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
-from soter.stack.declaration import enabled, timing_of
+from soter.stack.declaration import timing_of
 from soter.stack.right_of_way import BATTERY, COLLISION
 from soter.stack.terrain import Terrain
 from soter.workspace import Box, RobotPlace, Workspace
@@ -127,8 +127,8 @@ class ModuleBench:
     def __init__(
         self, mission: Mission, workspace: Workspace, name: str, robots: int = 1, patience_s: float = 60.0
     ) -> None:
-        if name not in enabled(mission):
-            known = ", ".join(enabled(mission)) or "none"
+        if name not in mission.rta.order:
+            known = ", ".join(mission.rta.order) or "none"
             raise ConfigError(f"the mission has no module '{name}' that is on; it has: {known}")
         self._mission: Final = mission
         self.workspace: Final = workspace.with_robots(robots)
@@ -137,7 +137,7 @@ class ModuleBench:
         self.patience_s: Final = patience_s
         self._backend: Final = load_backend(BACKEND)
         self._stand_ins: Final = stand_ins(mission, workspace, self._backend.robot_class.declared)
-        self._charges: Final = BATTERY in enabled(mission)
+        self._charges: Final = BATTERY in mission.rta.order
         self._per_robot: Final = 3 + self._charges + 2 * SEGMENTS
         self.dimensions: Final = robots * self._per_robot
         self.base_tick_s: Final = mission.base_tick_s
@@ -205,8 +205,6 @@ class ModuleBench:
 
 
 class _Run:
-    """One trial while it lasts."""
-
     def __init__(
         self,
         bench: ModuleBench,
@@ -234,7 +232,6 @@ class _Run:
         self._returns_s: list[float] = []
 
     def trial(self) -> Trial:
-        """Run it to its end."""
         if not self._begins_inside():
             return Trial(valid=False)
         tick_s, clock = self._bench.base_tick_s, self._fleet.clock

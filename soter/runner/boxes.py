@@ -26,11 +26,9 @@ def box_of(mission: Mission, process: str | None = None) -> Box | None:
     if process is not None:
         table = mission.distribution
         read += _files({**table.bus, **table.processes[process].bus})
-    return Box(mission.isolation.sandbox == "require", tuple(map(_absolute, read)), process is not None)
-
-
-def _absolute(path: str) -> str:
-    return str(Path(path).absolute())
+    return Box(
+        mission.isolation.sandbox == "require", tuple(str(Path(path).absolute()) for path in read), process is not None
+    )
 
 
 def _files(options: Any) -> Iterator[str]:

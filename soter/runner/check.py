@@ -10,10 +10,9 @@ from soter.check import Falsified, Finding, Verdict, conditions, falsify
 from soter.config import Mission
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
-from soter.runner.admission import admit_declared
+from soter.runner.admission import admit_declared, declare_all
 from soter.runner.bench import ModuleBench
 from soter.runner.specs import promises, read_options
-from soter.runner.speedup import declare_all
 from soter.sdk import Capabilities
 from soter.stack.declaration import Declared
 from soter.stack.right_of_way import COLLISION
@@ -91,8 +90,6 @@ def check_module(bench: ModuleBench, budget: int = 200, seed: int = 0, on_progre
 
 
 class _Checker:
-    """One check of a mission."""
-
     def __init__(
         self,
         mission: Mission,
@@ -109,7 +106,6 @@ class _Checker:
         self._benches: dict[str, ModuleBench] = {}
 
     def report(self) -> Report:
-        """Check everything."""
         self._tell("P1 and P3")
         admission = admit_declared(self._mission, self._declared, self._capabilities)
         known = (*admission.findings, *admission.proofs)

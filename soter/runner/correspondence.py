@@ -8,8 +8,7 @@ from functools import partial
 from typing import Final
 
 from soter.link.bus import Bus
-from soter.link.channel import Came
-from soter.link.letters import Ended, Joined, Letter, Visit
+from soter.link.channel import Came, Ended, Joined, Letter, Visit
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
 from soter.stack.away import AwayKit, JoinedAway, OtherSideCame, VisitAway
@@ -84,20 +83,8 @@ class Correspondence:
                 yield self._task_planner, JoinedAway(letter.robot_id, letter.other_id)
 
 
-def _visit(event: VisitAway) -> Visit:
-    return Visit(event.robot_id, event.target_id, *event.place)
-
-
-def _joined(event: JoinedAway) -> Joined:
-    return Joined(event.robot_id, event.other_id)
-
-
-def _ended(event: TargetEnded) -> Ended:
-    return Ended(event.robot_id, event.target_id, event.outcome.value)
-
-
 _LETTERS: Final[dict[type[Event], Callable[..., Letter]]] = {
-    VisitAway: _visit,
-    JoinedAway: _joined,
-    TargetEnded: _ended,
+    VisitAway: lambda event: Visit(event.robot_id, event.target_id, *event.place),
+    JoinedAway: lambda event: Joined(event.robot_id, event.other_id),
+    TargetEnded: lambda event: Ended(event.robot_id, event.target_id, event.outcome.value),
 }

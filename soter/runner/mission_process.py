@@ -19,8 +19,21 @@ from typing import BinaryIO, Final, NoReturn
 from soter.child import die_with_parent, yield_to_others
 from soter.config import Mission
 from soter.errors import BackendError, ConfigError
-from soter.link import Begin, Failed, MissionEnd, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
-from soter.link.messages import MAX_LONG_TEXT, MAX_MOVES, MAX_TEXT
+from soter.link.messages import (
+    MAX_LONG_TEXT,
+    MAX_MOVES,
+    MAX_TEXT,
+    Begin,
+    Failed,
+    Moved,
+    Refused,
+    Started,
+    TargetEnded,
+    TargetGiven,
+    Tick,
+    Turn,
+)
+from soter.link.mission_end import MissionEnd
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import AcSide, Scene
@@ -92,7 +105,6 @@ class _Host:
         self._broken = ""
 
     def serve(self) -> None:
-        """Make the ACs' side, and run it at every tick until the supervisor is gone."""
         side = self._made()
         if side is None:
             return
@@ -117,11 +129,9 @@ class _Host:
     # --- the log of targets ------------------------------------------------------------------------------------
 
     def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
-        """Note a robot's target."""
         self._news.append(TargetGiven(robot_id, target_id, float(place[0]), float(place[1])))
 
     def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
-        """Note how a target ended."""
         self._news.append(TargetEnded(robot_id, target_id, outcome.value))
 
     # --- the rest ----------------------------------------------------------------------------------------------

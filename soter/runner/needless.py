@@ -13,6 +13,7 @@ from typing import Final
 from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
 from soter.sdk import RobotState, Waypoint
 from soter.stack.actuator import PortForwarder
+from soter.stack.terrain import length_m
 
 STEP_S: Final = 0.1
 LONGEST_S: Final = 30.0
@@ -54,7 +55,7 @@ class NeedlessJudge:
         way = self._pending(record.robot_id, own)
         meets = module.model is not None and module.model.of_pairs
         peers = [(peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)]
-        lasts_s = min(_length_m(way) / self._v_max_m_s, LONGEST_S)
+        lasts_s = min(length_m(way) / self._v_max_m_s, LONGEST_S)
         imagined = Situation(record.robot_id, own, record.time_s)
         steps = math.ceil(max(lasts_s, module.delta_s) / STEP_S)
         for step in range(1, steps + 1):
@@ -86,10 +87,6 @@ def _place(waypoint: Waypoint) -> Place | None:
     if type(waypoint) is not Waypoint or type(waypoint.x_m) is not float or type(waypoint.y_m) is not float:
         return None
     return (waypoint.x_m, waypoint.y_m) if math.isfinite(waypoint.x_m + waypoint.y_m) else None
-
-
-def _length_m(way: Sequence[Place]) -> float:
-    return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
 def _moved(state: RobotState, way: Sequence[Place], travelled_m: float) -> RobotState:

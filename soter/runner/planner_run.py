@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Final
 
@@ -12,16 +11,14 @@ from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
 from soter.registry import load_backend
 from soter.runner.ac_side import Scene
-from soter.runner.done import Run
 from soter.runner.metrics import Metrics, counts
 from soter.runner.mission_side import MissionSide
 from soter.runner.part import Part
-from soter.runner.progress import Progress
+from soter.runner.progress import Audience, Progress
 from soter.runner.remote_side import WALL_CLOCK
-from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.result import Run, RunResult
 from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
-from soter.stack.declaration import enabled
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
@@ -31,10 +28,7 @@ logger = logging.getLogger(__name__)
 def run_planner(
     part: Part,
     workspace: Workspace,
-    *,
-    on_progress: Callable[[Progress], None] | None,
-    progress_every_s: float,
-    stop: Callable[[], bool],
+    audience: Audience,
     say: Said,
 ) -> Run:
     """Run a task planner whose robots are all in other processes; see `soter.runner.run.run_mission`.
@@ -52,7 +46,7 @@ def run_planner(
         )  # fmt: skip
         stack.callback(side.close)
         loop = _PlannerLoop(part, workspace, radius_m, side, together, clock)
-        return loop.run(on_progress, progress_every_s, stop, say)
+        return loop.run(audience, say)
 
 
 class _PlannerLoop:
@@ -74,27 +68,21 @@ class _PlannerLoop:
         self.clock: Final[Clock] = clock
         self.workspace: Final = workspace
         self.body_radius_m: Final = body_radius_m
-        self.modules: Final = enabled(self.mission)
+        self.modules: Final = self.mission.rta.order
         self.metrics: Final = Metrics(workspace, self.modules, sorted(part.homes), None)
         self.ticks = 0
         self.wall_s = 0.0
 
-    def run(
-        self,
-        on_progress: Callable[[Progress], None] | None,
-        progress_every_s: float,
-        stop: Callable[[], bool],
-        say: Said,
-    ) -> Run:
+    def run(self, audience: Audience, say: Said) -> Run:
         """Wait for the others, then tick until the time is up."""
         start_s = time.perf_counter()
         status, failure = "interrupted", ""
         try:
-            if self.together.wait((), say, stop):
+            if self.together.wait((), say, audience.stop):
                 self._begin()
                 start_s = time.perf_counter()
                 with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:
-                    status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
+                    status = self._tick_on(watchdog, start_s, audience)
         except KeyboardInterrupt:
             status = "interrupted"
         except RunFailed as failed:
@@ -108,14 +96,7 @@ class _PlannerLoop:
         terrain = Terrain(self.workspace, self.body_radius_m)
         self.side.start(Scene(self.clock, self.workspace, terrain, {}, 0.0, self.metrics))
 
-    def _tick_on(
-        self,
-        watchdog: HandlerWatchdog,
-        start_s: float,
-        on_progress: Callable[[Progress], None] | None,
-        progress_every_s: float,
-        stop: Callable[[], bool],
-    ) -> str:
+    def _tick_on(self, watchdog: HandlerWatchdog, start_s: float, audience: Audience) -> str:
         base_tick_s, clock, together = self.mission.base_tick_s, self.clock, self.together
         began_s, shown_s = clock.now(), start_s
         self.metrics.begin(began_s)
@@ -130,11 +111,11 @@ class _PlannerLoop:
             self.metrics.tick(now_s, tick, now_s - (began_s + tick * base_tick_s), (), lambda _: False)
             self.ticks = tick + 1
             wall_s = time.perf_counter()
-            if on_progress is not None and wall_s - shown_s >= progress_every_s:
+            if audience.show is not None and wall_s - shown_s >= audience.every_s:
                 shown_s = wall_s
-                on_progress(self._progress(wall_s - start_s))
+                audience.show(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
-            if stop():
+            if audience.stop():
                 return "interrupted"
         return "completed"
 
@@ -155,7 +136,6 @@ class _PlannerLoop:
             peer_age_ms=self.together.ages_ms(),
             peer_tick_us=self.together.took_us(),
             backend=mission.backend,
-            engine=None,
             planner=mission.planner,
             ac=mission.ac,
             targets_from=mission.targets,
@@ -165,27 +145,13 @@ class _PlannerLoop:
             duration_s=duration_s,
             wall_s=round(self.wall_s, 3),
             real_time_factor=round(duration_s / self.wall_s, 1) if self.wall_s else 0.0,
-            violations=None,
-            contacts=None,
-            ac_share=0.0,
-            ac_share_without_charging=0.0,
             disengagements=counts({}, self.modules),
             joined=counts({}, self.modules),
-            disengagements_total=0,
-            needless=NeedlessCounts(),
             targets=targets,
             targets_reached=targets.reached,
-            longest_stall_s=0.0,
             no_progress_s=round(metrics.no_progress_s, 2),
-            min_margin=None,
-            paths_replaced=0,
-            no_certified_motion=0,
-            monitors={},
             dm_tick_us=metrics.tick_times(),
-            missed_ticks=0,
             tick_late_ms=metrics.tick_lateness(),
             deterministic=False,
             nondeterminism=WALL_CLOCK,
-            trace_sha256="",
-            failed_robots={},
         )

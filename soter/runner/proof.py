@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Final
 
 from soter.check import Finding, Verdict
@@ -19,6 +18,7 @@ from soter.sdk import Capabilities
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.infrastructure import standing
 from soter.stack.right_of_way import BATTERY, COLLISION
+from soter.stack.terrain import length_m
 
 _ORDER: Final = (Verdict.PROVED, Verdict.TESTED, Verdict.ASSUMED, Verdict.PARTLY, Verdict.REJECTED)
 
@@ -39,7 +39,7 @@ def prove(
         prover = provers.get(name)
         if prover is not None:
             each = [
-                prover(mission, made, capabilities[robot_id], _named(made, name)) for robot_id, made in declared.items()
+                prover(mission, made, capabilities[robot_id], made.module(name)) for robot_id, made in declared.items()
             ]
             findings += max(each, key=lambda found: max(_ORDER.index(one.verdict) for one in found))
     return [*findings, *_crowded(mission, declared)]
@@ -69,7 +69,7 @@ def _retreat(mission: Mission, made: Declared, promised: Capabilities, module: R
         return [premise]
     recovery, station = made.recovery, made.dock.place
     way = made.refuges.way(standing(made.place.id, {made.place.id: station}), 0.0)
-    way_m = _length_m([station, *way])
+    way_m = length_m([station, *way])
     home_m = made.dock.longest_m
     back_s = (way_m + home_m) / promised.v_max_m_s + 2.0 * _start_s(mission, promised) + module.dwell_s + module.delta_s
     figures = {"path_m": recovery.path_m, "keep": module.keep, "way_m": way_m, "home_m": home_m}
@@ -135,18 +135,10 @@ def _premise(made: Declared, name: str, promised: Capabilities) -> Finding | Non
     return Finding(name, "P2a", Verdict.REJECTED, text)
 
 
-def _length_m(places: Sequence[tuple[float, float]]) -> float:
-    return sum(math.dist(one, other) for one, other in pairwise(places))
-
-
 def _start_s(mission: Mission, promised: Capabilities) -> float:
     """Return how long it takes to come to rest, look, and turn."""
     turn_s = (math.pi / 2.0 if promised.reverses else math.pi) / promised.yaw_rate_max_rad_s
     return promised.latency_s + promised.v_max_m_s / promised.brake_m_s2 + mission.base_tick_s + turn_s
-
-
-def _named(declared: Declared, name: str) -> RTAModule:
-    return next(module for module in declared.modules if module.name == name)
 
 
 def _most_legs(following: Sequence[int]) -> int:

@@ -196,7 +196,6 @@ class _Cast:
                 supervisor.expect_no_obedience()
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
-        """Take a switch of the replay."""
         self._switches.append(record)
 
     def play(self, tick: Tick) -> None:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from pydantic import BaseModel, ConfigDict
+
+from soter.record.recorder import RecordingReport
+from soter.record.tracks import RunTracks
 
 THESIS_DISENGAGEMENTS = 313
 """In 2 h with 2 robots, mean of 4 runs: UCB/EECS-2020-99, section 3.3."""
@@ -190,7 +195,7 @@ class RunResult(BaseModel):
     failure: str
     mission: str
     backend: str
-    engine: str | None
+    engine: str | None = None
     planner: str
     targets_from: str
     modules: tuple[str, ...]
@@ -199,32 +204,32 @@ class RunResult(BaseModel):
     duration_s: float
     wall_s: float
     real_time_factor: float
-    violations: dict[str, int] | None
-    contacts: int | None
-    ac_share: float
-    ac_share_without_charging: float
+    violations: dict[str, int] | None = None
+    contacts: int | None = None
+    ac_share: float = 0.0
+    ac_share_without_charging: float = 0.0
     disengagements: dict[str, int]
     joined: dict[str, int]
-    disengagements_total: int
-    needless: NeedlessCounts
+    disengagements_total: int = 0
+    needless: NeedlessCounts = NeedlessCounts()
     targets: TargetCounts
     targets_reached: int
-    longest_stall_s: float
+    longest_stall_s: float = 0.0
     no_progress_s: float
-    min_margin: dict[str, float] | None
-    paths_replaced: int
-    no_certified_motion: int
-    monitors: dict[str, ModuleFigures]
+    min_margin: dict[str, float] | None = None
+    paths_replaced: int = 0
+    no_certified_motion: int = 0
+    monitors: dict[str, ModuleFigures] = {}
     dm_tick_us: TickTimes
-    missed_ticks: int
+    missed_ticks: int = 0
     tick_late_ms: TickTimes | None = None
     real_time: bool = False
     sandbox: dict[str, str] | None = None
     truth_ended_s: float | None = None
     deterministic: bool
     nondeterminism: str
-    trace_sha256: str
-    failed_robots: dict[int, str]
+    trace_sha256: str = ""
+    failed_robots: dict[int, str] = {}
     faults: tuple[FaultFigures, ...] = ()
     assumptions: dict[int, dict[str, BreachFigures]] = {}
     longest_without_ac_s: float = 0.0
@@ -255,3 +260,18 @@ class RunResult(BaseModel):
             for robot, stall in self.permanent_stalls.items()
         ]
         return [*failed, *stalled, *(f"robot {robot} never moved" for robot in self.never_moved)]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run leaves behind.
+
+    Attributes:
+        result: the figures.
+        tracks: where the robots were, and who was in control.
+        recording: how its recording went; None if there is none.
+    """
+
+    result: RunResult
+    tracks: RunTracks
+    recording: RecordingReport | None = None

@@ -17,27 +17,24 @@ from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
 from soter.runner.ac_side import AcSide, Scene, TargetLog
-from soter.runner.admission import admitted
-from soter.runner.aside import Aside
-from soter.runner.done import Run
+from soter.runner.admission import admitted, refused_at
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.part import Part, refuse_in_one_process
 from soter.runner.planner_run import run_planner
-from soter.runner.progress import Progress, robot_progress
+from soter.runner.progress import Aside, Audience, Progress, robot_progress
 from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
-from soter.runner.result import NeedlessCounts, RunResult
+from soter.runner.result import NeedlessCounts, Run, RunResult
 from soter.runner.sides import make_ac_side
 from soter.runner.specs import promises, read_options, robot_specs
-from soter.runner.speedup import refused_at
 from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
 from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, TruthReport
 from soter.stack.assembly import SafetySide, assemble
-from soter.stack.declaration import enabled, timing_of
+from soter.stack.declaration import timing_of
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -103,14 +100,13 @@ def run_mission(
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
     """
+    audience = Audience(on_progress, progress_every_s, stop or (lambda: False))
     workspace = mission.read_workspace()
     part = None if process is None else Part.of(mission, workspace, process)
     if part is not None and not part.robots:
         if record is not None:
             raise ConfigError(f"process '{process}' has no robots, and so there is nothing to record", key="--record")
-        return run_planner(
-            part, workspace, on_progress=on_progress, progress_every_s=progress_every_s, stop=stop or _never, say=say
-        )
+        return run_planner(part, workspace, audience, say)
     backend_class = load_backend(mission.backend)
     config = read_options(backend_class, mission, workspace)
     specs = robot_specs(mission, workspace)
@@ -155,20 +151,16 @@ def run_mission(
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
-        if together is None or together.wait(fleet.robots, say, stop or _never):
+        if together is None or together.wait(fleet.robots, say, audience.stop):
             loop.begin(workspace)
             if recorder is not None and on_recording is not None:
                 on_recording(recorder.writing)
-            status, failure_text = loop.run(on_progress, progress_every_s, stop)
+            status, failure_text = loop.run(audience)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks)
         if recorder is not None:
             recorder.finish(run.result.model_dump_json(indent=2).encode())
     return run if recorder is None else replace(run, recording=recorder.close())
-
-
-def _never() -> bool:
-    return False
 
 
 class _Loop:
@@ -191,7 +183,7 @@ class _Loop:
         self.side: Final = side
         self.together: Final = together
         self.recorder: Final = recorder
-        self.modules: Final = enabled(mission)
+        self.modules: Final = mission.rta.order
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
         robot_ids = [robot.id for robot in fleet.robots]
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
@@ -247,23 +239,18 @@ class _Loop:
             why = failure.strerror or failure
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
 
-    def run(
-        self,
-        on_progress: Callable[[Progress], None] | None,
-        progress_every_s: float,
-        stop: Callable[[], bool] | None,
-    ) -> tuple[str, str]:
+    def run(self, audience: Audience) -> tuple[str, str]:
         """Tick until the time is up; return the status and, for a failure, what it was."""
         start_s = time.perf_counter()
         try:
             with ExitStack() as stack:
                 watchdog = stack.enter_context(HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks))
-                if on_progress is not None and self.wall_clock:
-                    on_progress = stack.enter_context(Aside(on_progress)).put
+                if audience.show is not None and self.wall_clock:
+                    audience = replace(audience, show=stack.enter_context(Aside(audience.show)).put)
                 wanted = self.mission.isolation.real_time
                 if self.wall_clock and wanted != "never":
                     self.real_time = stack.enter_context(real_time(required=wanted == "always"))
-                status = self._tick_on(watchdog, start_s, on_progress, progress_every_s, stop)
+                status = self._tick_on(watchdog, start_s, audience)
             failure = self.side.failures.get(None)
             # The robots were brought home by their SCs, but what they were for was not done.
             return ("failed", failure) if failure and status == "completed" else (status, "")
@@ -276,14 +263,7 @@ class _Loop:
             self.wall_s = time.perf_counter() - start_s
             self.metrics.finish(self.ticks * self.mission.base_tick_s)
 
-    def _tick_on(
-        self,
-        watchdog: HandlerWatchdog,
-        start_s: float,
-        on_progress: Callable[[Progress], None] | None,
-        progress_every_s: float,
-        stop: Callable[[], bool] | None,
-    ) -> str:
+    def _tick_on(self, watchdog: HandlerWatchdog, start_s: float, audience: Audience) -> str:
         base_tick_s, clock, side = self.mission.base_tick_s, self.fleet.clock, self.side
         receive = side.receive if isinstance(side, RemoteSide) else None
         began_s = clock.now()
@@ -312,19 +292,19 @@ class _Loop:
             metrics.tick(now_s, tick, late_s, robots, charging)
             if recorder is not None:
                 recorder.tick(now_s, tick)
-            if on_progress is not None and tick % look_ticks == 0:
+            if audience.show is not None and tick % look_ticks == 0:
                 # Now there is time until the next tick.
                 wall_s = time.perf_counter()
-                if wall_s - shown_s >= progress_every_s:
+                if wall_s - shown_s >= audience.every_s:
                     shown_s = wall_s
-                    on_progress(self._progress(wall_s - start_s))
+                    audience.show(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
             if lost := self.fleet.lost():
                 raise RunFailed(lost)
             if self.user_rules is not None:
                 self.user_rules.look(clock.now(), self.robots)
-            if stop is not None and stop():
+            if audience.stop():
                 return "interrupted"
         return "completed"
 
@@ -356,7 +336,6 @@ class _Loop:
         return {rule: round(margin, 5) for rule, margin in margins.items()}
 
     def result(self, status: str, failure: str, engine: str | None) -> RunResult:
-        """Sum up."""
         metrics, mission, truth = self.metrics, self.mission, self.fleet.truth
         report = None if truth is None else truth.report()
         duration_s = round(self.ticks * mission.base_tick_s, 6)

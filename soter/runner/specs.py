@@ -83,11 +83,7 @@ def promises(
 
 
 def _check_tick(mission: Mission, declared: Capabilities) -> None:
-    """Check that robots in virtual time, which move in whole periods of theirs, have a new sample for every tick.
-
-    Raises:
-        ConfigError: names the tick and those that would do.
-    """
+    """Check that robots in virtual time, which move in whole periods of theirs, have a new sample for every tick."""
     tick_s, period_s = mission.base_tick_s, declared.setpoint_period_s
     ticks = max(1, round(tick_s / period_s))
     whole = math.isclose(ticks * period_s, tick_s, rel_tol=1e-9)
@@ -101,11 +97,7 @@ def _check_tick(mission: Mission, declared: Capabilities) -> None:
 
 
 def _check_charge(mission: Mission, ids: Sequence[int], faults: Sequence[FaultTable]) -> None:
-    """Check that a full battery is reported as enough for the AC, by robots that are declared to report too little.
-
-    Raises:
-        ConfigError: names the charge that is asked for, and the most that a robot ever reports for long enough.
-    """
+    """Check that a full battery is reported as enough for the AC, by robots that are declared to report too little."""
     battery = mission.rta.battery
     if "battery" not in mission.rta.order:
         return
@@ -177,9 +169,6 @@ def _refuse_misspelt_tables(mission: Mission) -> None:
 
     What they promise would be taken for granted by whoever wrote them. A backend that is not installed here may have a
     table all the same, which is only warned of.
-
-    Raises:
-        ConfigError: there is no such planner, or the backend's name is nearly that of another.
     """
     known = backend_names()
     for name in mission.backends:

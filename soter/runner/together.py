@@ -102,7 +102,7 @@ class Together:
         begun_s, said, said_s = clock.steady_s(), "", -math.inf
         while not stop():
             self._company.look()
-            self._company.tell([_standing(robot.read_state()) for robot in robots])
+            self._company.tell([RobotStatus(robot.read_state(), False, "waiting", False) for robot in robots])
             self._refuse_twin()
             waited_s = clock.steady_s() - begun_s
             missing = self._company.missing(clock.now())
@@ -163,8 +163,3 @@ def _status(robot: RobotSupervisor) -> RobotStatus:
     assert isinstance(state, RobotState)
     name = "" if driver is None else driver.name
     return RobotStatus(state, robot.mode is Mode.AC, name, needs_charge(robot))
-
-
-def _standing(state: RobotState) -> RobotStatus:
-    """Return what is told of a robot that has not begun."""
-    return RobotStatus(state, False, "waiting", False)

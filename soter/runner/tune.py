@@ -14,9 +14,8 @@ from soter.config_tables import MotionModel
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
 from soter.rta import DirectedReach, Motion, PairBound, ReachModel, RTAModule, SpeedBound, Timing
-from soter.runner.admission import admit
+from soter.runner.admission import admit, declare_all
 from soter.runner.specs import promises, read_options
-from soter.runner.speedup import declare_all
 from soter.sdk import Capabilities, Link, RobotState
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.right_of_way import BATTERY, COLLISION
@@ -195,7 +194,7 @@ class _Search:
             return {}
         least, most = [], []
         for trial in trials:
-            asked = [_asked(_module(made, trial.module), made.timing) for made in declared]
+            asked = [_asked(made.module(trial.module), made.timing) for made in declared]
             safe_m = self._now(trial.module, "phi_safe_m") if trial.module != GEOFENCE else 0.0
             # What is kept for the safe controller the obstacle module adds to its phi_safer by itself.
             least.append(replace(trial, phi_safer=_up(safe_m + max(asked_m - kept_m for asked_m, kept_m in asked))))
@@ -231,18 +230,14 @@ class _Search:
         return declare_all(changed(self._mission, choices), self._workspace, self._capabilities)
 
     def _costs(self, choices: Sequence[Choice]) -> list[Choice]:
-        """Return numbers with what they cost on the robot that is worst off, and why they are ill-formed if they are.
-
-        Raises:
-            IllFormedModule: a robot does not promise what a model needs.
-        """
+        """Return numbers with what they cost on the robot that is worst off, and why any are ill-formed."""
         declared = self._declared(choices)
         return [self._cost(choice, declared) for choice in choices]
 
     def _cost(self, choice: Choice, declared: Mapping[int, Declared]) -> Choice:
         why_not, costs = "", []
         for robot_id, made in declared.items():
-            module, timing = _module(made, choice.module), made.timing
+            module, timing = made.module(choice.module), made.timing
             assert module.model is not None
             horizon_s, (asked, _) = module.horizon_s(timing), _asked(module, timing)
             reach = module.model.bound(horizon_s)
@@ -256,10 +251,6 @@ class _Search:
                 why_not = why_not or _reason(failure)
         reach, usual, needed = (max(each) for each in zip(*costs, strict=True))
         return replace(choice, reach=reach, usual=usual, needed=needed, why_not=why_not)
-
-
-def _module(made: Declared, name: str) -> RTAModule:
-    return next(module for module in made.modules if module.name == name)
 
 
 def _asked(module: RTAModule, timing: Timing) -> tuple[float, float]:

@@ -31,9 +31,8 @@ from soter.rta import (
 from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
-from soter.stack.charge_monitor import ChargeMonitor
-from soter.stack.contracts import ContractMonitor
-from soter.stack.declaration import PeerBounds, declare, enabled, timing_of
+from soter.stack.declaration import PeerBounds, declare, timing_of
+from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
@@ -106,7 +105,7 @@ def assemble(
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
     """
     promises = [*(robot.capabilities for robot in robots), *remote_promises]
-    apart = COLLISION in enabled(mission)
+    apart = COLLISION in mission.rta.order
     low = {peer.robot_id: peer.needs_charge for peer in remote}
     peers = PeerBounds.of(promises, mission.base_tick_s)
     terrain = Terrain(workspace, max(each.body_radius_m for each in promises))

@@ -14,9 +14,7 @@ from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
-from soter.stack.geofence import Fence
 from soter.stack.infrastructure import check_infrastructure
-from soter.stack.obstacle import Clearance
 from soter.stack.reach import Limits, reach_between, reach_into
 from soter.stack.recovery import OwnRule, RecoveryPlanner, RecoveryRules, extent_m
 from soter.stack.refuge import RefugeFinder
@@ -24,6 +22,7 @@ from soter.stack.retreat import Retreat
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, TURN_S, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
+from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Terrain, grown
 from soter.stack.user_modules import ModuleKit, declare_own
 from soter.workspace import Box, RobotPlace, Workspace
@@ -103,6 +102,10 @@ class Declared:
     timing: Timing
     own: tuple[RTAModule, ...] = ()
 
+    def module(self, name: str) -> RTAModule:
+        """Return one of the modules by its name."""
+        return next(module for module in self.modules if module.name == name)
+
     def check(self, base_tick_s: float) -> None:
         """Check every module against the robot's promises.
 
@@ -135,11 +138,6 @@ def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
         capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
         capabilities.lease_s, base_tick_s,
     )  # fmt: skip
-
-
-def enabled(mission: Mission) -> tuple[str, ...]:
-    """Return the names of the enabled modules, in order of their right to drive: the highest that is in SC does."""
-    return mission.rta.order
 
 
 def declare(
@@ -227,7 +225,7 @@ def declare(
             home, speed, timing, tick_s,
         )  # fmt: skip
         own_modules[name] = declare_own(mission, own, kit, waypoint)
-    enforced = [own_modules[name] for name in enabled(mission) if name in own_modules]
+    enforced = [own_modules[name] for name in mission.rta.order if name in own_modules]
     recovery.own_rules = [
         OwnRule(module.phi_safe, module.model is not None and module.model.of_pairs)
         for module in enforced
@@ -283,13 +281,13 @@ def declare(
             keep=_reserve(mission, workspace, dock, capabilities, contracts_s),
         ),
     }
-    declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in enabled(mission))
+    declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in mission.rta.order)
     others = tuple(each for each in workspace.robots if each.id != robot_id)
     return Declared(declared, recovery, refuges, dock, place, others, peers, timing, tuple(own_modules.values()))
 
 
 def _rules(mission: Mission) -> RecoveryRules:
-    names = enabled(mission)
+    names = mission.rta.order
     return RecoveryRules(
         fence=GEOFENCE in names,
         boxes=OBSTACLE in names,
@@ -300,7 +298,7 @@ def _rules(mission: Mission) -> RecoveryRules:
 
 def _home_clearance_m(mission: Mission, capabilities: Capabilities) -> float:
     """Return what ways home keep from boxes: so much that the obstacle module, which goes first, does not step in."""
-    if OBSTACLE not in enabled(mission):
+    if OBSTACLE not in mission.rta.order:
         return HOME_CLEARANCE_M
     obstacle = mission.rta.obstacle
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
@@ -314,7 +312,7 @@ def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
 
     Without that module robots may be anywhere on the open ground around the fence, and ways lead there too.
     """
-    if GEOFENCE not in enabled(mission):
+    if GEOFENCE not in mission.rta.order:
         return -math.inf
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
@@ -343,7 +341,7 @@ def _reserve(
 ) -> float:
     """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts."""
     battery, v = mission.battery, capabilities.v_max_m_s
-    others = len(workspace.robots) - 1 if COLLISION in enabled(mission) else 0
+    others = len(workspace.robots) - 1 if COLLISION in mission.rta.order else 0
     each_s = dock.longest_m / v + TURN_S
     # Whoever waits also has to make room now and then.
     waiting = WAITING * others * each_s / min(battery.idle_s, WAITING * battery.drive_s)

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Final
 
 from soter.rta import DecisionModule, Mode, RobotSupervisor, Situation
-from soter.stack.terrain import Point
+from soter.stack.terrain import Point, length_m
 
 NEAR_M: Final = 0.6
 """Robots nearer than this meet; 0.1 m beyond phi_safer where that is more."""
@@ -202,7 +202,7 @@ class RightOfWay:
             if known is not None and now_s - known.looked_s < LOOK_S:
                 continue
             line = ((own.x_m, own.y_m), *self._legs(robot_id, own.x_m, own.y_m))
-            to_go_m = sum(math.dist(one, other) for one, other in pairwise(line))
+            to_go_m = length_m(line)
             if known is None:
                 homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
                 continue

@@ -6,6 +6,8 @@ Everything here is exact plane geometry over the known boxes and the fence; noth
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -18,6 +20,11 @@ CELL_M: Final = 0.1
 
 Point = tuple[float, float]
 Edges = tuple[float, float, float, float]
+
+
+def length_m(way: Sequence[Point]) -> float:
+    """Return the length of straight legs from one place to the next."""
+    return sum(math.dist(one, other) for one, other in pairwise(way))
 
 
 class Terrain:

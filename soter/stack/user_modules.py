@@ -7,7 +7,7 @@ import importlib
 import inspect
 import math
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -232,16 +232,8 @@ class CertifiedController(SafeController):
         return self.recovery.away(situation, away_x, away_y, self._dock.path.leads_back) if self._yields else None
 
 
-def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
-    """Import what `package.module:name` names.
-
-    Args:
-        target: see there.
-        refused: makes the error.
-
-    Raises:
-        ConfigError: there is no such module or name, or importing it fails.
-    """
+def _loaded(target: str, refused: Callable[[str], ConfigError]) -> object:
+    """Import what `package.module:name` names; `refused` makes the error."""
     module_name, colon, name = target.partition(":")
     if not (colon and name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
         raise refused(f"it is '{target}', allowed: a name as 'package.module:name'")
@@ -263,6 +255,9 @@ def load_target(target: str, refused: Callable[[str], ConfigError]) -> object:
 def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit, waypoint: Topic[Any]) -> RTAModule:
     """Return a module of the user's own for one robot, under the name that the mission gives it.
 
+    A function declares it, `declare(kit)` or `declare(kit, options)`; the annotation of the second parameter is the
+    model of the options. A declaration that was made beforehand will do too; it is copied for every robot.
+
     Args:
         mission: for messages.
         table: `[rta.module.NAME]`.
@@ -274,42 +269,12 @@ def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit, waypoi
             is no module.
         IllFormedModule: the function itself refuses to declare one.
     """
-    key = f"rta.module.{kit.name}"
-    found = load_target(table.declare, lambda message: mission.refusal(f"{key}.declare", message))
-    return declare_from(
-        found, table.declare, kit, waypoint, table.options, mission.source, key,
-        lambda message: mission.refusal(f"{key}.declare", message),
-    )  # fmt: skip
+    key, target, options = f"rta.module.{kit.name}", table.declare, table.options
 
+    def refused(message: str) -> ConfigError:
+        return mission.refusal(f"{key}.declare", message)
 
-def declare_from(
-    function: object,
-    target: str,
-    kit: ModuleKit,
-    waypoint: Topic[Any],
-    options: Mapping[str, Any],
-    source: str | None,
-    key: str,
-    refused: Callable[[str], ConfigError],
-) -> RTAModule:
-    """Call a declaring function, `declare(kit)` or `declare(kit, options)`, and check what it returns.
-
-    A declaration that was made beforehand will do too; it is copied for every robot.
-
-    Args:
-        function: what `target` names.
-        target: for messages.
-        kit: for the robot.
-        waypoint: where the robot's controllers publish.
-        options: raw; the model is the annotation of the function's second parameter.
-        source: the mission file, or None.
-        key: dotted key of the module's table.
-        refused: makes errors about the function.
-
-    Raises:
-        ConfigError: see `declare_own`.
-        IllFormedModule: the function itself refuses to declare one.
-    """
+    function = _loaded(target, refused)
     if isinstance(function, RTAModule):
         return _bound(function, target, kit, waypoint, refused)
     if not callable(function):
@@ -317,7 +282,7 @@ def declare_from(
     arguments: list[Any] = [kit]
     model = _options_model(function, target, refused)
     if model is not None:
-        arguments.append(validate_options(model, options, source, f"{key}.options"))
+        arguments.append(validate_options(model, options, mission.source, f"{key}.options"))
     elif options:
         raise refused(f"'{target}' takes no options, but `{key}.options` gives {', '.join(options)}")
     try:

@@ -19,7 +19,7 @@ NAMES = sorted({path.stem for path in (ROOT / "benchmarks").glob("*.py")} - HELP
 NEEDS = {
     "stack_cost": (pytest.mark.pybullet, pytest.mark.ompl),
     "real_time_factor": (pytest.mark.ompl,),
-    "recording": (pytest.mark.pybullet, pytest.mark.ompl),
+    "recording": (pytest.mark.pybullet,),
     "ros2_latency": (pytest.mark.rclpy,),
     "page": tuple(NEEDED),
 }

@@ -7,7 +7,7 @@ import random
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.errors import LifecycleError
 from soter.onboard.drive import Drive, DriveLimits
 from soter.onboard.mux import Mux

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
-from soter.adapters.pybullet.robot import KinematicRobot
+from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import VirtualClock
 from soter.errors import SoterError
 from soter.sdk import Controller, GoalStatus, RobotState, Waypoint

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from soter.check import Counterexample, Falsified, Finding, Verdict, falsify, read_counterexample
-from soter.check.counterexample import trace_hash
 from soter.check.testing import OBLIGATIONS, ModuleSuite
+from soter.check.trial import trace_hash
 from soter.config import load_mission
 from soter.errors import ConfigError, IllFormedModule
 from soter.registry import load_backend

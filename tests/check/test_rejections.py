@@ -17,9 +17,8 @@ from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
-from soter.runner.admission import admitted
+from soter.runner.admission import admitted, declare_all, refused_at
 from soter.runner.specs import read_options
-from soter.runner.speedup import declare_all, refused_at
 from soter.stack.collision import Separation, check_halves
 from soter.stack.reach import Limits
 from soter.workspace import Box, RobotPlace, Workspace

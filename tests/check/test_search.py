@@ -7,7 +7,7 @@ import math
 import pytest
 
 from soter.check import search
-from soter.check.search import Vector
+from soter.check.falsify import Vector
 
 
 def valley(vector: Vector) -> float:

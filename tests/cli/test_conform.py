@@ -44,7 +44,7 @@ def test_it_judges_a_selection_and_writes_the_record(tmp_path: Path) -> None:
     assert "NOT JUDGED" in done.output
     content = json.loads(record.read_text())
     assert content["subject"]["capabilities"]["in_process"] is True
-    assert content["subject"]["robot_class"] == "soter.adapters.pybullet.robot:KinematicRobot"
+    assert content["subject"]["robot_class"] == "soter.adapters.pybullet.backend:KinematicRobot"
     assert {each["verdict"] for each in content["clauses"]} == {"PASS", "NOT TESTED"}
     assert len(content["sha256"]) == 64
     suite = ET.parse(junit).getroot()  # noqa: S314 - written above

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Fleet
 from tests.broken.in_process import NoOpStop

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import ClassVar
 
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock
 from soter.conformance.driver import spawn
 from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState, Waypoint

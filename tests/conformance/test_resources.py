@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import pytest
 
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.conformance import CLAUSES, Verdict, try_clause
 from soter.conformance.figure import Figure
 from soter.sdk import Capabilities

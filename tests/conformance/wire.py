@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
-from soter.adapters.pybullet.robot import SimulatedRobot
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor

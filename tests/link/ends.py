@@ -6,8 +6,9 @@ import socket
 from collections import deque
 
 from soter.child import Child, ChildDied
-from soter.link import MissionEnd, SupervisorEnd, Turn
-from soter.link.messages import encode
+from soter.link.messages import Turn, encode
+from soter.link.mission_end import MissionEnd
+from soter.link.supervisor_end import SupervisorEnd
 from soter.rta import Port, Report
 from soter.sdk import Controller, Link, RobotState, Waypoint
 

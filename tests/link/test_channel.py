@@ -7,8 +7,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from soter.link.channel import ALIVE_S, MAX_WAITING, REPEAT_S, Came, Channel
-from soter.link.letters import MAX_LETTERS, Frame, Letter, Visit, decode_frame, encode_frame
+from soter.link.channel import (
+    ALIVE_S,
+    MAX_LETTERS,
+    MAX_WAITING,
+    REPEAT_S,
+    Came,
+    Channel,
+    Frame,
+    Letter,
+    Visit,
+    decode_frame,
+    encode_frame,
+)
 from soter.link.messages import Garbage
 
 TICK_S = 0.05

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from soter.link import FollowedClock
+from soter.link.mission_end import FollowedClock
 
 
 class Host:

@@ -9,14 +9,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.link import Ask, Begin, Busy, Failed, Garbage, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
 from soter.link.messages import (
     MAX_ANNOUNCED,
     MAX_TEXT,
     MAX_TURN_BYTES,
+    Ask,
+    Begin,
+    Busy,
     Down,
+    Failed,
+    Garbage,
     GoalEnd,
     Handover,
+    Moved,
+    Refused,
+    Started,
+    TargetEnded,
+    TargetGiven,
+    Tick,
+    Turn,
     Up,
     decode_down,
     decode_up,

@@ -10,8 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from soter.link import Ask, Begin, Busy, PeerSeen, TargetGiven, Tick, Turn
-from soter.link.messages import MAX_ANNOUNCED, MAX_TURN_BYTES, GoalEnd, Handover, decode_up, encode
+from soter.link.messages import (
+    MAX_ANNOUNCED,
+    MAX_TURN_BYTES,
+    Ask,
+    Begin,
+    Busy,
+    GoalEnd,
+    Handover,
+    PeerSeen,
+    TargetGiven,
+    Tick,
+    Turn,
+    decode_up,
+    encode,
+)
 from soter.rta import ControlReport, GoalReport
 from soter.sdk import RobotState, Waypoint
 from tests.link.ends import Pair, state

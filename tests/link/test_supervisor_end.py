@@ -7,8 +7,23 @@ import math
 import pytest
 
 from soter.child import ChildDied
-from soter.link import Ask, Begin, Busy, Failed, Garbage, Moved, Refused, Started, TargetEnded, TargetGiven, Tick, Turn
-from soter.link.messages import Handover, decode_down, encode
+from soter.link.messages import (
+    Ask,
+    Begin,
+    Busy,
+    Failed,
+    Garbage,
+    Handover,
+    Moved,
+    Refused,
+    Started,
+    TargetEnded,
+    TargetGiven,
+    Tick,
+    Turn,
+    decode_down,
+    encode,
+)
 from soter.link.supervisor_end import MAX_MESSAGES, MAX_REPORTS, MAX_WAITING
 from soter.rta import GoalReport, Request
 from soter.sdk import Waypoint

@@ -15,9 +15,9 @@ from soter.rta import DischargeBound, Situation
 from soter.stack import declaration, recovery, terrain
 from soter.stack.battery import ChargeForTheWayHome
 from soter.stack.collision import check_halves
-from soter.stack.obstacle import Clearance
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.return_path import ReturnPath, _Anchor
+from soter.stack.static_rules import Clearance
 from soter.stack.terrain import Terrain
 from tests.proofs.robots import Gap, Line, Obligation, Robot
 from tests.proofs.symbolic import FAR_M, Fact, SymbolicMath, branches, holds, positive

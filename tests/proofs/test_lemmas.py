@@ -12,8 +12,8 @@ from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing
 from soter.rta.decision import DecisionModule
 from soter.stack import declaration, recovery, return_path
 from soter.stack.collision import Separation, check_halves
-from soter.stack.obstacle import Clearance
 from soter.stack.recovery import RecoveryPlanner
+from soter.stack.static_rules import Clearance
 from tests.proofs import lemmas, robots
 from tests.proofs.robots import on_reals
 from tests.proofs.symbolic import counterexample, greatest

@@ -30,8 +30,7 @@ from soter.rta.assumptions import SPELL_S
 from soter.rta.fleet import Supervisor
 from soter.rta.supervisor import ALARM_S
 from soter.stack.battery import Dock
-from soter.stack.charge_monitor import ChargeMonitor
-from soter.stack.contracts import ContractMonitor
+from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from tests.rta.doubles import SPEED, TICK_S, At, Rig
 
 ALARM_TICKS = round(ALARM_S / TICK_S)

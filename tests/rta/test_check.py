@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from soter.errors import IllFormedModule
 from soter.rta import DecisionModule, Mode, RTAModule, Situation, Timing
 from soter.stack.collision import Separation
-from soter.stack.geofence import Fence
+from soter.stack.static_rules import Fence
 from tests.rta.doubles import PAIR, SPEED, TICK_S, Above, At, FakeNode, module
 
 TIMING = Timing(latency_s=0.05)

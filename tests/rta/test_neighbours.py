@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.rta import RobotSupervisor, Situation
-from soter.rta.neighbours import FEW, Neighbours
+from soter.rta.fleet import FEW, Neighbours
 from tests.rta.doubles import At
 
 RADIUS_M = 2.5

@@ -10,8 +10,7 @@ import sys
 import time
 from typing import Any, NoReturn
 
-from soter.link import Turn
-from soter.link.messages import encode
+from soter.link.messages import Turn, encode
 from soter.sdk import Waypoint
 from soter.stack.adversaries.base import Adversary, AdversaryOptions
 

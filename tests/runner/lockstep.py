@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from soter.adapters.pybullet.robot import KinematicRobot
+from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import Clock
 from soter.config import Mission, load_mission
 from soter.link.bus import Bus
@@ -23,6 +23,7 @@ from soter.runner.ac_side import AcSide
 from soter.runner.mission_side import MissionSide
 from soter.runner.part import Part
 from soter.runner.planner_run import _PlannerLoop
+from soter.runner.progress import Audience
 from soter.runner.run import Study, _Loop
 from soter.runner.specs import robot_specs
 from soter.runner.together import Together
@@ -274,7 +275,7 @@ class Site:
                 )
                 try:
                     self.planner = _PlannerLoop(part, self.workspace, 0.105, side, together, clock)
-                    return self.planner.run(None, 1.0, lambda: False, say).result
+                    return self.planner.run(Audience(), say).result
                 finally:
                     side.close()
             return self._robots_loop(part, clock, together, say)
@@ -291,7 +292,7 @@ class Site:
             self.loops[part.name] = loop
             assert together.wait(fleet.robots, say, lambda: False)
             loop.begin(self.workspace)
-            status, failure = loop.run(None, 1.0, None)
+            status, failure = loop.run(Audience())
             return loop.result(status, failure, None)
         finally:
             side.close()

@@ -12,9 +12,9 @@ import pytest
 
 from soter.errors import ConfigError
 from soter.runner import Progress
-from soter.runner.aside import Aside
+from soter.runner.progress import Aside
 from soter.runner.real_time import real_time
-from soter.runner.words import Words
+from soter.runner.remote_side import Words
 from tests.waiting import wait_until
 
 

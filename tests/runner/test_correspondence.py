@@ -10,8 +10,7 @@ import pytest
 
 from soter.clock import VirtualClock
 from soter.config import load_mission
-from soter.link.letters import Ended, Frame, Joined, Letter, Visit, encode_frame
-from soter.link.post import Post
+from soter.link.channel import Ended, Frame, Joined, Letter, Post, Visit, encode_frame
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.runner.correspondence import Correspondence
 from soter.runner.part import Part

@@ -12,8 +12,8 @@ import pytest
 from soter.errors import ConfigError, RobotUnavailable
 from soter.runner import RunResult
 from soter.runner.ac_side import AcSide, Scene
-from soter.runner.adversary_side import AdversarySide
 from soter.runner.part import Part
+from soter.runner.sides import AdversarySide
 from tests.link.air import Network
 from tests.runner.lockstep import Site
 

@@ -126,7 +126,7 @@ def judge(run: Run, words: str) -> None:
 @pytest.mark.ompl
 def test_a_mission_drives_through_two_processes_as_through_one(sides: list[RemoteSide], tmp_path: Path) -> None:
     recorded = tmp_path / "run.mcap"
-    run = run_mission(mission(duration_s=12.0, targets="uniform", planner="ompl-bitstar"), record=recorded)
+    run = run_mission(mission(duration_s=5.0, targets="uniform", planner="ompl-bitstar"), record=recorded)
     result = run.result
     assert result.status == "completed"
     assert not result.failed_robots

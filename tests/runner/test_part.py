@@ -12,8 +12,7 @@ from soter.adapters.zenoh.bus import ZenohBus
 from soter.cli.recordings import recording_path
 from soter.config import Mission, load_mission
 from soter.errors import ConfigError
-from soter.link.bus import Bus
-from soter.link.buses import bus_class, open_bus
+from soter.link.bus import Bus, bus_class, open_bus
 from soter.runner import run_mission
 from soter.runner.part import Part
 from tests.link.air import MemoryBus

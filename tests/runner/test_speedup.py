@@ -14,8 +14,8 @@ from soter.adapters.pybullet.backend import KinematicConfig
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.runner import run_mission
+from soter.runner.admission import highest_speedup
 from soter.runner.specs import read_options
-from soter.runner.speedup import highest_speedup
 from soter.sdk import BackendConfig, Capabilities
 from tests.project.source import ROOT
 

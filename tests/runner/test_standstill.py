@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from soter.config import load_mission
 from soter.runner import run_mission
-from soter.runner.standstill import STALL_S, Standstill, Standstills
+from soter.runner.metrics import STALL_S, Standstill, Standstills
 from tests.project.source import ROOT
 
 STEP_S = 10.0

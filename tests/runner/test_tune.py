@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from soter.adapters.pybullet import KinematicBackend
 from soter.config import load_mission, make_mission
 from soter.errors import ConfigError, IllFormedModule
-from soter.runner.admission import admit
-from soter.runner.speedup import declare_all
+from soter.runner.admission import admit, declare_all
 from soter.runner.toml_text import toml
 from soter.runner.tune import SAFER, Choice, changed, tune, tune_for
 from soter.sdk import Capabilities

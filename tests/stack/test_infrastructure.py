@@ -11,7 +11,7 @@ import pytest
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
-from soter.runner.speedup import declare_all
+from soter.runner.admission import declare_all
 from soter.sdk import Capabilities
 from soter.stack.terrain import Point
 from soter.workspace import Box, RobotPlace, Workspace

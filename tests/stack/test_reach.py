@@ -18,9 +18,8 @@ from soter.errors import IllFormedModule
 from soter.rta import DirectedReach, PairBound, Region, Sample, Situation, SpeedAccelerationBound, SpeedBound
 from soter.sdk import RobotSpec
 from soter.stack.collision import Separation
-from soter.stack.geofence import Fence
-from soter.stack.obstacle import Clearance
 from soter.stack.reach import Limits, reach_between, reach_into
+from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Terrain
 from soter_sim import BODY_RADIUS_M, LIMITS, Control, World
 from tests.rta.doubles import At

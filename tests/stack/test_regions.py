@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from soter.rta import Region, Situation
 from soter.stack.battery import Charged, ChargeForTheWayHome
 from soter.stack.collision import Separation
-from soter.stack.geofence import Fence
-from soter.stack.obstacle import Clearance
 from soter.stack.return_path import DETOUR_M
+from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Point, Terrain
 from soter.workspace import Box, Workspace
 from tests.rta.doubles import At

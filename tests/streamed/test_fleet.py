@@ -9,7 +9,7 @@ import pytest
 
 from soter.adapters.mavlink.backend import MavlinkFleet
 from soter.clock import VehicleClock
-from soter.streamed.fleet import StreamedFleet
+from soter.streamed.simulator import StreamedFleet
 
 
 class Simulator:
@@ -38,7 +38,9 @@ def streamed(simulator: Simulator) -> StreamedFleet[Any, Any]:
 
 
 def vehicles(simulator: Simulator) -> MavlinkFleet:
-    return MavlinkFleet(VehicleClock(), Wire(), (), None, simulator)  # type: ignore[arg-type]
+    with ExitStack() as shared:
+        shared.callback(Wire().close)
+        return MavlinkFleet(VehicleClock(), (), None, simulator, shared)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("fleet_of", [streamed, vehicles])

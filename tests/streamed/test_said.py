@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.streamed.said import KEPT_S, Said
+from soter.adapters.zenoh.wire import KEPT_S, Said
 
 SPEEDS = st.floats(-3.0, 3.0)
 LIMITS = st.floats(0.01, 3.0)

@@ -17,16 +17,16 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.address import Address
-from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.link import Inbox
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
+from soter.adapters.mavlink.transport import Address
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.adapters.zenoh.messages import KINDS, Foreign, decode, encode
 from soter.clock import VehicleClock
 from soter.config import load_mission, parse_mission
 from soter.errors import ConfigError, IllFormedModule
-from soter.link.letters import Ended, Frame, Visit, decode_frame, encode_frame
+from soter.link.channel import Ended, Frame, Visit, decode_frame, encode_frame
 from soter.link.messages import Ask, Failed, Garbage, Moved, Started, TargetGiven, Turn, decode_up
 from soter.link.messages import encode as encode_up
 from soter.link.status import Echo, RobotStatus, Status, decode_status, encode_status

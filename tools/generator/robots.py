@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final
 from pydantic import Field
 
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, SimulatedFleet
-from soter.adapters.pybullet.robot import KinematicRobot
+from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import Clock
 from soter.onboard.drive import Drive
 from soter.sdk import BackendConfig, Capabilities, RobotSpec

@@ -36,7 +36,7 @@ LIMIT_S: Final = 600.0
 _POLL_S: Final = 0.5
 _MOVED_M: Final = 0.05
 _FULL: Final = 1.0 - 1e-9
-_PRELOADED: Final = ("tools.generator.running", "tools.generator.attackers", "soter.stack.planners.straight")
+_PRELOADED: Final = ("tools.generator.running", "tools.generator.attackers", "soter.stack.planners.base")
 
 
 @dataclass

@@ -9,9 +9,7 @@ from typing import Final
 import zenoh
 
 from soter.adapters.zenoh import messages
-from soter.adapters.zenoh.presence import announce
-from soter.adapters.zenoh.talk import Voice
-from soter.adapters.zenoh.velocities import hear_velocity
+from soter.adapters.zenoh.talk import Voice, announce, hear_velocity
 from soter_sim.streamed import StreamedBase
 from soter_sim.world import World
 

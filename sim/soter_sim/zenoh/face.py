@@ -10,8 +10,7 @@ import zenoh
 
 from soter.adapters.zenoh.messages import Clock, Time
 from soter.adapters.zenoh.options import CLOCK
-from soter.adapters.zenoh.talk import Voice
-from soter.adapters.zenoh.velocities import stamp_of
+from soter.adapters.zenoh.talk import Voice, stamp_of
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.streamed import StreamedFace

@@ -12,9 +12,23 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.components import KEEPER
 from soter.adapters.mavlink.link import AUTOPILOT
 from soter.adapters.mavlink.vehicle import Vehicle
+from soter.sdk import Controller
+
+KEEPER: Final[int] = mav.MAV_COMP_ID_MISSIONPLANNER
+"""The supervisor: names who is in charge, renews the lease, asks for everything that is no target."""
+
+SENDERS: Final = {
+    Controller.AC: int(mav.MAV_COMP_ID_ONBOARD_COMPUTER),
+    Controller.SC: int(mav.MAV_COMP_ID_ONBOARD_COMPUTER2),
+}
+"""From whom targets come."""
+
+COMPONENTS: Final = (KEEPER, *SENDERS.values())
+
+CONTROLLERS: Final = {component: controller for controller, component in SENDERS.items()}
+
 
 REPORT: Final = "GMASTER"
 """NAMED_VALUE_INT by which the vehicle reports: 256 times the system plus the component in charge, negative while the

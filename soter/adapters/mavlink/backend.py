@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import ClassVar, Final
 
-from soter.adapters.mavlink.address import Address
-from soter.adapters.mavlink.components import COMPONENTS
+from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.link import Inbox, Link
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock, VehicleClock
 from soter.errors import ConfigError, RobotUnavailable
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Fleet, Robot, RobotSpec
-from soter.sdk.truth import StreamedTruth
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
+from soter.sdk.wire import WireFleet
 
 _SYSTEM_MOST: Final = 254
 
@@ -25,41 +25,8 @@ _CRYSTAL: Final = 1e-3
 _SIMULATED: Final = 0.2
 
 
-class MavlinkFleet(Fleet):
-    """Vehicles on one link, and the simulator if it was started for them.
-
-    Args:
-        clock: follows the vehicles' clocks.
-        link: over which they are reached, open.
-        robots: the vehicles.
-        truth: of simulated ones, or None.
-        simulator: to end with the fleet, or None.
-
-    Attributes:
-        simulator: the same.
-    """
-
-    def __init__(
-        self,
-        clock: VehicleClock,
-        link: Link,
-        robots: Sequence[MavlinkRobot],
-        truth: StreamedTruth | None,
-        simulator: Simulator | None,
-    ) -> None:
-        super().__init__(clock, robots, truth)
-        self.simulator: Final = simulator
-        self._link: Final = link
-        self._streamed: Final = truth
-
-    def lost(self) -> str:
-        return "" if self.simulator is None else self.simulator.lost()
-
-    def _close(self) -> None:
-        with ExitStack() as stack:
-            for shared in (self.simulator, self._streamed, self._link):
-                if shared is not None:
-                    stack.callback(shared.close)
+class MavlinkFleet(WireFleet[Simulator]):
+    """Vehicles on one link, and the simulator if it was started for them."""
 
 
 class VehicleBackend(Backend):
@@ -90,25 +57,22 @@ class VehicleBackend(Backend):
         tolerance = _SIMULATED if simulated or config.truth is not None else _CRYSTAL
         clock = VehicleClock(rate=config.speedup, rate_tolerance=tolerance)
         port = free_port() if simulated else 0
-        link = self._link(clock, Address.parse(config.connection or f"udpin:127.0.0.1:{port}"), config)
         robot_class = promising(config.promised())
         simulator: Simulator | None = None
-        truth: StreamedTruth | None = None
-        try:
+        with ExitStack() as started, ExitStack() as shared:
+            link = self._link(clock, Address.parse(config.connection or f"udpin:127.0.0.1:{port}"), config)
+            shared.callback(link.close)
             for spec in robots:
                 link.inboxes[spec.id] = Inbox()
             vehicles = [robot_class(spec, clock, link, config) for spec in robots]
             link.start()
             if simulated:
                 simulator = Simulator(describe(config.workspace, robots, config.limits), port, *_options(config))
-            address = config.truth if simulator is None else simulator.truth
-            truth = None if address is None else StreamedTruth(address, clock)
-        except BaseException:
-            link.close()
-            if simulator is not None:
-                simulator.close()
-            raise
-        return MavlinkFleet(clock, link, vehicles, truth, simulator)
+                started.callback(simulator.close)
+            truth = config.truth if simulator is None else simulator.truth
+            fleet = MavlinkFleet(clock, vehicles, truth, simulator, shared)
+            started.pop_all()
+            return fleet
 
     @abstractmethod
     def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:

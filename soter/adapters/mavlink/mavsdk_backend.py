@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from soter.adapters.mavlink.address import Address
+from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.backend import VehicleBackend
-from soter.adapters.mavlink.components import COMPONENTS
 from soter.adapters.mavlink.link import Link
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock
 from soter.errors import ConfigError
 

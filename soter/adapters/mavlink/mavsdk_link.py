@@ -24,8 +24,8 @@ from mavsdk.plugins.mavlink_direct_server.mavlink_direct_server import (
     MavlinkMessage,
 )
 
-from soter.adapters.mavlink.address import Address
 from soter.adapters.mavlink.link import AUTOPILOT, Fields, Link
+from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock
 from soter.errors import RobotUnavailable
 

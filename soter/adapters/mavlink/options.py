@@ -8,8 +8,8 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from soter.adapters.mavlink.address import Address
 from soter.adapters.mavlink.frames import GeoPoint
+from soter.adapters.mavlink.transport import Address
 from soter.sdk import BackendConfig, Capabilities
 
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]

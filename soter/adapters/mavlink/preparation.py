@@ -12,12 +12,11 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.authority import LEASE_PARAMETER, Authority
-from soter.adapters.mavlink.components import KEEPER, SENDERS
+from soter.adapters.mavlink.authority import KEEPER, LEASE_PARAMETER, SENDERS, Authority
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.timesync import TimeSync
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller
@@ -166,7 +165,10 @@ class Preparation:
             self._keep_alive = self._stand
         yield from self._mode(kind.guided)
         yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
-        yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
+        yield from self._until(
+            lambda: vehicle.armed, "it to arm",
+            lambda: vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
+        )  # fmt: skip
         # After a silence it may be flying already, at whatever height it was sent to.
         if kind.flies and self._up_m() <= _HEIGHT_M:
             yield from self._fly()
@@ -282,9 +284,6 @@ class Preparation:
             return self._authority.reported() == KEEPER and lease_ms == self._lease_ms
         self.gated = supported
         return supported is False
-
-    def _arm(self) -> None:
-        self._vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def _take_off(self) -> None:
         if self._up_m() <= _HEIGHT_M:

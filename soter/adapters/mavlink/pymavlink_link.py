@@ -11,9 +11,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.address import Address
 from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, Link, Twin
-from soter.adapters.mavlink.transport import Peer, Transport, open_transport
+from soter.adapters.mavlink.transport import Address, Peer, Transport, open_transport
 from soter.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -143,7 +142,6 @@ class PymavlinkLink(Link):
         return True
 
     def _stream(self, data: bytes) -> Sequence[Any]:
-        """Return the messages of a stream up to now."""
         parser = self._parser
         try:
             return parser.parse_buffer(data) or ()

@@ -12,24 +12,75 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
-from soter.adapters.mavlink.authority import Authority
-from soter.adapters.mavlink.carrot import Leg, reach_m
-from soter.adapters.mavlink.charge import Charge
-from soter.adapters.mavlink.components import CONTROLLERS, KEEPER, SENDERS
-from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
+from soter.adapters.mavlink.frames import Frame, turned_rad, wrapped_rad
 from soter.adapters.mavlink.link import Link
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
 from soter.adapters.mavlink.preparation import Preparation
-from soter.adapters.mavlink.sampling import Sampler
+from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.timesync import TimeSync
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Unsupported
-from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
+from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState, Waypoint
 from soter.sdk.robot import FUTURE_S
+
+_SHORT_M: Final = 1e-6
+_AHEAD_RAD: Final = 0.05
+_WORTH_A_TURN_M: Final = 0.15
+
+
+class Leg(NamedTuple):
+    """The straight way to a target; the dead man of vehicles without one is a target no further than the lease covers.
+
+    A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
+    instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls
+    silent the vehicle comes to rest there by itself.
+
+    Attributes:
+        x_m: where it begins, east.
+        y_m: north.
+        z_m: up.
+        target: where it ends.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    target: Waypoint
+
+    def looking_ahead(self, at: RobotState) -> Waypoint:
+        """Return what a copter is to do now: turn to where it will go, then go there, so that it sees where it goes.
+
+        A target with a heading, or one that is quite near, is flown to as it is.
+        """
+        target = self.target
+        dx_m, dy_m = target.x_m - self.x_m, target.y_m - self.y_m
+        if target.heading_rad is not None or math.hypot(dx_m, dy_m) < _WORTH_A_TURN_M:
+            return target
+        course_rad = math.atan2(dy_m, dx_m)
+        gone_m = math.hypot(at.x_m - self.x_m, at.y_m - self.y_m)
+        if abs(wrapped_rad(course_rad - at.heading_rad)) > _AHEAD_RAD and gone_m < _WORTH_A_TURN_M:
+            return target._replace(x_m=self.x_m, y_m=self.y_m, z_m=self.z_m, heading_rad=course_rad)
+        return target._replace(heading_rad=course_rad)
+
+    def ahead(self, at: RobotState, reach_m: float) -> tuple[float, float, float]:
+        """Return the point on the way that is `reach_m` ahead of a vehicle, or the target where that is nearer."""
+        dx_m, dy_m, dz_m = self.target.x_m - self.x_m, self.target.y_m - self.y_m, self.target.z_m - self.z_m
+        length_m = math.hypot(dx_m, dy_m, dz_m)
+        if length_m < _SHORT_M:
+            return self.target.x_m, self.target.y_m, self.target.z_m
+        gone = (at.x_m - self.x_m) * dx_m + (at.y_m - self.y_m) * dy_m + (at.z_m - self.z_m) * dz_m
+        share = min(max(gone / length_m, 0.0) + reach_m, length_m) / length_m
+        return self.x_m + share * dx_m, self.y_m + share * dy_m, self.z_m + share * dz_m
+
+
+def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:
+    """Return how far ahead a target may be: what is driven in the rest of the lease, and the way to stop after it."""
+    return v_m_s * lease_left_s + v_m_s * v_m_s / (2.0 * brake_m_s2)
+
 
 logger = logging.getLogger(__name__)
 

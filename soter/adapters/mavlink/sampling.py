@@ -1,15 +1,191 @@
-"""Samples from messages: position and attitude that were measured at one moment, in the workspace frame."""
+"""Samples from messages: position and attitude that were measured at one moment, in the workspace frame.
+
+What a vehicle's clock shows is measured by TIMESYNC, or where it does not answer learned from its samples.
+"""
 
 from __future__ import annotations
 
+import logging
+import math
+import secrets
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from soter.adapters.mavlink.charge import Charge
 from soter.adapters.mavlink.frames import Frame, turned_rad
-from soter.adapters.mavlink.link import Inbox
-from soter.adapters.mavlink.timesync import TimeSync
+from soter.adapters.mavlink.link import Fields, Inbox
+from soter.clock import VehicleClock
 from soter.sdk import Controller, Link, RobotState
+
+logger = logging.getLogger(__name__)
+
+_TOKEN: Final = 1 << 12
+_KEPT: Final = 20
+_QUICK: Final = 1.5
+_QUICK_S: Final = 0.0005
+_BEHIND_S: Final = 0.02
+_REBOOT_S: Final = 1.0
+_APART_S: Final = 2.0
+_DEAF_REQUESTS: Final = 10
+_SETTLED: Final = 5
+
+
+class TimeSync:
+    """The clock of one vehicle.
+
+    A request carries the time at which it was sent and the answer the vehicle's time in between, so that the offset of
+    the two clocks is known within half of the round trip, whatever the speed-up. Only quick answers are believed. A
+    vehicle whose clock is not where it must be by that has rebooted, or its clock stood still.
+
+    The receiving thread calls the hooks, the supervisor's everything else.
+
+    Args:
+        robot_id: whose clock.
+        clock: fleet time; told of every measurement.
+        inbox: of the vehicle.
+
+    Attributes:
+        reboots: how often the vehicle's clock went back.
+    """
+
+    def __init__(self, robot_id: int, clock: VehicleClock, inbox: Inbox) -> None:
+        self._robot_id: Final = robot_id
+        self._clock: Final = clock
+        self._token: Final = secrets.randbelow(_TOKEN)
+        self._trips_s: Final[deque[float]] = deque(maxlen=_KEPT)
+        self._asked = 0
+        self._answered = 0
+        self._believed = 0
+        self._newest_stamp_s = 0.0
+        self.reboots = 0
+        inbox.hooks["TIMESYNC"] = self._hear
+        inbox.hooks["LOCAL_POSITION_NED"] = self._hear_sample
+
+    @property
+    def settled(self) -> bool:
+        """Whether the clock is known well enough to begin."""
+        return self._believed >= _SETTLED
+
+    def to_fleet_s(self, stamp_s: float) -> float | None:
+        """Return the fleet time of a stamp of the vehicle; None while its clock is not known."""
+        try:
+            return self._clock.to_fleet_s(self._robot_id, stamp_s)
+        except LookupError:
+            return None
+
+    def to_vehicle_s(self, fleet_s: float) -> float | None:
+        """Return what the vehicle's clock shows at a fleet time; None while it is not known."""
+        try:
+            return self._clock.to_vehicle_s(self._robot_id, fleet_s)
+        except LookupError:
+            return None
+
+    def request(self) -> Fields:
+        """Return the fields of the next TIMESYNC to send."""
+        self._asked += 1
+        sent_ns = int(self._clock.steady_s() * 1e9)
+        # The last digits say that it is ours: some microseconds too early do not matter, too late would be no answer.
+        return {"tc1": 0, "ts1": sent_ns - sent_ns % _TOKEN - _TOKEN + self._token}
+
+    # --- the receiving thread ------------------------------------------------------------------------------
+
+    def _hear(self, message: Any, received_s: float) -> None:
+        if message.tc1 <= 0 or message.ts1 % _TOKEN != self._token:
+            return
+        trip_s = received_s - message.ts1 * 1e-9
+        stamp_s = message.tc1 * 1e-9
+        if trip_s < 0.0 or abs(stamp_s - self._newest_stamp_s) > _APART_S:
+            # Not an answer, or on another clock than that of the samples.
+            return
+        self._answered += 1
+        self._trips_s.append(trip_s)
+        if trip_s > _QUICK * min(self._trips_s) + _QUICK_S:
+            return
+        # A first answer may be a slow one. Taken as if all of that was on its way back, it makes samples look too old
+        # by a little until the next one comes, and never too young.
+        first = self._stood_still(stamp_s, received_s, trip_s) or not self._believed
+        self._clock.observe(self._robot_id, stamp_s, received_s, trip_s if first else 0.5 * trip_s)
+        self._believed += 1
+
+    def _hear_sample(self, message: Any, received_s: float) -> None:
+        stamp_s = message.time_boot_ms * 1e-3
+        if stamp_s < self._newest_stamp_s - _REBOOT_S:
+            self._reboot(stamp_s)
+        elif stamp_s < self._newest_stamp_s:
+            return
+        self._newest_stamp_s = stamp_s
+        if self._answered == 0 and self._asked > _DEAF_REQUESTS:
+            self._clock.observe(self._robot_id, stamp_s, received_s)
+            self._believed += 1
+
+    def _stood_still(self, stamp_s: float, received_s: float, trip_s: float) -> bool:
+        """Return whether the clock is behind what it must show by now; what was known of it is then forgotten."""
+        expected_s = self.to_vehicle_s(self._clock.now() - (self._clock.steady_s() - received_s) * self._clock.rate)
+        if expected_s is None:
+            return False
+        behind_s = expected_s - trip_s * self._clock.rate - stamp_s
+        if behind_s <= _BEHIND_S:
+            return False
+        logger.info("robot %d: its clock has stood still for %.3f s", self._robot_id, behind_s)
+        self._clock.forget(self._robot_id)
+        return True
+
+    def _reboot(self, stamp_s: float) -> None:
+        logger.warning("robot %d: it has rebooted, %.1f s ago", self._robot_id, stamp_s)
+        self.reboots += 1
+        self._clock.forget(self._robot_id)
+        self._trips_s.clear()
+        self._asked = self._answered = self._believed = 0
+
+
+_UNKNOWN_V: Final = 0xFFFF * 1e-3
+_TRUSTED: Final = 0.02
+"""A reading that is further below than this is believed at once: the battery falls faster than it should."""
+
+
+class Charge:
+    """Follows one battery by what autopilots say of it: whole percents, or nothing, or a voltage.
+
+    A percentage that is rounded down jumps by one from time to time. What is returned falls to it no faster than the
+    battery can, so that it is never more than the true charge and has no jumps: decision modules take a jump for a
+    battery that breaks its promise.
+
+    Args:
+        drive_s: time from full to empty at driving power.
+        empty_v: voltage at which it is empty, for autopilots that do not count; None where that is not known.
+        full_v: voltage at which it is full.
+    """
+
+    def __init__(self, drive_s: float, empty_v: float | None = None, full_v: float | None = None) -> None:
+        self._per_s: Final = 1.0 / drive_s
+        self._empty_v: Final = empty_v
+        self._full_v: Final = full_v
+        self._value: float | None = None
+        self._stamp_s = -math.inf
+
+    def read(self, sys_status: Any, stamp_s: float) -> float | None:
+        """Return the charge from 0 to 1 at some time; None where it is not known.
+
+        Args:
+            sys_status: the latest SYS_STATUS, or None.
+            stamp_s: fleet time of the sample that the charge is for.
+        """
+        said = None if sys_status is None else self._said(sys_status)
+        if said is None or self._value is None or said < self._value - _TRUSTED:
+            self._value = said
+        else:
+            self._value = max(said, self._value - max(0.0, stamp_s - self._stamp_s) * self._per_s)
+        self._stamp_s = max(self._stamp_s, stamp_s)
+        return self._value
+
+    def _said(self, sys_status: Any) -> float | None:
+        percent: int = sys_status.battery_remaining
+        if 0 <= percent <= 100:
+            return percent / 100.0
+        volts: float = sys_status.voltage_battery * 1e-3
+        if self._empty_v is None or self._full_v is None or not 0.0 < volts < _UNKNOWN_V:
+            return None
+        return min(max((volts - self._empty_v) / (self._full_v - self._empty_v), 0.0), 1.0)
 
 
 class Sampler:

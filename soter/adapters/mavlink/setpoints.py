@@ -7,7 +7,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.components import KEEPER, SENDERS
+from soter.adapters.mavlink.authority import KEEPER, SENDERS
 from soter.adapters.mavlink.frames import Frame, turned_rad
 from soter.adapters.mavlink.link import AUTOPILOT
 from soter.adapters.mavlink.vehicle import Vehicle

@@ -25,15 +25,9 @@ def describe(
         "depth_m": workspace.depth_m,
         "boxes": [_edges(box) for box in workspace.boxes],
         "chargers": [_edges(place.charger) for place in workspace.robots],
-        "robots": [
-            {
-                "id": spec.id, "x_m": spec.x_m, "y_m": spec.y_m, "heading_rad": spec.heading_rad,
-                "battery": spec.battery, "drive_s": spec.drive_s, "idle_s": spec.idle_s, "charge_s": spec.charge_s,
-            }
-            for spec in robots
-        ],
+        "robots": [{name: value for name, value in asdict(spec).items() if name != "name"} for spec in robots],
         "limits": asdict(limits),
-    }  # fmt: skip
+    }
 
 
 def free_port() -> int:

@@ -6,6 +6,7 @@ A message is sent whole or not at all: one that does not fit is dropped, because
 from __future__ import annotations
 
 import errno
+import ipaddress
 import logging
 import os
 import select
@@ -15,10 +16,65 @@ import threading
 import time
 import tty
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Final
 
-from soter.adapters.mavlink.address import Address
 from soter.errors import RobotUnavailable
+
+_KINDS: Final = ("udpin", "udpout", "tcp", "serial")
+_FORMS: Final = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD"
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where vehicles are reached, such as `udpin:127.0.0.1:14550`, `tcp:HOST:PORT` or `serial:/dev/ttyACM0:57600`.
+
+    Attributes:
+        kind: "udpin" (they send to us), "udpout" (we send to them first), "tcp" (they listen) or "serial".
+        host: a name or address; for "serial" the device.
+        port: the port; for "serial" the baud rate.
+    """
+
+    kind: str
+    host: str
+    port: int
+
+    @staticmethod
+    def parse(text: str) -> Address:
+        """Read a connection string; `udpin://HOST:PORT`, as MAVSDK writes it, means the same.
+
+        Raises:
+            ValueError: it is none; the message says what is allowed.
+        """
+        kind, _, rest = text.partition(":")
+        host, _, number = rest.removeprefix("//").rpartition(":")
+        if kind not in _KINDS or not host:
+            raise ValueError(f"'{text}' is no connection, allowed: {_FORMS}")
+        most = 4_000_000 if kind == "serial" else 65535
+        if not (number.isascii() and number.isdecimal() and 1 <= int(number) <= most):
+            what = "baud rate" if kind == "serial" else "port"
+            raise ValueError(f"'{text}' has the {what} '{number}', allowed: 1 to {most}")
+        return Address(kind, host, int(number))
+
+    @property
+    def is_local(self) -> bool:
+        """Whether nobody but this host, or who holds the cable, can send on it."""
+        if self.kind == "serial" or self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.host}:{self.port}"
+
+    @property
+    def mavsdk_url(self) -> str:
+        """The same for MAVSDK."""
+        kind = "tcpout" if self.kind == "tcp" else self.kind
+        return f"{kind}://{self.host}:{self.port}"
+
 
 logger = logging.getLogger(__name__)
 
@@ -157,8 +213,6 @@ class StreamTransport(Transport):
 
 
 class _Line:
-    """A stream of bytes that is open."""
-
     def __init__(self, descriptor: int) -> None:
         self._descriptor: Final = descriptor
         self._pending = b""

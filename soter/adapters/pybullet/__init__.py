@@ -6,8 +6,8 @@ from soter.adapters.pybullet.backend import (
     PyBulletBackend,
     PyBulletConfig,
     SimulatedFleet,
+    SimulatedRobot,
 )
-from soter.adapters.pybullet.robot import SimulatedRobot
 
 __all__ = [
     "KinematicBackend",

@@ -3,14 +3,185 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, Literal
+from dataclasses import replace
+from typing import ClassVar, Final, Literal
 
-from soter.adapters.pybullet.robot import KinematicRobot, SimulatedRobot
-from soter.clock import VirtualClock
+from soter.clock import Clock, VirtualClock
 from soter.errors import BackendUnavailable, RobotUnavailable
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Fleet, RobotSpec
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive
+from soter.onboard.mux import Mux
+from soter.sdk import (
+    INTERFACE_VERSION,
+    Backend,
+    BackendConfig,
+    Capabilities,
+    Controller,
+    Fleet,
+    Goal,
+    Link,
+    Robot,
+    RobotSpec,
+    RobotState,
+)
 from soter.sdk.hints import install_command
-from soter_sim import World
+from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World
+
+
+class Vehicle:
+    """One robot's own side; its `control` is what the world calls once each control period.
+
+    Args:
+        lease_s: motion lives this long after a renewal.
+        period_s: the control period.
+
+    Attributes:
+        mux: who may move it, and the goal that does.
+    """
+
+    __slots__ = ("_drive", "mux")
+
+    def __init__(self, lease_s: float, period_s: float) -> None:
+        self.mux: Mux[Controller, Goal] = Mux(Controller.SC, lease_s)
+        self._drive = Drive(LIMITS, period_s)
+
+    def control(
+        self, now_s: float, x_m: float, y_m: float, heading_rad: float, v_m_s: float, yaw_rate_rad_s: float
+    ) -> tuple[float, float]:
+        """Return the speed and the turn rate for the next period; see `soter_sim.Control`."""
+        goal = self.mux.passing(now_s)
+        return self._drive.command(x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s, None if goal is None else goal.target)
+
+
+PERIOD_S: Final = 0.05
+LEASE_S: Final = 0.1
+
+# Fleet time that is summed up tick by tick misses whole periods by so little.
+_ROUNDING_S: Final = 1e-6
+
+# Long enough to brake from top speed, with periods to spare.
+_REST_PERIODS: Final = 20
+_REST_M_S: Final = 1e-3
+_REST_RAD_S: Final = 1e-2
+
+
+class SimulatedRobot(Robot):
+    """A robot of a world in this process.
+
+    Calls act at the beginning of the next control period and samples are those of its end, so that at whole periods
+    of the fleet's clock a sample is never old.
+
+    Args:
+        spec: which robot.
+        clock: the fleet's clock, which advances the world.
+        world: where it lives.
+    """
+
+    declared: ClassVar[Capabilities] = Capabilities(
+        in_process=True,
+        deterministic=True,
+        reverses=True,
+        reports_battery=True,
+        reports_controller=True,
+        v_max_m_s=LIMITS.v_max_m_s,
+        yaw_rate_max_rad_s=LIMITS.yaw_rate_max_rad_s,
+        brake_m_s2=LIMITS.brake_m_s2,
+        body_radius_m=BODY_RADIUS_M,
+        latency_s=PERIOD_S,
+        sample_age_s=0.0,
+        jitter_s=0.0,
+        setpoint_period_s=PERIOD_S,
+        lease_s=LEASE_S,
+        tube_m=TUBE_M,
+        overshoot_m=OVERSHOOT_M,
+        position_noise_m=0.0,
+        pivots_first=True,
+    )
+
+    def __init__(self, spec: RobotSpec, clock: Clock, world: World) -> None:
+        super().__init__(spec, clock)
+        self._world = world
+        self._index = world.index(spec.id)
+        bodies = world.bodies
+        self._x, self._y, self._heading, self._yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.yaw_rate
+        self._v, self._charge = bodies.v, bodies.charge
+        self._velocity = world.engine.velocity
+        self._vehicle = Vehicle(LEASE_S, world.period_s)
+        self._mux = self._vehicle.mux
+        self._latest: RobotState | None = None
+
+    def impair(self, left: float, right: float, brake: float, alive: bool) -> None:
+        """Impair the vehicle from now on; the optional hook of fault injection, see `soter.faults.Impairable`.
+
+        Args:
+            left: part of the left wheel's motion that reaches the ground, from 0 to 1.
+            right: the same of the right wheel.
+            brake: part of the deceleration that is left, from 0 to 1.
+            alive: False: the motors are off; who was in charge, its goal and its lease are forgotten.
+        """
+        self._world.impair(self.id, Impairment(left, right, brake, alive))
+        if not alive:
+            self._mux.revoke()
+            self._mux.switch(Controller.SC)
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        self._world.set_control(self.id, self._vehicle.control)
+        return self.declared
+
+    def _send_goto(self, goal: Goal) -> None:
+        self._mux.give(goal.by, goal, self._world.now_s)
+
+    def _sample(self) -> RobotState:
+        vehicle_s = self._world.now_s
+        now_s = self.clock.now()
+        if not -_ROUNDING_S < now_s - vehicle_s < _ROUNDING_S:
+            # Between two periods the sample is that of the last one.
+            now_s = vehicle_s
+        mux = self._mux
+        goal = mux.command
+        goal_id = None if goal is None else goal.id
+        latest = self._latest
+        if (
+            latest is not None
+            and latest.stamp_s == now_s
+            and latest.goal_id == goal_id
+            and latest.controller is mux.in_charge
+        ):
+            return latest
+        index = self._index
+        east, north = self._velocity(index)
+        self._latest = latest = RobotState(
+            self.id, now_s, vehicle_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
+            self._yaw_rate[index], self._charge[index], mux.in_charge, goal_id, Link.UP,
+        )  # fmt: skip
+        return latest
+
+    def _hand_over(self, to: Controller) -> None:
+        self._mux.switch(to)
+
+    def _renew_lease(self) -> None:
+        self._mux.renew(self._world.now_s)
+
+    def _halt(self) -> None:
+        self._mux.halt()
+
+    def _disconnect(self, timeout_s: float) -> None:
+        self._mux.revoke()
+        index, period_s = self._index, self._world.period_s
+        for _ in range(min(_REST_PERIODS, int(timeout_s / period_s))):
+            if abs(self._v[index]) <= _REST_M_S and abs(self._yaw_rate[index]) <= _REST_RAD_S:
+                break
+            self.clock.sleep_until(self.clock.now() + period_s)
+
+
+class KinematicRobot(SimulatedRobot):
+    """A robot that nothing but its motors moves, so that it can promise more about its motion and its samples."""
+
+    declared: ClassVar[Capabilities] = replace(
+        SimulatedRobot.declared,
+        accel_m_s2=LIMITS.accel_m_s2,
+        speed_noise_m_s=0.0,
+        heading_noise_rad=0.0,
+    )
 
 
 class PyBulletConfig(BackendConfig):

@@ -11,8 +11,8 @@ from soter.adapters.ros2.robot import Ros2Robot
 from soter.adapters.ros2.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Robot, RobotSpec
-from soter.streamed.fleet import StreamedFleet
 from soter.streamed.options import require_places
+from soter.streamed.simulator import StreamedFleet
 
 
 class Ros2Fleet(StreamedFleet[Ros2Robot, Simulator]):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any, Final
 
 import rclpy
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.context import Context
 from rclpy.duration import Infinite
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -16,8 +17,26 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 
-from soter.adapters.ros2.loopback import loopback
-from soter.streamed.robot import wait_for
+from soter.adapters.ros2.simulator import loopback
+
+KINDS: Final = {False: "geometry_msgs/msg/Twist", True: "geometry_msgs/msg/TwistStamped"}
+"""The type of a velocity, by whether it is stamped."""
+
+
+def velocity_type(*, stamped: bool) -> Any:
+    """Return the class of messages for velocities."""
+    return TwistStamped if stamped else Twist
+
+
+def make_velocity(forward_m_s: float, turn_rad_s: float, stamp: Any, *, stamped: bool) -> Any:
+    """Return a velocity as a message; `stamp` is a builtin_interfaces/Time, used where it is stamped."""
+    message = velocity_type(stamped=stamped)()
+    twist = message.twist if stamped else message
+    twist.linear.x, twist.angular.z = forward_m_s, turn_rad_s
+    if stamped:
+        message.header.stamp = stamp
+    return message
+
 
 logger = logging.getLogger(__name__)
 
@@ -78,10 +97,6 @@ class Graph:
         self._nodes.append(node)
         self._executor.add_node(node)
         return node
-
-    def wait_for(self, holds: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until something holds, which callbacks bring about; return whether it does in time."""
-        return wait_for(holds, timeout_s)
 
     def close(self) -> None:
         """End everything: the executor, its thread, the nodes, the context. Idempotent."""

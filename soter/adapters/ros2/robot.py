@@ -10,7 +10,7 @@ from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.onboard.wire import AC, SC
 from soter.sdk import Capabilities, RobotSpec
-from soter.streamed.robot import SETTLED, StreamedRobot
+from soter.streamed.robot import SETTLED, StreamedRobot, wait_for
 
 if TYPE_CHECKING:
     # Imported where it is used: what a robot promises can be read where ROS is not installed.
@@ -43,11 +43,10 @@ class Ros2Robot(StreamedRobot):
         from std_msgs.msg import String
 
         from soter.adapters.ros2 import graph
-        from soter.adapters.ros2.messages import velocity_type
+        from soter.adapters.ros2.graph import velocity_type
 
         place, topics = config.robots[spec.id], config.topics
         super().__init__(spec, clock, place.odom_origin, external_ac=external_ac)
-        self._ros: Final = ros
         self._config: Final = config
         self.node: Final = ros.node(place.namespace)
         node, velocity = self.node, velocity_type(stamped=config.stamped)
@@ -61,7 +60,7 @@ class Ros2Robot(StreamedRobot):
         node.create_subscription(Odometry, topics.odom, self._take_odometry, graph.SENSOR)
 
     def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
-        from soter.adapters.ros2.messages import make_velocity
+        from soter.adapters.ros2.graph import make_velocity
 
         stamped = self._config.stamped
         stamp: Any = self.node.get_clock().now().to_msg() if stamped else None
@@ -73,10 +72,10 @@ class Ros2Robot(StreamedRobot):
         self._orders.publish(String(data=text))
 
     def _connect(self, timeout_s: float) -> Capabilities:
-        clock, ros = self.clock, self._ros
+        clock = self.clock
         until_s = clock.steady_s() + timeout_s
         battery = bool(self._config.topics.battery)
-        if not ros.wait_for(lambda: self._all_heard(battery=battery), min(timeout_s, self._config.discovery_s)):
+        if not wait_for(lambda: self._all_heard(battery=battery), min(timeout_s, self._config.discovery_s)):
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {self._missing()}")
         self._refuse_others(until_s - clock.steady_s())
         if not self._settle(until_s - clock.steady_s()):
@@ -90,7 +89,7 @@ class Ros2Robot(StreamedRobot):
     def _missing(self) -> str:
         """Return what was not heard, and why that may be."""
         from soter.adapters.ros2 import graph
-        from soter.adapters.ros2.messages import KINDS
+        from soter.adapters.ros2.graph import KINDS
 
         config, node = self._config, self.node
         topics, missing = config.topics, []
@@ -157,10 +156,10 @@ class Ros2Robot(StreamedRobot):
     def _refuse_others(self, timeout_s: float) -> None:
         """Refuse a robot that others may drive past the mux, or in the SC's name."""
         from soter.adapters.ros2 import graph
-        from soter.adapters.ros2.messages import KINDS
+        from soter.adapters.ros2.graph import KINDS
 
         node, topics = self.node, self._config.topics
-        self._ros.wait_for(lambda: graph.all_named(node, topics.cmd_vel, topics.cmd_vel_sc), timeout_s)
+        wait_for(lambda: graph.all_named(node, topics.cmd_vel, topics.cmd_vel_sc), timeout_s)
         found = self._others()
         if found:
             raise RobotUnavailable(f"robot {self.id} at {node.get_namespace()}: {found}")

@@ -1,17 +1,62 @@
-"""Starts simulated robots: a world and, for each robot, the mux, in processes of their own; and ends them."""
+"""Starts simulated robots: a world and, for each robot, the mux, in processes of their own; and ends them.
+
+Nothing of it is heard or said beyond 127.0.0.1: DDS is kept on this host.
+"""
 
 from __future__ import annotations
 
+import os
 import random
 import socket
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Final
 
-from soter.adapters.ros2.loopback import environment
 from soter.errors import RobotUnavailable
 from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.simulator import StreamedSimulator
 from soter.workspace import Workspace
+
+_PROFILE: Final = Path(__file__).with_name("loopback.xml")
+
+SETTINGS: Final[Mapping[str, str]] = {
+    "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(_PROFILE),
+    "FASTDDS_DEFAULT_PROFILES_FILE": str(_PROFILE),
+    # ROS would otherwise add peers and interfaces of its own.
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+}
+"""What keeps ROS 2 programs on this host, in their environment; `ROS_LOCALHOST_ONLY` must not be set."""
+
+# Deprecated, and with it every interface is bound all the same.
+_UNSET: Final = "ROS_LOCALHOST_ONLY"
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of a program whose participants are to stay on this host."""
+    return {name: value for name, value in os.environ.items() if name != _UNSET} | {**SETTINGS}
+
+
+@contextmanager
+def loopback() -> Iterator[None]:
+    """Keep participants that are made meanwhile in this process on this host.
+
+    Fast DDS reads the profile when the first participant of a process is made: one that has spoken to the network
+    before goes on doing so.
+    """
+    before = {name: os.environ.get(name) for name in (*SETTINGS, _UNSET)}
+    os.environ.update(SETTINGS)
+    os.environ.pop(_UNSET, None)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
 
 # Ports of DDS are 7400 + 250 * domain and up; beyond this domain they meet those that Linux hands out.
 _DOMAINS: Final = range(1, 101)

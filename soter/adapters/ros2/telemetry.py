@@ -50,8 +50,6 @@ class Telemetry:
 
 
 class _Topics:
-    """The topics of one robot."""
-
     def __init__(self, node: Node, modules: Sequence[str]) -> None:
         self._node: Final = node
         self._name: Final = f"soter: {node.get_namespace().strip('/')}"

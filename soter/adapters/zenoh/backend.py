@@ -4,16 +4,98 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import ClassVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
-from soter.adapters.zenoh.robot import ZenohRobot
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
-from soter.streamed.fleet import StreamedFleet
 from soter.streamed.options import require_places
+from soter.streamed.robot import StreamedRobot, wait_for
+from soter.streamed.simulator import StreamedFleet
+
+if TYPE_CHECKING:
+    import zenoh
+
+_ASK_S: Final = 0.25
+_LISTEN_S: Final = 0.5
+"""How long to listen for others who drive a robot, before it is taken."""
+
+
+class ZenohRobot(StreamedRobot):
+    """One robot below a namespace.
+
+    Args:
+        spec: which robot.
+        clock: follows the robots' clocks.
+        session: to hear and say over.
+        config: of the backend, with this robot in it.
+
+    Attributes:
+        namespace: what its keys begin with.
+        wire: what is heard of it, and what it is told.
+    """
+
+    def __init__(self, spec: RobotSpec, clock: VehicleClock, session: zenoh.Session, config: ZenohConfig) -> None:
+        # Only here: what a robot promises can be read where Zenoh is not installed.
+        from soter.adapters.zenoh.wire import Wire
+
+        place = config.robots[spec.id]
+        super().__init__(spec, clock, place.odom_origin, rate=config.speedup)
+        self._config: Final = config
+        self.namespace: Final = place.namespace
+        self.wire: Final = Wire(session, config, place.namespace, f"commander-{self._order.session}")
+        self.wire.listen(self._take_odometry, self._take_battery, self._take_report)
+
+    def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
+        clock = self._vehicle_clock
+        self.wire.send_velocity(by, forward_m_s, turn_rad_s, clock.to_vehicle_s(self.id, clock.now()))
+
+    def _send_order(self, text: str) -> None:
+        self.wire.send_order(text)
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        clock, wire = self.clock, self.wire
+        until_s = clock.steady_s() + timeout_s
+        if not self._discover(min(timeout_s, self._config.discovery_s)):
+            raise self._unavailable(self._missing())
+        # A lease that has just died is reported a little later.
+        if not wait_for(lambda: not self._follows_another(), _LISTEN_S):
+            raise self._unavailable(self._refusal() or "its mux follows one program after another")
+        others = wire.others(_LISTEN_S)
+        if others:
+            raise self._unavailable(f"{'; '.join(others)}; let them say it on {wire.keys.cmd_vel_ac}")
+        if not self._settle(until_s - clock.steady_s()):
+            raise self._unavailable(
+                self._refusal()
+                or f"its mux takes no order; does it hear {wire.keys.order}, and does it know the robot's clock?"
+            )
+        wire.watch(self._take_intruder)
+        return replace(self.declared, reports_battery=bool(wire.keys.battery))
+
+    def _discover(self, timeout_s: float) -> bool:
+        """Wait until all that the robot says has been heard; return whether that is so in time."""
+        until_s, battery = self.clock.steady_s() + timeout_s, bool(self.wire.keys.battery)
+        while self.clock.steady_s() < until_s:
+            # Without a lease, so nothing moves. A mux of ROS behind a bridge only says something when it is told to.
+            self._say()
+            if wait_for(lambda: self._all_heard(battery=battery), min(_ASK_S, until_s - self.clock.steady_s())):
+                return True
+        return False
+
+    def _missing(self) -> str:
+        """Return what was not heard, and why that may be."""
+        missing = self.wire.missing() or ["what was heard makes no sense"]
+        return (
+            f"within {self._config.discovery_s:g} s: {'; '.join(missing)}. Is the robot running, with "
+            "`soter zenoh-mux` beside it, and are the namespace, the keys and the session in [backends.zenoh] right?"
+        )
+
+    def _unavailable(self, why: str) -> RobotUnavailable:
+        return RobotUnavailable(f"robot {self.id} at {self.namespace}: {why}")
 
 
 class ZenohFleet(StreamedFleet[ZenohRobot, Simulator]):

@@ -21,11 +21,9 @@ import zenoh
 
 from soter.adapters.zenoh.messages import Clock, String, Twist, TwistStamped
 from soter.adapters.zenoh.options import Keys, check_key
-from soter.adapters.zenoh.presence import announce
 from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
 from soter.adapters.zenoh.session import close_session, open_session
-from soter.adapters.zenoh.talk import Ear, Voice
-from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
+from soter.adapters.zenoh.talk import Ear, Voice, announce, hear_velocity, make_velocity, stamp_of
 from soter.config import validate_options
 from soter.onboard.program import Ending, favour
 from soter.onboard.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
@@ -182,11 +180,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _read_keys(given: Sequence[str]) -> Keys:
-    """Return the keys that a program was told, `NAME=KEY` each.
-
-    Raises:
-        ConfigError: one is not allowed.
-    """
+    """Return the keys that a program was told, `NAME=KEY` each."""
     told = {name: key for name, _, key in (each.partition("=") for each in given)}
     return validate_options(Keys, told, "command line", "--key")
 

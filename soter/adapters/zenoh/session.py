@@ -2,6 +2,8 @@
 
 Zenoh's own defaults listen on all interfaces and look for others by multicast. Here a session listens on loopback
 unless told otherwise, finds others by their endpoints and by what those know of, and by nothing else.
+
+Zenoh only says that an endpoint is not reached; why, a second try by hand tells.
 """
 
 from __future__ import annotations
@@ -9,17 +11,68 @@ from __future__ import annotations
 import atexit
 import json
 import logging
+import socket
+import ssl
 import threading
 from typing import TYPE_CHECKING, Any, Final
 
-from soter.adapters.zenoh.diagnosis import why_not_reached
-from soter.adapters.zenoh.endpoint import Endpoint
-from soter.adapters.zenoh.session_options import SessionOptions, TlsOptions
+from soter.adapters.zenoh.session_options import Endpoint, SessionOptions, TlsOptions
 from soter.errors import BackendUnavailable, RobotUnavailable
 from soter.sdk.hints import install_command
 
 if TYPE_CHECKING:
     import zenoh
+
+_TRY_S: Final = 2.0
+_ALERT_S: Final = 0.5
+
+
+def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
+    """Return the likely cause, and what to do about it.
+
+    Args:
+        endpoint: where a session did not get a link to.
+        tls: how it would have encrypted it.
+    """
+    try:
+        with socket.create_connection((endpoint.host, endpoint.port), timeout=_TRY_S) as connected:
+            if endpoint.protocol == "tls" and tls is not None:
+                _shake_hands(connected, endpoint.host, tls)
+    except ConnectionRefusedError:
+        return "nobody listens there; start it, or correct host and port"
+    except TimeoutError:
+        return "nobody answers there; look whether the host is up, and for firewalls on the way"
+    except socket.gaierror as failure:
+        return f"its host is not known ({failure.strerror}); correct the name"
+    except ssl.SSLCertVerificationError as failure:
+        return (
+            f"its certificate is not believed ({failure.verify_message}); tls.root_ca must be its authority's, and the "
+            "host be named in it unless tls.verify_name = false"
+        )
+    except ssl.SSLError as failure:
+        return f"it refuses to encrypt ({failure.reason}); it wants tls.certificate of an authority that it knows"
+    except OSError as failure:
+        return f"{failure.strerror or failure}"
+    return (
+        "somebody listens there and does not let us in; it must be a Zenoh router or peer, encrypt as we do, and "
+        "ask for a username exactly if one is given here"
+    )
+
+
+def _shake_hands(connected: socket.socket, host: str, tls: TlsOptions) -> None:
+    """Encrypt as the session would."""
+    context = ssl.create_default_context(cafile=tls.root_ca)
+    context.check_hostname = tls.verify_name
+    if tls.certificate is not None:
+        context.load_cert_chain(tls.certificate, tls.private_key)
+    with context.wrap_socket(connected, server_hostname=host) as encrypted:
+        # That a certificate is missing or not believed is told only after the handshake.
+        encrypted.settimeout(_ALERT_S)
+        try:
+            encrypted.recv(1)
+        except TimeoutError:
+            return
+
 
 __all__ = ["SessionOptions", "TlsOptions", "close_session", "endpoints", "open_session"]
 
@@ -112,7 +165,6 @@ def endpoints(session: zenoh.Session) -> list[str]:
 
 
 def _settings(options: SessionOptions) -> dict[str, Any]:
-    """Return the configuration of Zenoh, by its keys."""
     waits = options.mode == "client"
     timeout_ms = round(1000.0 * options.open_timeout_s)
     settings: dict[str, Any] = {

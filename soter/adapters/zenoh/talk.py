@@ -11,7 +11,7 @@ from weakref import WeakSet
 
 import zenoh
 
-from soter.adapters.zenoh.messages import Foreign, Message, decode, encode
+from soter.adapters.zenoh.messages import Foreign, Header, Message, Time, Twist, TwistStamped, Vector3, decode, encode
 from soter.errors import RobotUnavailable
 
 logger = logging.getLogger(__name__)
@@ -170,3 +170,80 @@ class Voice:
             self._publisher.put(payload)
         except zenoh.ZError as failure:
             raise RobotUnavailable(f"{self.key}: nothing can be said any more: {failure}") from failure
+
+
+_ALIVE: Final = "soter/alive"
+_AT_ONCE: Final = 64
+
+
+def announce(session: zenoh.Session, namespace: str, who: str) -> zenoh.LivelinessToken:
+    """Say that somebody, such as the "mux", is there for a robot, for as long as the session lives."""
+    return session.liveliness().declare_token(f"{namespace}/{_ALIVE}/{who}")
+
+
+class Presence:
+    """Who says to be there for one robot, heard of in a thread of its own.
+
+    Zenoh takes a token away when its owner's session ends or its link breaks. It tells people who is missing and who
+    has gone. No decision rests on it: the token of a program that hangs stays.
+
+    Args:
+        session: to hear over; once it is closed, nothing is heard any more.
+        namespace: of the robot.
+
+    Attributes:
+        there: their names, such as "mux" and "base".
+    """
+
+    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+        self.there: frozenset[str] = frozenset()
+        self._namespace: Final = namespace
+        changes: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_AT_ONCE)
+        subscriber = session.liveliness().declare_subscriber(f"{namespace}/{_ALIVE}/*", changes, history=True)
+        self._listener: Final = Listener(subscriber, self._note)
+
+    def _note(self, change: zenoh.Sample) -> None:
+        who = str(change.key_expr).rpartition("/")[2]
+        if change.kind == zenoh.SampleKind.PUT:
+            self.there |= {who}
+        elif who in self.there:
+            self.there -= {who}
+            logger.warning("%s: its %s has gone, or the link to it", self._namespace, who)
+
+
+def make_velocity(forward_m_s: float, turn_rad_s: float, stamp: Time | None = None) -> Twist | TwistStamped:
+    """Return a velocity as a message: a TwistStamped where there is a stamp."""
+    twist = Twist(Vector3(x=forward_m_s), Vector3(z=turn_rad_s))
+    return twist if stamp is None else TwistStamped(Header(stamp), twist)
+
+
+def hear_velocity(
+    session: zenoh.Session,
+    key: str,
+    take: Callable[[float, float], object],
+    *,
+    stamped: bool,
+    elsewhere_only: bool = False,
+) -> Ear[Twist] | Ear[TwistStamped]:
+    """Hear velocities on a key.
+
+    Args:
+        session: to hear over.
+        key: where.
+        take: called with each, in m/s along the heading and rad/s counter-clockwise, in the ear's thread.
+        stamped: whether they are TwistStamped.
+        elsewhere_only: whether to leave out what this session says itself.
+    """
+
+    def take_twist(twist: Twist) -> None:
+        take(twist.linear.x, twist.angular.z)
+
+    if stamped:
+        return Ear(session, key, TwistStamped, lambda message: take_twist(message.twist), elsewhere_only=elsewhere_only)
+    return Ear(session, key, Twist, take_twist, elsewhere_only=elsewhere_only)
+
+
+def stamp_of(clock_s: float) -> Time:
+    """Return a time as messages have it."""
+    seconds, nanoseconds = divmod(round(clock_s * 1e9), 1_000_000_000)
+    return Time(seconds, nanoseconds)

@@ -4,20 +4,48 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
 import zenoh
 
-from soter.adapters.zenoh.diagnosis import why_not_reached
-from soter.adapters.zenoh.endpoint import Endpoint
 from soter.adapters.zenoh.messages import BatteryState, Odometry, String
 from soter.adapters.zenoh.options import ZenohConfig
-from soter.adapters.zenoh.presence import Presence, announce
-from soter.adapters.zenoh.talk import Ear, Voice
-from soter.adapters.zenoh.velocities import hear_velocity, make_velocity, stamp_of
+from soter.adapters.zenoh.session import why_not_reached
+from soter.adapters.zenoh.session_options import Endpoint
+from soter.adapters.zenoh.talk import Ear, Presence, Voice, announce, hear_velocity, make_velocity, stamp_of
 from soter.onboard.wire import AC, SC
-from soter.streamed.said import Said
+
+KEPT_S: Final = 1.0
+"""A mux passes nothing on that is older, wherever it waited."""
+
+_ROUNDING: Final = 1e-6
+
+
+class Said:
+    """What was asked for of late and a mux may pass on, by which velocities of others are told. Any threads."""
+
+    def __init__(self) -> None:
+        self._said: Final[deque[tuple[float, float, float]]] = deque(maxlen=400)
+
+    def note(self, forward_m_s: float, turn_rad_s: float, now_s: float) -> None:
+        """Note a velocity that was asked for."""
+        self._said.append((now_s, forward_m_s, turn_rad_s))
+
+    def explains(self, forward_m_s: float, turn_rad_s: float, now_s: float) -> bool:
+        """Return whether a velocity is rest, or one that was asked for of late, which a mux may have limited."""
+        if not forward_m_s and not turn_rad_s:
+            return True
+        return any(
+            now_s - then_s <= KEPT_S and _within(forward_m_s, forward) and _within(turn_rad_s, turn)
+            for then_s, forward, turn in self._said.copy()
+        )
+
+
+def _within(passed: float, asked: float) -> bool:
+    return min(0.0, asked) - _ROUNDING <= passed <= max(0.0, asked) + _ROUNDING
+
 
 logger = logging.getLogger(__name__)
 

@@ -13,9 +13,8 @@ from soter.record.messages import AC, Result, Violation
 from soter.record.reader import Recording
 from soter.record.summary import Summary, summarise
 from soter.report.colours import ac_colour, driver_colour
-from soter.report.page.grown import Numbers, Rows
 from soter.report.page.pack import Columns, fewest_steps
-from soter.report.page.story import Buckets, RobotStory, Story
+from soter.report.page.story import Buckets, Numbers, RobotStory, Rows, Story
 from soter.workspace import Box, Workspace
 
 VERSION: Final = 1
@@ -159,7 +158,6 @@ class Document:
         return self._columns.add(change(values), quantum, since)
 
     def _rows(self, rows: Rows) -> dict[str, Any]:
-        """Return rows, and from which on they are."""
         since, values = rows.news() if self._news else rows.whole()
         return {"since": since, "rows": values}
 

@@ -5,8 +5,7 @@ itself; all of them include stopping afterwards, and none of them is ever more t
 """
 
 from soter.rta.models.base import Directed, Motion, ReachModel, Threat
-from soter.rta.models.bounds import DischargeBound, PairBound, SpeedBound
-from soter.rta.models.directed import DirectedReach
+from soter.rta.models.bounds import DirectedReach, DischargeBound, PairBound, SpeedBound
 from soter.rta.models.motion import SpeedAccelerationBound, UnicycleBound
 from soter.rta.models.space import PointMassBound
 

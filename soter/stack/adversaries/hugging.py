@@ -1,4 +1,4 @@
-"""Along the edge of where the AC is allowed."""
+"""To the nearest edge at top speed, and along the edge of where the AC is allowed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from pydantic import Field
 
 from soter.rta import ControlReport, Report
 from soter.sdk import Waypoint
-from soter.stack.adversaries.base import Adversary, AdversaryOptions, Arena, Positive
+from soter.stack.adversaries.base import (
+    RULES,
+    Adversary,
+    AdversaryOptions,
+    Arena,
+    Edge,
+    Positive,
+    nearest_edge,
+    towards,
+)
 from soter.stack.terrain import Point
 
 _CORNER_M = 0.03
@@ -77,3 +86,34 @@ class BoundaryHugging(Adversary[HuggingOptions]):
                 port.goto(Waypoint(x_m, y_m, 0.0, None, speed, 0.5 * _CORNER_M, 600.0))
             elif math.hypot(own.x_m - x_m, own.y_m - y_m) < _CORNER_M or now_s - self._since_s[robot_id] > _GIVE_UP_S:
                 self._at[robot_id] = at + 1
+
+
+class FastestToBoundary(Adversary[AdversaryOptions]):
+    """Every robot drives at the nearest edge; after each loss of control it turns to the next rule's nearest edge."""
+
+    def begin(self, arena: Arena) -> None:
+        super().begin(arena)
+        self._turn = {robot_id: index for index, robot_id in enumerate(arena.ports)}
+        self._aim: dict[int, Edge] = {}
+
+    def hear(self, report: Report) -> None:
+        """Another rule comes next where control was lost."""
+        if isinstance(report, ControlReport) and not report.engaged:
+            self._turn[report.robot_id] += 1
+            self._aim.pop(report.robot_id, None)
+
+    def act(self, now_s: float, tick: int) -> None:
+        """Aim, and keep aiming at what moves."""
+        for robot_id, port in self.arena.ports.items():
+            own = port.state
+            if own is None or not port.engaged:
+                continue
+            rule = RULES[self._turn[robot_id] % len(RULES)]
+            if rule != "collision" and robot_id in self._aim:
+                continue
+            edge = nearest_edge(self.arena, own, rule)
+            if edge is None:
+                self._turn[robot_id] += 1
+            elif edge != self._aim.get(robot_id):
+                self._aim[robot_id] = edge
+                port.goto(towards(own, edge.x_m, edge.y_m))

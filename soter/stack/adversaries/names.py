@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from soter.config import Mission, validate_options
-from soter.errors import ConfigError, nearest
+from soter.errors import nearest
 from soter.stack.adversaries.base import Adversary, AdversaryOptions, AnyAdversary
 
 MISSION: Final = "mission"
@@ -18,15 +18,15 @@ PREFIX: Final = "adversary:"
 
 BUILT_IN: Final[Mapping[str, str]] = {
     "random": "soter.stack.adversaries.random_goals:RandomGoals",
-    "fastest-to-boundary": "soter.stack.adversaries.fastest:FastestToBoundary",
+    "fastest-to-boundary": "soter.stack.adversaries.hugging:FastestToBoundary",
     "boundary-hugging": "soter.stack.adversaries.hugging:BoundaryHugging",
     "chase": "soter.stack.adversaries.chase:Chase",
     "pincer": "soter.stack.adversaries.pincer:Pincer",
     "search": "soter.stack.adversaries.search:Search",
     "flood": "soter.stack.adversaries.flood:Flood",
     "nan": "soter.stack.adversaries.nonsense:Nonsense",
-    "frozen": "soter.stack.adversaries.idle:Frozen",
-    "raises": "soter.stack.adversaries.idle:Raises",
+    "frozen": "soter.stack.adversaries.nonsense:Frozen",
+    "raises": "soter.stack.adversaries.nonsense:Raises",
 }
 """The adversaries of this distribution."""
 
@@ -43,18 +43,18 @@ def adversary_class(mission: Mission) -> type[AnyAdversary]:
     if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
         known = [MISSION, *(PREFIX + each for each in BUILT_IN)]
         listed = f"{nearest(name, known)}; known are {', '.join(known)}, or a class as 'module:Class'"
-        raise _refused(mission, f"unknown AC '{name}'{listed}")
+        raise mission.refusal("ac", f"unknown AC '{name}'{listed}")
     try:
         found = getattr(importlib.import_module(module_name), class_name, None)
     except ImportError as failure:
-        raise _refused(mission, f"AC '{name}': cannot import '{module_name}' ({failure})") from failure
+        raise mission.refusal("ac", f"AC '{name}': cannot import '{module_name}' ({failure})") from failure
     if not (isinstance(found, type) and issubclass(found, Adversary)) or inspect.isabstract(found):
         kind = "soter.stack.adversaries.Adversary"
-        raise _refused(mission, f"AC '{name}': '{class_name}' in '{module_name}' is not a subclass of {kind}")
+        raise mission.refusal("ac", f"AC '{name}': '{class_name}' in '{module_name}' is not a subclass of {kind}")
     model = getattr(found, "options_model", None)
     if not (isinstance(model, type) and issubclass(model, AdversaryOptions)):
         kind = "soter.stack.adversaries.AdversaryOptions"
-        raise _refused(mission, f"AC '{name}': it needs an 'options_model' that is a subclass of {kind}")
+        raise mission.refusal("ac", f"AC '{name}': it needs an 'options_model' that is a subclass of {kind}")
     return found
 
 
@@ -79,7 +79,3 @@ def build_adversary(mission: Mission) -> AnyAdversary:
 def _quoted(table: str) -> str:
     """Return a table's name as it stands in a dotted key; that of a class has dots in it."""
     return f'"{table}"' if "." in table or ":" in table else table
-
-
-def _refused(mission: Mission, message: str) -> ConfigError:
-    return mission.refusal("ac", message)

@@ -1,4 +1,4 @@
-"""What is no waypoint at all, and what only looks like one."""
+"""Adversaries that do not do their job: what they send is no waypoint, or nothing, or they fail."""
 
 from __future__ import annotations
 
@@ -81,3 +81,22 @@ class Nonsense(Adversary[AdversaryOptions]):
                 continue
             upcoming: Any = random.choice(((), Endless(), None, 7, (None, Waypoint(math.nan, math.inf))))
             port.goto(random.choice(self._commands), upcoming)
+
+
+class Frozen(Adversary[AdversaryOptions]):
+    """Never sends anything. Its robots stand where they are, and go home when their batteries say so."""
+
+    def act(self, now_s: float, tick: int) -> None:
+        """Nothing."""
+
+
+class Raises(Adversary[AdversaryOptions]):
+    """Fails at once and for good: its robots belong to their safe controllers from the first tick on."""
+
+    def act(self, now_s: float, tick: int) -> None:
+        """Fail.
+
+        Raises:
+            RuntimeError: always.
+        """
+        raise RuntimeError("this adversary always fails")

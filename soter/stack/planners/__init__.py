@@ -18,7 +18,7 @@ from soter.stack.planners.names import (
     check_name,
     planner_class,
 )
-from soter.stack.planners.service import PlanService, Ticket
+from soter.stack.planners.service import PlanService
 
 __all__ = [
     "BUILT_IN",
@@ -33,7 +33,6 @@ __all__ = [
     "PlannerOptions",
     "PlannerUnavailable",
     "Point",
-    "Ticket",
     "build_planner",
     "check_name",
     "planner_class",

@@ -17,7 +17,7 @@ BUILT_IN: Mapping[str, str] = {
     "ompl-bitstar": "soter.stack.planners.sampling:BITstar",
     "ompl-rrtstar": "soter.stack.planners.sampling:RRTstar",
     "ompl-rrtconnect": "soter.stack.planners.sampling:RRTConnect",
-    "straight-line": "soter.stack.planners.straight:StraightLine",
+    "straight-line": "soter.stack.planners.base:StraightLine",
 }
 
 TRUSTED = frozenset({"straight-line"})

@@ -2,18 +2,207 @@
 
 from __future__ import annotations
 
+import math
+import pickle
+import time
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Final, Self
 
+from soter.child import Child, ChildDied, NotBoxed
+from soter.errors import ConfigError, SoterError
 from soter.sandbox import Box
 from soter.stack.planners.base import CHECK_COST_S, Planner, PlanRequest, PlanResult
-from soter.stack.planners.lane import Job, Lane, Limits
-from soter.stack.planners.names import TRUSTED, build_planner, check_name
-from soter.stack.planners.wire import Garbage, checked, garbage
-from soter.stack.planners.worker import WorkerSpec
+from soter.stack.planners.names import TRUSTED, PlannerUnavailable, build_planner, check_name
+from soter.stack.planners.worker import Garbage, WorkerSpec, checked, decode_result, decode_start, garbage
 from soter.workspace import Workspace
+
+WORKER = "soter.stack.planners.worker"
+
+
+@dataclass(slots=True, eq=False)
+class Job:
+    """A request on its way.
+
+    Attributes:
+        number: counts the requests of a service.
+        request: the request.
+        submitted_s: fleet time.
+        result: None while there is none.
+    """
+
+    number: int
+    request: PlanRequest
+    submitted_s: float
+    result: PlanResult | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a result."""
+        return self.result is not None
+
+    @property
+    def due_s(self) -> float:
+        """When the result is to be delivered, fleet time; infinite while there is none."""
+        return math.inf if self.result is None else self.submitted_s + self.result.cost_s
+
+
+@dataclass(slots=True)
+class Limits:
+    """How long workers may take, in seconds of host time, and what went wrong because of the host."""
+
+    start_s: float
+    answer_s: float
+    incidents: list[str] = field(default_factory=list)
+
+
+class Lane:
+    """One worker, the jobs that wait for it, and what has to happen when it fails.
+
+    One job is with the worker at a time; so it is clear which one it failed on, and nothing has to be sent again.
+    """
+
+    def __init__(self, spec: WorkerSpec, limits: Limits, box: Box | None = None) -> None:
+        self._spec, self._limits, self._box = spec, limits, box
+        self._waiting: deque[Job] = deque()
+        self._busy: Job | None = None
+        self._start()
+
+    def _start(self) -> None:
+        self._worker: Child | None = Child(WORKER, self._spec, box=self._box)
+        self._ready = False
+        self._since_s = time.perf_counter()
+
+    @property
+    def pid(self) -> int | None:
+        """The worker's process id, or None while there is none."""
+        return None if self._worker is None else self._worker.pid
+
+    def add(self, job: Job) -> None:
+        """Queue a job; its result will be set by a `step()`."""
+        self._waiting.append(job)
+        if self._worker is None:
+            self._start()
+        self._feed()
+
+    def await_ready(self) -> None:
+        """Wait for the worker's first message; a failure to start is an error here, not a failed plan."""
+        while not self._ready:
+            if self._worker is None:
+                self._start()
+            assert self._worker is not None
+            name = self._spec.planner
+            try:
+                message = self._receive(wait=True)
+                if message is None:
+                    limit = f"{self._limits.start_s:g} s"
+                    raise PlannerUnavailable(f"planner '{name}' did not start within {limit}; is the host overloaded?")
+                self._begin(message)
+            except NotBoxed as error:
+                self.close()
+                raise PlannerUnavailable(
+                    f"planner '{name}' cannot be boxed in, as isolation.sandbox requires: {error}"
+                ) from error
+            except (ChildDied, Garbage) as error:
+                self.close()
+                raise PlannerUnavailable(f"planner '{name}' could not be started ({error})") from error
+            except SoterError:
+                self.close()
+                raise
+
+    def step(self, *, wait: bool) -> None:
+        """Take one message from the worker, or find out that none will come in time."""
+        if self._worker is None:
+            if not self._waiting:
+                return
+            self._start()
+        try:
+            message = self._receive(wait=wait)
+            if message is not None:
+                self._take(message)
+                return
+        except ChildDied as error:
+            self._lose(f"the worker died ({error})")
+            return
+        except Garbage as error:
+            self._lose(f"garbage: {error}")
+            return
+        except SoterError as error:
+            self._lose(f"the worker could not be restarted ({error})")
+            return
+        limit_s = self._limits.answer_s if self._ready else self._limits.start_s
+        if (self._busy or not self._ready) and time.perf_counter() - self._since_s >= limit_s:
+            did_not = "answer" if self._ready else "start"
+            self._lose(f"the planner did not {did_not} within {limit_s:g} s of host time")
+
+    def close(self) -> None:
+        """Kill the worker. Idempotent."""
+        if self._worker is not None:
+            self._worker.kill()
+            self._worker = None
+        self._ready = False
+
+    def _receive(self, *, wait: bool) -> bytes | None:
+        assert self._worker is not None
+        if not wait:
+            return self._worker.receive(0.0)
+        limit_s = self._limits.answer_s if self._ready else self._limits.start_s
+        return self._worker.receive(max(self._since_s + limit_s - time.perf_counter(), 0.0))
+
+    def _take(self, message: bytes) -> None:
+        if not self._ready:
+            self._begin(message)
+        elif self._busy is None:
+            raise Garbage("a message that nobody asked for")
+        else:
+            job = self._busy
+            job.result = decode_result(job.number, job.request.request_id, message)
+            self._busy = None
+        self._feed()
+
+    def _begin(self, message: bytes) -> None:
+        start = decode_start(message)
+        if start.kind == "config":
+            error = ConfigError(start.message)  # which has its place in it already
+            error.source, error.line, error.key = start.source, start.line, start.key
+            raise error
+        if start.kind == "unavailable":
+            raise PlannerUnavailable(start.message)
+        self._ready = True
+
+    def _feed(self) -> None:
+        if not self._ready or self._busy is not None or not self._waiting:
+            return
+        assert self._worker is not None
+        job = self._waiting[0]
+        try:
+            sent = self._worker.send(pickle.dumps((job.number, job.request)))
+        except ChildDied:
+            sent = False
+        if not sent:
+            # It died while it had nothing to do: no plan is lost.
+            self.close()
+            self._start()
+            return
+        self._busy = self._waiting.popleft()
+        self._since_s = time.perf_counter()
+
+    def _lose(self, reason: str) -> None:
+        """Give up the worker and the job that it had, or that it was started for."""
+        was_ready = self._ready
+        self.close()
+        job, self._busy = self._busy, None
+        if job is None and self._waiting:
+            job = self._waiting.popleft()
+        if job is not None:
+            job.result = PlanResult.failed(job.request.request_id, reason)
+            self._limits.incidents.append(f"request {job.request.request_id}: {reason}")
+        # A worker that does not even start is only tried again when there is a plan to make.
+        if was_ready or self._waiting:
+            self._start()
+
 
 TIME_LIMIT_S = 10.0
 """A planner that has not answered after so much host time is killed, in seconds."""
@@ -27,21 +216,8 @@ MEMORY_LIMIT_BYTES = 2 << 30
 WALL_CLOCK_NICENESS = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Ticket:
-    """The promise of one result.
-
-    Attributes:
-        request_id: the request.
-        submitted_s: fleet time at which it was handed in.
-    """
-
-    request_id: int
-    submitted_s: float
-
-
 class PlanService:
-    """Runs an untrusted planner in worker processes and hands out its plans at the right time.
+    """Runs an untrusted planner in a worker process and hands out its plans at the right time.
 
     In virtual time a plan is delivered at its request's time plus its cost (state checks), however long the host
     took to compute it, so that a run repeats itself. Whatever the planner does costs its robot a plan and nothing
@@ -57,14 +233,12 @@ class PlanService:
         body_radius_m: radius of the robots' round bodies, in metres.
         options: the raw table `[planners.NAME]`.
         source: the mission file that the options are from, for error messages.
-        workers: number of worker processes. Requests go to them in turn, so that it makes no difference which one
-            is quicker.
         virtual_time: False for a mission on a wall clock: results are handed out as they come and nothing waits.
         in_process: False to have a worker for a trusted planner, too.
         time_limit_s: host time after which a worker that does not answer is killed, in seconds.
         start_limit_s: host time that a worker may take to start, in seconds.
         memory_limit_bytes: address space that a planner may use, beyond the bare worker's.
-        box: what the workers are boxed in with, or None.
+        box: what the worker is boxed in with, or None.
 
     Raises:
         ConfigError: the planner's name, or the options of a trusted planner, are wrong. For other planners the
@@ -79,7 +253,6 @@ class PlanService:
         options: Mapping[str, Any] | None = None,
         *,
         source: str | None = None,
-        workers: int = 1,
         virtual_time: bool = True,
         in_process: bool = True,
         time_limit_s: float = TIME_LIMIT_S,
@@ -87,15 +260,13 @@ class PlanService:
         memory_limit_bytes: int = MEMORY_LIMIT_BYTES,
         box: Box | None = None,
     ) -> None:
-        if workers < 1:
-            raise ValueError(f"workers is {workers}, must be at least 1")
         check_name(planner)
         self._virtual_time: Final = virtual_time
         self._limits: Final = Limits(start_limit_s, time_limit_s)
         self._pending: list[Job] = []
         self._submitted = 0
         self._closed = False
-        self._lanes: list[Lane] = []
+        self._lane: Lane | None = None
         self._local: Planner | None = None
         if in_process and planner in TRUSTED:
             self._local = build_planner(planner, workspace, body_radius_m, options, source)
@@ -103,12 +274,7 @@ class PlanService:
         # A planner that runs wild must not starve the supervisors on the same host; in virtual time all wait for it.
         niceness = 0 if virtual_time else WALL_CLOCK_NICENESS
         spec = WorkerSpec(planner, workspace, body_radius_m, dict(options or {}), source, memory_limit_bytes, niceness)
-        self._lanes += [Lane(spec, self._limits, box) for _ in range(workers)]
-
-    @property
-    def deterministic(self) -> bool:
-        """False once a result depended on the host: a worker was too slow, or died."""
-        return not self._limits.incidents
+        self._lane = Lane(spec, self._limits, box)
 
     @property
     def incidents(self) -> tuple[str, ...]:
@@ -116,17 +282,12 @@ class PlanService:
         return tuple(self._limits.incidents)
 
     @property
-    def pending(self) -> int:
-        """Number of results that are yet to be delivered."""
-        return len(self._pending)
-
-    @property
     def pids(self) -> tuple[int, ...]:
-        """Process ids of the workers that are running now."""
-        return tuple(lane.pid for lane in self._lanes if lane.pid is not None)
+        """Process id of the worker, if one is running now."""
+        return () if self._lane is None or self._lane.pid is None else (self._lane.pid,)
 
     def ready(self) -> None:
-        """Wait until the workers, which have been starting since the construction, are ready.
+        """Wait until the worker, which has been starting since the construction, is ready.
 
         To be called before anything moves: it is where a bad option of an untrusted planner shows.
 
@@ -135,13 +296,13 @@ class PlanService:
             PlannerUnavailable: a library is missing, or the worker cannot be started.
         """
         try:
-            for lane in self._lanes:
-                lane.await_ready()
+            if self._lane is not None:
+                self._lane.await_ready()
         except BaseException:
             self.close()
             raise
 
-    def submit(self, request: PlanRequest, now_s: float) -> Ticket:
+    def submit(self, request: PlanRequest, now_s: float) -> None:
         """Hand in a request and return at once.
 
         Args:
@@ -164,9 +325,8 @@ class PlanService:
                 job.result = checked(request.request_id, self._local.plan(request))
             except Garbage as error:
                 job.result = garbage(request.request_id, error)
-        else:
-            self._lanes[job.number % len(self._lanes)].add(job)
-        return Ticket(request.request_id, now_s)
+        elif self._lane is not None:
+            self._lane.add(job)
 
     def due(self, now_s: float) -> list[PlanResult]:
         """Return the results whose time has come, earliest first, then in the order of their requests.
@@ -178,10 +338,10 @@ class PlanService:
         """
         if not self._pending:
             return []
+        lane = self._lane
         for job in self._pending:
-            if job.known:
+            if job.known or lane is None:
                 continue
-            lane = self._lanes[job.number % len(self._lanes)]
             lane.step(wait=False)
             if self._virtual_time and job.submitted_s + CHECK_COST_S <= now_s:
                 while not job.known:
@@ -197,11 +357,11 @@ class PlanService:
         return [job.result for job in done if job.result is not None]
 
     def close(self) -> None:
-        """Kill the workers and wait until they are gone. Pending results are lost. Idempotent."""
+        """Kill the worker and wait until it is gone. Pending results are lost. Idempotent."""
         self._closed = True
         self._pending.clear()
-        for lane in self._lanes:
-            lane.close()
+        if self._lane is not None:
+            self._lane.close()
 
     def __enter__(self) -> Self:
         return self

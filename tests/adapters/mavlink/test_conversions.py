@@ -9,12 +9,12 @@ import pytest
 from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.address import Address
-from soter.adapters.mavlink.carrot import Leg, reach_m
-from soter.adapters.mavlink.charge import Charge
 from soter.adapters.mavlink.frames import Frame, GeoPoint, turned_rad
-from soter.adapters.mavlink.modes import kind_of, px4_mode
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.robot import Leg, reach_m
+from soter.adapters.mavlink.sampling import Charge
+from soter.adapters.mavlink.transport import Address
+from soter.adapters.mavlink.vehicle import kind_of, px4_mode
 from soter.errors import RobotUnavailable
 from soter.sdk import Link, RobotState, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace

@@ -13,13 +13,12 @@ from contextlib import ExitStack
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.address import Address
-from soter.adapters.mavlink.components import COMPONENTS, KEEPER, SENDERS
+from soter.adapters.mavlink.authority import COMPONENTS, KEEPER, SENDERS
 from soter.adapters.mavlink.link import Inbox, Link
 from soter.adapters.mavlink.mavsdk_link import MavsdkLink
 from soter.adapters.mavlink.pymavlink_link import SILENT_S, PymavlinkLink, signing_key
 from soter.adapters.mavlink.simulator import free_port
-from soter.adapters.mavlink.transport import Peer, StreamTransport, Transport
+from soter.adapters.mavlink.transport import Address, Peer, StreamTransport, Transport
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.sdk import Controller

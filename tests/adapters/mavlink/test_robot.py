@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.components import KEEPER, SENDERS
+from soter.adapters.mavlink.authority import KEEPER, SENDERS
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.clock import VehicleClock

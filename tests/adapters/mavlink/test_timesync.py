@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from soter.adapters.mavlink.link import Inbox
-from soter.adapters.mavlink.timesync import TimeSync
+from soter.adapters.mavlink.sampling import TimeSync
 from soter.clock import VehicleClock
 from tests.adapters.mavlink.puppet import HostTime
 
@@ -69,7 +69,7 @@ def test_the_clock_is_known_within_half_a_round_trip(rate: float) -> None:
 
 def test_an_answer_that_comes_at_once_is_an_answer_whatever_marks_it_as_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     for token in (0, 1, 2048, 4095):
-        monkeypatch.setattr("soter.adapters.mavlink.timesync.secrets.randbelow", lambda _, token=token: token)
+        monkeypatch.setattr("soter.adapters.mavlink.sampling.secrets.randbelow", lambda _, token=token: token)
         rig = Rig()
         for _ in range(6):
             rig.sample()

@@ -38,7 +38,7 @@ def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
 def test_it_gets_along_with_code_that_uses_rclpy_itself(simulator: Simulator, open_fleet: Open) -> None:
     import rclpy
 
-    from soter.adapters.ros2.loopback import loopback
+    from soter.adapters.ros2.simulator import loopback
 
     with loopback():
         rclpy.init(domain_id=simulator.domain_id)

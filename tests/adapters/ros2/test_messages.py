@@ -45,7 +45,7 @@ def test_a_charge_that_is_none_is_not_read(percentage: float) -> None:
 def test_a_velocity(stamped: bool) -> None:
     from builtin_interfaces.msg import Time
 
-    from soter.adapters.ros2.messages import make_velocity
+    from soter.adapters.ros2.graph import make_velocity
 
     message = make_velocity(0.2, -0.5, Time(sec=7), stamped=stamped)
     twist = message.twist if stamped else message

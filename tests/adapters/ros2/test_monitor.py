@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from soter.sdk import RobotSpec, TruthReport
+from soter.streamed.robot import wait_for
 from soter.workspace_xml import read_workspace
 
 pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
@@ -42,8 +43,7 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
     from std_msgs.msg import Float64, String
 
     from soter.adapters.ros2.graph import LATCHED, SENSOR, Graph
-    from soter.adapters.ros2.loopback import environment
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Simulator, environment
     from soter.clock import VehicleClock
     from soter.sdk.truth import StreamedTruth
 
@@ -76,9 +76,9 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
             stack, env, "-m", "soter.cli", "ros2-monitor", str(EXAMPLE / "mission.toml"), *options,
             *(part for each in settings for part in ("--set", f"backends.ros2.{each}")),
         )  # fmt: skip
-        assert graph.wait_for(lambda: "AC" in told["mode"], 30.0)
+        assert wait_for(lambda: "AC" in told["mode"], 30.0)
         start(stack, env, str(EXAMPLE / "reckless.py"))
-        assert graph.wait_for(lambda: enough(truth.report()), LONGEST_S), truth.report().min_margin
+        assert wait_for(lambda: enough(truth.report()), LONGEST_S), truth.report().min_margin
         # What has begun by now is seen to its end.
         time.sleep(5.0)
         assert watching.poll() is None

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from soter.streamed.robot import wait_for
+
 if TYPE_CHECKING:
     from soter.adapters.ros2.graph import Graph
     from soter.adapters.ros2.simulator import Simulator
@@ -52,7 +54,7 @@ def test_it_needs_nothing_but_ros_and_a_few_modules_of_the_standard_library_only
     ],
 )
 def test_a_bad_parameter_ends_it_before_anything_moves(parameter: str, complaint: str) -> None:
-    from soter.adapters.ros2.loopback import environment
+    from soter.adapters.ros2.simulator import environment
 
     done = subprocess.run(
         [sys.executable, "-m", "soter.adapters.ros2.mux", "--robot", "r1", "--ros-args", "-p", parameter],
@@ -69,7 +71,7 @@ def test_when_it_is_told_to_end_it_says_rest_last(simulator: Simulator, graph: G
     node = graph.node("/robot1")
     heard: list[float] = []
     node.create_subscription(Twist, "cmd_vel", lambda message: heard.append(message.linear.x), 10)
-    assert graph.wait_for(lambda: len(heard) > 5, 10.0)
+    assert wait_for(lambda: len(heard) > 5, 10.0)
     mux = simulator.muxes[1]
     mux.send_signal(signal.SIGTERM)
     assert mux.wait(5.0) == 0
@@ -105,7 +107,7 @@ def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(simulat
             asked.publish(Twist(linear=Vector3(x=speed_m_s)))
             return bool(passed) and passed[-1] == expected_m_s
 
-        return graph.wait_for(passes, 10.0)
+        return wait_for(passes, 10.0)
 
     assert ask(5.0, 0.22)
     for nonsense in ('{"seq": 1' + "0" * 400 + "}", "[" * 2000, "[" * 100_000, '{"seq": 1e300}', ""):
@@ -132,6 +134,6 @@ def test_what_one_callback_cannot_take_deafens_no_other(graph: Graph, caplog: py
         said.publish(String(data="nonsense"))
         return len(heard) > 2
 
-    assert graph.wait_for(repeated, 10.0)
+    assert wait_for(repeated, 10.0)
     assert graph.failed >= 2
     assert caplog.text.count("dropped a message that could not be taken") == 1

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from soter.adapters.ros2.loopback import SETTINGS, environment, loopback
 from soter.adapters.ros2.options import Ros2Config
+from soter.adapters.ros2.simulator import SETTINGS, environment, loopback
 from soter.config import validate_options
 from soter.errors import ConfigError
 from soter.workspace import Box, RobotPlace, Workspace

@@ -27,8 +27,7 @@ from soter.adapters.zenoh.messages import (
 from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import Simulator
-from soter.adapters.zenoh.talk import Ear, Voice
-from soter.adapters.zenoh.velocities import stamp_of
+from soter.adapters.zenoh.talk import Ear, Voice, stamp_of
 from soter.errors import Intruder, RobotUnavailable
 from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from soter.adapters.zenoh.endpoint import Endpoint
+from soter.adapters.zenoh.session_options import Endpoint
 
 
 @pytest.mark.parametrize(

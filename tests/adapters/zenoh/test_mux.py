@@ -15,9 +15,8 @@ import pytest
 import zenoh
 
 from soter.adapters.zenoh.messages import String, Twist, Vector3
-from soter.adapters.zenoh.presence import Presence
 from soter.adapters.zenoh.session import SessionOptions, endpoints
-from soter.adapters.zenoh.talk import Ear, Voice
+from soter.adapters.zenoh.talk import Ear, Presence, Voice
 from soter.onboard.wire import AC, SC, GateReport, Order
 from tests.adapters.zenoh.sessions import opened
 from tests.waiting import eventually

@@ -13,9 +13,8 @@ import pytest
 import zenoh
 
 from soter.adapters.zenoh.messages import String, Twist, Vector3, encode
-from soter.adapters.zenoh.presence import Presence, announce
 from soter.adapters.zenoh.session import SessionOptions, close_session
-from soter.adapters.zenoh.talk import Ear, Voice
+from soter.adapters.zenoh.talk import Ear, Presence, Voice, announce
 from soter.errors import RobotUnavailable
 from tests.adapters.zenoh.sessions import SILENCE_S, opened
 from tests.waiting import eventually

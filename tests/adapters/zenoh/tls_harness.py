@@ -5,8 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from soter.adapters.zenoh.harness import ZenohHarness
-from soter.adapters.zenoh.relay import Relay
+from soter.adapters.zenoh.harness import Relay, ZenohHarness
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from tests.adapters.zenoh.sessions import Authority
 

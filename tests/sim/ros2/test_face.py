@@ -14,6 +14,7 @@ import pytest
 
 from soter.sdk import RobotSpec, RuleLimits
 from soter.streamed.motion import seconds
+from soter.streamed.robot import wait_for
 from soter.workspace import Workspace
 from tests.streamed.base import says_where_it_stands, stops_by_itself
 from tests.streamed.driving import ROOM, SPECS
@@ -49,7 +50,7 @@ class Client:
         self._velocity.publish(Twist(linear=Vector3(x=speed_m_s)))
 
     def wait_for(self, holds: Callable[[], bool], timeout_s: float = 30.0) -> bool:
-        return self.graph.wait_for(holds, timeout_s)
+        return wait_for(holds, timeout_s)
 
     @property
     def speed_m_s(self) -> float:
@@ -70,7 +71,7 @@ def face(domain_id: int) -> Iterator[subprocess.Popen[bytes]]:
     """The face alone, without a mux in front of it."""
     from pydantic import TypeAdapter
 
-    from soter.adapters.ros2.loopback import environment
+    from soter.adapters.ros2.simulator import environment
 
     process = subprocess.Popen(
         [sys.executable, "-m", "soter_sim.ros2", "--namespaces", "1=/robot1", "--parent", str(os.getpid())],
@@ -130,6 +131,6 @@ def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes
 
 
 def test_it_ends_with_its_parent() -> None:
-    from soter.adapters.ros2.loopback import environment
+    from soter.adapters.ros2.simulator import environment
 
     end_with_their_parent("soter.adapters.ros2.simulator", environment())

@@ -7,7 +7,7 @@ import pytest
 
 from soter.config_tables import CollisionTable, GeofenceTable, RtaTable
 from soter.stack.adversaries.base import RobotFacts
-from soter.stack.adversaries.rollout import RULES, Rollout
+from soter.stack.adversaries.search import RULES, Rollout
 from soter.stack.terrain import Terrain
 from soter.workspace import Box, RobotPlace, Workspace
 

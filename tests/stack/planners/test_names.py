@@ -41,8 +41,8 @@ def test_unknown_name_names_the_nearest(name: str, message: str) -> None:
     ("name", "message"),
     [
         ("no_such_module:Planner", "cannot import 'no_such_module'"),
-        ("soter.stack.planners.straight:StraightLin", "did you mean 'StraightLine'"),
-        ("soter.stack.planners.straight:annotations", "not a subclass of"),
+        ("soter.stack.planners.base:StraightLin", "did you mean 'StraightLine'"),
+        ("soter.stack.planners.base:annotations", "not a subclass of"),
         ("tests.stack.planners.misbehaving:NoPlanner", "not a subclass of"),
     ],
 )

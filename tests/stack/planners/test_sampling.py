@@ -15,7 +15,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from soter.errors import ConfigError
-from soter.stack.planners import Planner, PlanRequest, PlanResult, PlanService, Point, build_planner
+from soter.stack.planners import Planner, PlanRequest, PlanResult, Point, build_planner
 from soter.workspace import Box, Workspace
 from tests.stack.planners.places import CASE, RADIUS_M, along, depth_m, length_m
 
@@ -175,18 +175,6 @@ def test_processes_agree_whatever_they_did_before(name: str) -> None:
     planner = build_planner(name, CASE, RADIUS_M)
     here = [planner.plan(PlanRequest(n, 2, (0.5, 0.5), (4.5, n / 10), seed=3)) for n in range(12)]
     assert seen[0] == seen[1] == json.dumps([[r.request_id, r.path, r.checks] for r in here]) + "\n"
-
-
-def test_two_workers_agree_with_one() -> None:
-    results = []
-    for workers in (1, 2):
-        with PlanService("ompl-bitstar", CASE, RADIUS_M, workers=workers) as service:
-            for number in range(10):
-                service.submit(PlanRequest(number, 1, (0.5, 0.5), (4.5, 0.5)), 0.0)
-            results.append(service.due(2.0))
-            assert service.deterministic
-    assert results[0] == results[1]
-    assert len(results[0]) == 10
 
 
 def test_way_out_does_not_lead_through_a_wall() -> None:
