@@ -60,7 +60,9 @@ class WriterPipe:
         target = path.resolve()
         replaces = target.is_file() and target.stat().st_size > 0
         self.writing: Final = target.with_name(f"{target.name}.{os.getpid()}.new") if replaces else path
-        file_fd = os.open(self.writing, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+        # A pipe that nobody reads is refused, and not waited for.
+        file_fd = os.open(self.writing, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK, 0o666)
+        os.set_blocking(file_fd, True)
         try:
             source, sink = os.pipe()
         except OSError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import tracemalloc
 from collections.abc import Callable
@@ -161,6 +162,15 @@ def test_any_beginning_of_a_file_is_read_or_refused(good: Path, tmp_path: Path, 
     path.write_bytes(good.read_bytes()[:length])
     with pytest.raises(BadRecording):
         use(path)
+
+
+def test_a_pipe_is_refused_whoever_is_at_its_other_end(tmp_path: Path) -> None:
+    pipe = tmp_path / "run.mcap"
+    os.mkfifo(pipe)
+    with pytest.raises(BadRecording, match="it is a pipe"):
+        use(pipe)
+    with pytest.raises(ConfigError, match="cannot be recorded to: No such device"):
+        recorded(pipe, duration_s=1.0)
 
 
 def test_attachments_have_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
