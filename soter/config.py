@@ -244,8 +244,6 @@ def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | No
         raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
     except RecursionError as failure:
         raise ConfigError(_TOO_DEEP, source=source) from failure
-    if _nested_too_deeply(raw):
-        raise ConfigError(_TOO_DEEP, source=source)
     return _checked(raw, source, overrides, key_lines(text))
 
 
@@ -263,6 +261,7 @@ def _checked(
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     for key, value in given.items():
         _override(raw, key, copy.deepcopy(value))
+    _refuse_what_no_key_has(raw, source, lines)
     try:
         mission = Mission.model_validate(raw)
     except ValidationError as failure:
@@ -277,18 +276,24 @@ def _checked(
     return mission
 
 
-def _nested_too_deeply(raw: object) -> bool:
-    """Whether a value has more levels than a mission can use: dotted keys nest deeper than tomllib itself recurses."""
-    level = [raw]
+def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tuple[str, ...], int]) -> None:
+    """Refuse more levels than a mission can use (dotted keys nest deeper than tomllib itself recurses), and NULs."""
+    level: list[tuple[tuple[str, ...], object]] = [((), raw)]
     for _ in range(_MAX_NESTING):
+        for key, value in level:
+            if any("\0" in text for text in (*key, value if isinstance(value, str) else "")):
+                message = "it has the character U+0000, allowed: what a file can be called"
+                raise ConfigError(message, source=source, line=line_of(key, lines), key=cut(".".join(key)))
         level = [
-            inner
-            for value in level
-            for inner in (value.values() if isinstance(value, dict) else value if isinstance(value, list) else ())
+            ((*key, str(name)), inner)
+            for key, value in level
+            for name, inner in (
+                value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+            )
         ]
         if not level:
-            return False
-    return True
+            return
+    raise ConfigError(_TOO_DEEP, source=source)
 
 
 def _syntax_error(message: str) -> tuple[str, int | None]:

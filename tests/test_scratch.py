@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -50,3 +51,10 @@ def test_what_is_not_ours_is_left_alone(temporary: Path) -> None:
     sweep()
     assert (others / "file").exists()
     assert len([*temporary.iterdir()]) == 3
+
+
+def test_nothing_else_makes_temporary_folders() -> None:
+    """One that is not held is never removed, should its process be killed."""
+    sources = [path for part in ("soter", "sim") for path in (ROOT / part).rglob("*.py") if path.name != "scratch.py"]
+    assert len(sources) > 100
+    assert not [path for path in sources if re.search("mkdtemp|TemporaryDirectory", path.read_text())]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from soter.errors import ConfigError
+from soter.scratch import Scratch
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
 
     from soter.live.view import Kind
@@ -63,7 +64,9 @@ def shown(
 
     with ExitStack() as stack:
         if recording is None:
-            recording = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soter-"))) / "run.mcap"
+            scratch = Scratch("live")
+            stack.callback(scratch.close)
+            recording = scratch.path / "run.mcap"
         started = [stack.enter_context(LiveView(kind, port)) for kind, port in views]
         for (kind, _), view in zip(views, started, strict=True):
             console.print(f"{kind.name}: {view.address}", soft_wrap=True)

@@ -42,9 +42,6 @@ MOST_VIEWERS: Final = 64
 """So many may listen, and so many ask, at a time."""
 
 MOST_THREADS: Final = 4 * MOST_VIEWERS
-SLOW_S: Final = 0.25
-"""Host time after which a viewer that does not take what it is sent has to make room for others."""
-
 SEND_BYTES: Final = 1 << 16
 """What the system may keep for a viewer that does not read. What is not sent yet is kept once for all of them."""
 
@@ -169,24 +166,19 @@ class _Server(ThreadingHTTPServer):
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Drop a viewer that has left or does not read, without a word: it is no fault of the run's."""
 
-    def listens(self, viewer: socket.socket) -> bool:
-        """Give a viewer that has asked a place among those that listen; return whether there is one.
+    def listens(self, viewer: socket.socket) -> None:
+        """Give a viewer that has asked a place among those that listen.
 
-        Whoever does not take what it is sent, while others wait, loses its place.
+        Where there is none, the one that is the slowest to take what it is sent loses its place, or the oldest: one
+        that never reads cannot be told from the others before the system keeps no more for it.
         """
         with self._lock:
             if len(self._listening) >= MOST_VIEWERS:
-                slow = {
-                    each: since_s for each, since_s in self._listening.items() if since_s < time.monotonic() - SLOW_S
-                }
-                if not slow:
-                    return False
-                slowest = min(slow, key=slow.__getitem__)
+                slowest = min(self._listening, key=self._listening.__getitem__)
                 del self._listening[slowest]
                 _drop({slowest: None})
             self._asking.pop(viewer, None)
             self._listening[viewer] = math.inf
-            return True
 
     def tells(self, viewer: socket.socket, since_s: float) -> None:
         """Note since when a viewer is being sent something; infinite while it is not."""
@@ -276,9 +268,7 @@ class _Viewer(BaseHTTPRequestHandler):
             # A page of another run, which was here before: it is not to ask again.
             self._say(HTTPStatus.NO_CONTENT, b"", "text/event-stream")
             return
-        if not self.server.listens(self.connection):
-            # Without an answer: a browser then tries again.
-            return
+        self.server.listens(self.connection)
         self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         self._head(HTTPStatus.OK, "text/event-stream")
         self.end_headers()

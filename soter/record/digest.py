@@ -7,6 +7,7 @@ hash; the digest is one of the hash and the signature. That there is to be a dig
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import struct
@@ -125,13 +126,24 @@ class Sealed:
         self._stream.write(held)
 
 
+def opened(path: Path) -> BinaryIO:
+    """Open a recording, which is not a pipe: it is read more than once, and opening one might wait for ever.
+
+    Raises:
+        OSError: it cannot be.
+    """
+    if path.is_fifo():
+        raise OSError(errno.ESPIPE, "it is a pipe, allowed: a file")
+    return path.open("rb")
+
+
 def prove(path: Path) -> Proof:
     """Read a recording and say whether it is what was written.
 
     Raises:
         OSError: it cannot be read.
     """
-    with path.open("rb") as stream:
+    with opened(path) as stream:
         return _proof(stream, os.fstat(stream.fileno()).st_size)
 
 

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -32,6 +33,8 @@ _KILLED: Final = "its writer was killed"
 READY_S: Final = 10.0
 """Host time that the writer is given to start."""
 
+_LOOK_S: Final = 0.1
+
 CLOSE_S: Final = 30.0
 """Host time that the writer is given at the end for what is still in the pipe."""
 
@@ -44,6 +47,7 @@ class WriterPipe:
             come to its end; a new file is written in its place from the start.
         waits: whether to wait when the writer does not follow, which loses nothing; if not, frames are dropped.
         sign: the private key that the recording is signed with, or None.
+        stop: whether the run is to end, so that it waits no longer for a writer that somebody has stopped.
 
     Attributes:
         writing: the file that is written.
@@ -53,14 +57,19 @@ class WriterPipe:
         OSError: the file cannot be written, or no process be started.
     """
 
-    def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
-        self._waits: Final = waits
+    def __init__(
+        self, path: Path, *, waits: bool, sign: Path | None = None, stop: Callable[[], bool] = lambda: False
+    ) -> None:
+        self._waits = waits
+        self._stop: Final = stop
         self.failure = ""
         # The file behind a link is replaced, not the link.
         target = path.resolve()
         replaces = target.is_file() and target.stat().st_size > 0
         self.writing: Final = target.with_name(f"{target.name}.{os.getpid()}.new") if replaces else path
-        file_fd = os.open(self.writing, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+        # A pipe that nobody reads is refused, and not waited for.
+        file_fd = os.open(self.writing, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK, 0o666)
+        os.set_blocking(file_fd, True)
         try:
             source, sink = os.pipe()
         except OSError:
@@ -105,10 +114,10 @@ class WriterPipe:
             self.failure = f"a frame of {len(frame)} bytes is too large for its writer, which takes {HELD_BYTES}"
             return False
         try:
-            if not self._pushed():
+            if not self._taken():
                 return False
             self._sink.write(frame)
-            self._pushed()
+            self._taken()
         except BrokenPipeError:
             self._gone()
             return False
@@ -116,7 +125,7 @@ class WriterPipe:
 
     def wait_ready(self) -> None:
         """Wait until the first frame stands in the file, for at most `READY_S`: nothing is recorded before that."""
-        os.set_blocking(self._sink.fileno(), self._waits)
+        os.set_blocking(self._sink.fileno(), False)
         out = self._process.stdout
         if self.failure or out is None or not select.select([out], [], [], READY_S)[0]:
             return
@@ -127,9 +136,7 @@ class WriterPipe:
     def close(self, last: bytes) -> Outcome:
         """Send a last frame and end the writer; wait for at most `CLOSE_S`. Empty if the run has nothing to say."""
         until_s = time.monotonic() + CLOSE_S
-        with contextlib.suppress(ProcessLookupError):
-            # Whoever has stopped it has not said why; the run ends now.
-            os.kill(self.pid, signal.SIGCONT)
+        self._go_on()
         if not self.failure:
             try:
                 self._end(last, until_s)
@@ -148,6 +155,22 @@ class WriterPipe:
         except msgspec.DecodeError:
             return Outcome(_KILLED)
 
+    def _taken(self) -> bool:
+        """Pass on what is held, and wait for that where the run waits; return whether nothing is left of it."""
+        while not self._pushed():
+            if not self._waits:
+                return False
+            if self._stop():
+                self._go_on()
+                return self._drained(time.monotonic() + CLOSE_S)
+            select.select([], [self._sink], [], _LOOK_S)
+        return True
+
+    def _go_on(self) -> None:
+        """Let the writer go on: whoever has stopped it has not said why, and the run ends now."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGCONT)
+
     def _pushed(self) -> bool:
         """Pass on what is held; return whether nothing is left of it."""
         try:
@@ -158,6 +181,7 @@ class WriterPipe:
 
     def _end(self, last: bytes, until_s: float) -> None:
         """Send a last frame; wait for that, even where the run does not wait otherwise."""
+        self._waits = False
         os.set_blocking(self._sink.fileno(), False)
         sent = self._drained(until_s) and self.send(last) and self._drained(until_s)
         if not sent and not self.failure:

@@ -18,7 +18,7 @@ from zstandard import ZstdError
 from soter.errors import ConfigError
 from soter.record import foxglove, messages
 from soter.record.content import Content, Tick, Way
-from soter.record.digest import Proof, State, prove
+from soter.record.digest import Proof, State, opened, prove
 from soter.record.file import PROFILE
 from soter.record.messages import (
     ABOUT_JSON,
@@ -257,7 +257,7 @@ class Recording:
             raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
 
     def _open(self) -> BinaryIO:
-        return self.path.open("rb")
+        return opened(self.path)
 
     def _messages(self) -> Iterator[tuple[int, RobotTick | Event | Way]]:
         """Yield every message of SOTER's own, and what ACs meant to drive, which stands in messages for the eye."""

@@ -82,10 +82,14 @@ class Recorder:
         path: the file; what was in it is replaced when the recording is complete.
         waits: whether the run waits when the writer does not follow, as it may in virtual time.
         sign: the private key that it is signed with, or None.
+        stop: whether the run is to end.
     """
 
-    def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
+    def __init__(
+        self, path: Path, *, waits: bool, sign: Path | None = None, stop: Callable[[], bool] = lambda: False
+    ) -> None:
         self.path: Final = path
+        self._stop: Final = stop
         self._sign: Final = sign
         self._refused = 0
         self._waits: Final = waits
@@ -176,7 +180,7 @@ class Recorder:
             [robot.robot_id for robot in robots],
             {robot.robot_id: [module.name for module in robot.modules] for robot in robots},
         )
-        self._pipe = WriterPipe(self.path, waits=self._waits, sign=self._sign)
+        self._pipe = WriterPipe(self.path, waits=self._waits, sign=self._sign, stop=self._stop)
         self._send(self._pipe, packed(frame))
         self._pipe.wait_ready()
         self._say(self._pipe.failure, "; the run goes on")

@@ -218,15 +218,17 @@ class RTAModule:
             return
         unit = phi_safe.unit
         needed = reach + noise + self.keep
-        # Rounded up, because who takes this value must pass.
-        remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
+        remedy = "no phi_safer"
+        if math.isfinite(needed):
+            # Rounded up, because who takes this value must pass.
+            remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
         wrong = f" and be wrong by {noise:.3f} {unit}" if noise > 0.0 else ""
         wrong += f" and {self.keep:.3f} {unit} is kept for the safe controller" if self.keep > 0.0 else ""
         by_lease = timing.silent_s(self.delta_s) > 2.0 * self.delta_s
         head = "the last look before the supervisor dies, the lease" if by_lease else "2 Delta"
         fits_s = self._largest_delta_s(model, edge - noise - self.keep, timing, base_tick_s)
         if fits_s is not None:
-            remedy += f", or Delta = {fits_s:g} s,"
+            remedy += f", but Delta = {fits_s:g} s," if remedy.startswith("no") else f", or Delta = {fits_s:g} s,"
         raise IllFormedModule(
             self.name,
             "P3",

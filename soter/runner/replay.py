@@ -188,7 +188,7 @@ class _Cast:
                 on_ill_formed=refused if settings else None, remote=tuple(self._peers.values()),
                 remote_promises=elsewhere,
             )  # fmt: skip
-        except ValueError as failure:
+        except (ValueError, ArithmeticError) as failure:
             # Its robots promise what none can.
             raise self._bad(failure) from failure
         if settings:

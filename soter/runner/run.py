@@ -127,7 +127,9 @@ def run_mission(
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
         # Closed after everything else: it takes its time, in which no robot may move.
         recorder = (
-            None if record is None else stack.enter_context(Recorder(record, waits=declared.in_process, sign=sign))
+            None
+            if record is None
+            else stack.enter_context(Recorder(record, waits=declared.in_process, sign=sign, stop=audience.stop))
         )
         side: AcSide
         if declared.in_process:

@@ -35,6 +35,7 @@ MAX_PROCESSES: Final = 512
 SCRATCH_BYTES: Final = 256 << 20
 """What the scratch folder of a box takes, where it is in memory."""
 
+_NAMESPACE: Final = "process namespace"
 _PID_MAX: Final = Path("/proc/sys/kernel/pid_max")
 _PID_MAX_OF_EACH: Final = (6, 14)
 """Since this kernel every namespace of process ids has a limit of its own."""
@@ -76,6 +77,11 @@ class InForce:
         """Note that something is not taken by this, unless something else takes it."""
         if what not in self.by:
             self.lacks[what] = f"{self.lacks[what]}; {why}" if what in self.lacks else why
+
+    def lose(self, what: str, why: str) -> None:
+        """Note that something is not taken after all, whatever was noted before."""
+        self.by.pop(what, None)
+        self.lacks[what] = why
 
     @property
     def missing(self) -> str:
@@ -128,13 +134,19 @@ def enter(box: Box, scratch: str, inherited: Mapping[str, str], close: Sequence[
     _restrict(box, scratch, files, found)
     try:
         kernel.refuse_calls(sockets=not box.network)
-        if not box.network:
-            found.note(NETWORK, "seccomp")
+        for what in (RIGHTS, PROCESSES, NETWORK):
+            # It keeps nobody from sending signals.
+            if what != PROCESSES or what in found.by:
+                found.note(what, "seccomp")
     except OSError as failure:
-        found.miss(NETWORK, f"seccomp: {failure.strerror or failure}")
+        why = f"seccomp: {failure.strerror or failure}"
+        found.miss(NETWORK, why)
+        found.lose(RIGHTS, why)
+        if _NAMESPACE not in found.by.get(PROCESSES, ""):
+            # Landlock leaves others' limits and priorities.
+            found.lose(PROCESSES, why)
     if box.network:
-        found.by.pop(NETWORK, None)
-        found.lacks[NETWORK] = "the bus of a distributed mission needs it"
+        found.lose(NETWORK, "the bus of a distributed mission needs it")
     _own = found
     return found
 
@@ -203,7 +215,7 @@ def _into_namespaces(box: Box, scratch: str, close: Sequence[int], lifeline_fd: 
     os.close(heard)
     if not box.network:
         found.note(NETWORK, "network namespace")
-    found.note(PROCESSES, "process namespace")
+    found.note(PROCESSES, _NAMESPACE)
     _mounted(scratch, found)
     _count(found)
     inside = os.fork()
@@ -224,7 +236,7 @@ def _mounted(scratch: str, found: InForce) -> None:
         found.note(FILES, "read-only mounts")
         # Read-only does not mean out of sight: that takes Landlock.
         if not kernel.landlock_abi():
-            found.lacks[FILES] = f"{found.by.pop(FILES)} only"
+            found.lose(FILES, f"{found.by[FILES]} only")
 
 
 def _limit_ids(found: InForce) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import os
 import platform
 import stat
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -207,19 +208,44 @@ _CALLS: Final[Mapping[str, tuple[int, Mapping[str, int]]]] = {
         _SOCKET: 41, "ptrace": 101, "pivot_root": 155, "mount": 165, "umount2": 166, "add_key": 248,
         "request_key": 249, "keyctl": 250, "unshare": 272, "perf_event_open": 298, "open_by_handle_at": 304,
         "setns": 308, "process_vm_readv": 310, "process_vm_writev": 311, "bpf": 321, "userfaultfd": 323,
+        "socketpair": 53, "clone": 56, "setpriority": 141, "sched_setparam": 142, "sched_setscheduler": 144,
+        "sched_setaffinity": 203, "ioprio_set": 251, "prlimit64": 302, "sched_setattr": 314,
     }),
     "aarch64": (0xC00000B7, {
         _SOCKET: 198, "ptrace": 117, "pivot_root": 41, "mount": 40, "umount2": 39, "add_key": 217,
         "request_key": 218, "keyctl": 219, "unshare": 97, "perf_event_open": 241, "open_by_handle_at": 265,
         "setns": 268, "process_vm_readv": 270, "process_vm_writev": 271, "bpf": 280, "userfaultfd": 282,
+        "socketpair": 199, "clone": 220, "setpriority": 140, "sched_setparam": 118, "sched_setscheduler": 119,
+        "sched_setaffinity": 122, "ioprio_set": 30, "prlimit64": 261, "sched_setattr": 274,
     }),
 }  # fmt: skip
 _NEW_CALLS: Final = (425, 428, 429, 430, 442)
 """Of every machine: io_uring_setup, whose rings make sockets too, and open_tree, move_mount, fsopen, mount_setattr."""
 
-_LOAD, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x15, 0x35, 0x06
-_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | 1  # EPERM
+_CLONE3: Final = 435
+"""Its arguments are out of a filter's sight; where it seems not to be known, libraries use `clone`."""
+
+_ONESELF: Final = ((0, -1, (0,)),)
+_ALLOWED_IF: Final[Mapping[str, Sequence[tuple[int, int, Sequence[int]]]]] = {
+    # A pair of packet sockets, unlike streams and sequences of packets, may talk to any Unix socket besides.
+    "socketpair": ((0, -1, (1,)), (1, 0xF, (1, 5))),
+    "clone": ((0, 0x7E020000, (0,)),),
+    **dict.fromkeys(
+        ("prlimit64", "sched_setparam", "sched_setscheduler", "sched_setaffinity", "sched_setattr"), _ONESELF
+    ),
+    "setpriority": ((0, -1, (0,)), (1, -1, (0,))),
+    "ioprio_set": ((0, -1, (1,)), (1, -1, (0,))),
+}
+"""Calls that are allowed if all these arguments (number, mask) are among these values: no new namespaces, and what is
+changed of a process is one's own. Nobody else's limits and priorities, which where there is no namespace of process ids
+would end the supervisor, or starve it."""
+
+_LOAD, _AND, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
+_ALLOW, _REFUSE, _UNKNOWN = 0x7FFF0000, 0x00050000 | errno.EPERM, 0x00050000 | errno.ENOSYS
+_NUMBER, _MACHINE, _ARGUMENTS = 0, 4, 16
 _OTHER_ABI: Final = 0x40000000
+
+_Step = tuple[int, int, int, int]
 
 
 def refuse_calls(*, sockets: bool) -> None:
@@ -237,13 +263,30 @@ def refuse_calls(*, sockets: bool) -> None:
     if known is None or struct.calcsize("P") != 8:
         raise OSError(f"the system calls of {platform.machine()} are not known")
     machine, calls = known
-    numbers = [*(number for name, number in calls.items() if sockets or name != _SOCKET), *_NEW_CALLS]
-    count = len(numbers)
     # What is told in another machine's numbers is refused as a whole.
-    program = [(_LOAD, 0, 0, 4), (_EQUAL, 0, count + 3, machine), (_LOAD, 0, 0, 0)]
-    program += [(_AT_LEAST, count + 1, 0, _OTHER_ABI)]
-    program += [(_EQUAL, count - index, 0, number) for index, number in enumerate(numbers)]
-    program += [(_RETURN, 0, 0, _ALLOW), (_RETURN, 0, 0, _REFUSE)]
+    program: list[_Step] = [(_LOAD, 0, 0, _MACHINE), (_EQUAL, 1, 0, machine), (_RETURN, 0, 0, _REFUSE)]
+    program += [(_LOAD, 0, 0, _NUMBER), (_AT_LEAST, 0, 1, _OTHER_ABI), (_RETURN, 0, 0, _REFUSE)]
+    program += _if_called(_CLONE3, [(_RETURN, 0, 0, _UNKNOWN)])
+    for name, number in (*calls.items(), *(("", number) for number in _NEW_CALLS)):
+        if sockets or name not in {_SOCKET, "socketpair"}:
+            program += _if_called(number, _judged(_ALLOWED_IF.get(name)))
+    program += [(_RETURN, 0, 0, _ALLOW)]
     code = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *each) for each in program))
     head = ctypes.create_string_buffer(struct.pack("@HP", len(program), ctypes.addressof(code)))
     _prctl(_PR_SET_SECCOMP, _SECCOMP_MODE_FILTER, ctypes.addressof(head))
+
+
+def _if_called(number: int, steps: Sequence[_Step]) -> list[_Step]:
+    """Return what judges one call; the steps end with a verdict."""
+    return [(_EQUAL, 0, len(steps), number), *steps]
+
+
+def _judged(conditions: Sequence[tuple[int, int, Sequence[int]]] | None) -> list[_Step]:
+    """Return the steps that allow a call if its arguments fulfil all conditions; without any, it is refused."""
+    steps: list[_Step] = []
+    for argument, mask, values in conditions or ():
+        # The lower half of an argument: both machines have it first, and none of these arguments has an upper one.
+        steps += [(_LOAD, 0, 0, _ARGUMENTS + 8 * argument), (_AND, 0, 0, mask & 0xFFFFFFFF)]
+        steps += [(_EQUAL, len(values) - index, 0, value) for index, value in enumerate(values)]
+        steps += [(_RETURN, 0, 0, _REFUSE)]
+    return [*steps, (_RETURN, 0, 0, _ALLOW if conditions else _REFUSE)]

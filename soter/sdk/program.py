@@ -89,18 +89,23 @@ def first_line(process: subprocess.Popen[bytes], described: bytes = b"") -> byte
 
 
 def ended(what: str, process: subprocess.Popen[bytes]) -> str:
-    """Return how a process has ended, in words; empty while it runs."""
+    """Return how a process has ended, or been stopped, in words; empty while it runs."""
     code = process.poll()
-    if code is None:
+    if code is not None:
+        how = f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
+        return f"{what}, process {process.pid}, has ended with {how}"
+    stopped = os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT | os.WNOHANG)
+    if stopped is None:
         return ""
-    how = f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
-    return f"{what}, process {process.pid}, has ended with {how}"
+    return f"{what}, process {process.pid}, was stopped by signal {signal.Signals(stopped.si_status).name}"
 
 
 def end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
     """End processes and wait until they are gone; those that do not go in time are killed. Idempotent."""
     for process in processes:
         process.terminate()
+        # One that was stopped could not end by itself.
+        process.send_signal(signal.SIGCONT)
     for process in processes:
         try:
             process.wait(_END_TIMEOUT_S)

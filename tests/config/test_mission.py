@@ -162,6 +162,10 @@ WRONG: list[tuple[str, str]] = [
     ("seed = 1\nseed = 2\n", "m.toml:3: not valid TOML: Cannot overwrite a value (column 9)"),
     ("x = [\n", "m.toml: not valid TOML: Invalid value (at end of document)"),
     ("x = " + 5000 * "[", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
+    (
+        '[isolation]\nread = ["a", "\\u0000"]',
+        "m.toml:3: isolation.read.1: it has the character U+0000, allowed: what a file can be called",
+    ),
     (30 * "a." + "b = 1", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
     # names
     ("duration = 5\n", "m.toml:2: duration: unknown key, did you mean 'duration_s'?; allowed: " + ALL_KEYS),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import tracemalloc
 from collections.abc import Callable
@@ -68,6 +69,9 @@ def changed(good: Path, target: Path, old: bytes, new: bytes, *, topic: str = ""
         (b'"robot_id":1', b'"robot_id":' + b"9" * 400, "about.json", "its about.json"),
         (b'"seed":1', b'"seed":' + b"9" * 5000, "about.json", "its about.json"),
         (b'"v_max_m_s":0.', b'"v_max_m_s":-0.', "about.json", "it cannot be replayed"),
+        (b'"brake_m_s2":1.0', b'"brake_m_s2":0.0', "about.json", "it cannot be replayed"),
+        (b'"phi_safer":0.85', b'"phi_safer":' + b"9" * 400, "about.json", r"rta\.battery\.phi_safer"),
+        (b'"workspace":"', b'"workspace":"\\u0000', "about.json", r"workspace: it has the character U\+0000"),
         (b'"seed":1', b'"seed":' + b"[" * 100_000, "about.json", "its about.json"),
         (b'"surveillance"', b'"\xff\xfe"', "about.json", "its about.json"),
         (b"<dimension", b"<\xff", "workspace.xml", "workspace.xml"),
@@ -158,6 +162,15 @@ def test_any_beginning_of_a_file_is_read_or_refused(good: Path, tmp_path: Path, 
     path.write_bytes(good.read_bytes()[:length])
     with pytest.raises(BadRecording):
         use(path)
+
+
+def test_a_pipe_is_refused_whoever_is_at_its_other_end(tmp_path: Path) -> None:
+    pipe = tmp_path / "run.mcap"
+    os.mkfifo(pipe)
+    with pytest.raises(BadRecording, match="it is a pipe"):
+        use(pipe)
+    with pytest.raises(ConfigError, match="cannot be recorded to: No such device"):
+        recorded(pipe, duration_s=1.0)
 
 
 def test_attachments_have_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

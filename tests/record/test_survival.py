@@ -11,10 +11,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from soter.record.content import Tick
+from soter.record.digest import State, prove
 from soter.record.reader import BadRecording, Recording
 from soter.record.recorder import Recorder
 from soter.runner import run_mission
@@ -156,6 +158,17 @@ def test_in_virtual_time_a_run_waits_for_a_writer_that_does_not_follow(tmp_path:
     assert Recording(path).content().drops == []
 
 
+def test_a_run_that_waits_for_a_stopped_writer_ends_when_it_is_told_to(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with started(path, *FOR_EVER) as process:
+        os.kill(writer_of(process.pid), signal.SIGSTOP)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=20)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert prove(path).state is State.WHOLE
+
+
 def test_on_a_wall_clock_nobody_waits_and_what_is_dropped_is_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -164,8 +177,8 @@ def test_on_a_wall_clock_nobody_waits_and_what_is_dropped_is_counted(
     stopped: list[int] = []
 
     class Unwaiting(Recorder):
-        def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
-            super().__init__(path, waits=False, sign=sign)
+        def __init__(self, path: Path, *, waits: bool, **named: Any) -> None:
+            super().__init__(path, waits=False, **named)
 
         def tick(self, now_s: float, tick: int) -> None:
             pid = self.writer_pid

@@ -45,6 +45,12 @@ def test_the_widest_jump_that_can_be_counted_is_exact() -> None:
     assert Unpacked(columns.packed({})).column(number).tolist() == [-most, most, -most]
 
 
+def test_what_is_too_large_is_cut_without_a_word() -> None:
+    columns = Columns()
+    number = columns.add([1e308, -1e308, 5.0], 1e-3)
+    assert Unpacked(columns.packed({})).column(number).tolist() == pytest.approx([2147483.647, -2147483.647, 5.0])
+
+
 def test_what_json_cannot_say_is_refused() -> None:
     with pytest.raises(ValueError, match="JSON compliant"):
         Columns().packed({"margin": math.nan})

@@ -115,6 +115,11 @@ def test_p3_names_the_numbers_and_a_value_that_would_do() -> None:
     replace(made, phi_safer=Above(number(r"a margin of ([\d.]+) m", error))).check(TIMING, TICK_S)
 
 
+def test_p3_is_refused_where_no_phi_safer_would_do() -> None:
+    made = module(model=type(SPEED)(1e300, 1.0), phi_safer=Above(0.2))
+    assert "it is only 0.200 m; no phi_safer would do" in str(refusal(made))
+
+
 @given(
     st.integers(1, 40), st.floats(0.0, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 0.1),
     st.floats(0.0, 0.2), st.floats(0.0, 1.0), st.integers(1, 4),

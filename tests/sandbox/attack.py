@@ -1,8 +1,8 @@
 """Boxes itself in and then tries what a box is against; says in JSON what is in force and what came of each try.
 
-Arguments: a secret file, the address of a TCP and of a UDP socket, an abstract and a bound Unix socket, the id of a
-process of the same user, a folder for scratch; then `user` to be an ordinary one, and `no-namespaces` for a kernel that
-allows none, as in most containers.
+Arguments: a secret file, the address of a TCP and of a UDP socket, an abstract Unix socket, and two bound ones, of a
+stream and of packets, the id of a process of the same user, a folder for scratch; then `user` to be an ordinary one,
+and `no-namespaces` for a kernel that allows none, as in most containers.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -22,7 +23,7 @@ from typing import Any
 from soter import sandbox
 from soter.sandbox import Box, kernel
 
-SECRET, TCP, UDP, ABSTRACT, BOUND, VICTIM, SCRATCH, *HOW = sys.argv[1:]
+SECRET, TCP, UDP, ABSTRACT, BOUND, LETTERBOX, VICTIM, SCRATCH, *HOW = sys.argv[1:]
 NOBODY = 65534
 PTRACE_ATTACH = 16
 
@@ -59,6 +60,28 @@ def reads_memory() -> None:
         memory.read(1)
 
 
+def takes_namespaces_anew() -> None:
+    """By the call that starts processes, which makes them on the way."""
+    pid = call(libc.syscall({"x86_64": 56, "aarch64": 220}[os.uname().machine], kernel.NEW_USER | signal.SIGCHLD, 0))
+    if pid == 0:
+        os._exit(0)
+    os.waitpid(pid, 0)
+
+
+def says_on_a_pair() -> None:
+    """One of a pair of packet sockets may talk to others, unlike a stream."""
+    mine, _other = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    mine.sendto(b"cmd_vel", LETTERBOX)
+
+
+def slows() -> None:
+    os.sched_setscheduler(int(VICTIM), os.SCHED_IDLE, os.sched_param(0))
+
+
+def slows_all() -> None:
+    os.setpriority(os.PRIO_USER, os.getuid(), 19)
+
+
 def forks() -> None:
     """More than a box may hold; all are gone again afterwards."""
     started: list[int] = []
@@ -80,6 +103,7 @@ ATTACKS: dict[str, tuple[str, Callable[[], object]]] = {
     "udp": (sandbox.NETWORK, lambda: connects(socket.AF_INET, socket.SOCK_DGRAM, ("127.0.0.1", int(UDP)))),
     "abstract": (sandbox.NETWORK, lambda: connects(socket.AF_UNIX, socket.SOCK_STREAM, f"\0{ABSTRACT}")),
     "bound": (sandbox.NETWORK, lambda: connects(socket.AF_UNIX, socket.SOCK_STREAM, BOUND)),
+    "letterbox": (sandbox.NETWORK, says_on_a_pair),
     "rings": (sandbox.NETWORK, makes_rings),
     "reads another's file": (sandbox.FILES, reads(SECRET)),
     "reads /etc/passwd": (sandbox.FILES, reads("/etc/passwd")),
@@ -92,8 +116,13 @@ ATTACKS: dict[str, tuple[str, Callable[[], object]]] = {
     "traces": (sandbox.PROCESSES, traces),
     "reads memory": (sandbox.PROCESSES, reads_memory),
     "reads environment": (sandbox.PROCESSES, reads(f"/proc/{VICTIM}/environ")),
+    "slows": (sandbox.PROCESSES, slows),
+    "slows all": (sandbox.PROCESSES, slows_all),
+    "pins": (sandbox.PROCESSES, lambda: os.sched_setaffinity(int(VICTIM), {0})),
+    "limits": (sandbox.PROCESSES, lambda: resource.prlimit(int(VICTIM), resource.RLIMIT_CPU, (1, 1))),
     "becomes root": (sandbox.RIGHTS, lambda: os.setuid(0 if os.getuid() else 1)),
     "takes namespaces": (sandbox.RIGHTS, lambda: call(libc.unshare(kernel.NEW_USER))),
+    "takes namespaces anew": (sandbox.RIGHTS, takes_namespaces_anew),
     "sets the host's name": (sandbox.RIGHTS, lambda: call(libc.sethostname(b"mine", 4))),
     "fork bomb": (sandbox.NUMBER, forks),
 }
@@ -102,6 +131,8 @@ NEEDED: dict[str, Callable[[], object]] = {
     "writes scratch": lambda: (Path(SCRATCH) / "file").write_text("mine"),
     "runs programs": lambda: subprocess.run(["/bin/true"], check=True),
     "pairs of sockets": socket.socketpair,
+    "pairs of links": lambda: socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET),
+    "is nicer": lambda: os.nice(1),
     "threads": lambda: threading.Thread(target=sum, args=([1, 2],)).start(),
     "random numbers": lambda: os.close(os.open("/dev/urandom", os.O_RDONLY)),
     "discards": lambda: Path(os.devnull).write_text("nothing"),

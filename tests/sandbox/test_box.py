@@ -33,6 +33,7 @@ def targets() -> Iterator[list[str]]:
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
         socket.socket(socket.AF_UNIX) as abstract,
         socket.socket(socket.AF_UNIX) as bound,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as letterbox,
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"]) as victim,
     ):
         Path(folder).chmod(0o711)
@@ -44,6 +45,9 @@ def targets() -> Iterator[list[str]]:
         udp.bind(("127.0.0.1", 0))
         abstract.bind(f"\0soter-test-{os.getpid()}")
         bound.bind(str(Path(folder, "bound")))
+        letterbox.bind(str(Path(folder, "letterbox")))
+        for name in ("bound", "letterbox"):
+            Path(folder, name).chmod(0o666)
         for listener in (abstract, bound):
             listener.listen()
         ports = [str(each.getsockname()[1]) for each in (tcp, udp)]
@@ -52,6 +56,7 @@ def targets() -> Iterator[list[str]]:
             *ports,
             f"soter-test-{os.getpid()}",
             str(Path(folder, "bound")),
+            str(Path(folder, "letterbox")),
             str(victim.pid),
             str(scratch),
         ]
@@ -111,6 +116,21 @@ def test_what_is_required_and_not_there_is_named_and_nothing_runs(monkeypatch: p
     with pytest.raises(NotBoxed, match=r"network \(the bus of a distributed mission needs it\)"):
         child.receive(30.0)
     child.kill()
+
+
+def test_without_a_filter_of_calls_nothing_counts_that_rests_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(**_: object) -> None:
+        raise OSError("the system calls of this machine are not known")
+
+    for name, value in {"drop_rights": None, "landlock_abi": kernel.SCOPE_ABI, "restrict": None}.items():
+        monkeypatch.setattr(kernel, name, lambda *_, value=value, **__: value)
+    monkeypatch.setattr(kernel, "refuse_calls", unknown)
+    monkeypatch.setattr(sandbox, "_into_namespaces", lambda *_: None)
+    monkeypatch.setattr("resource.setrlimit", lambda *_: None)
+    monkeypatch.setattr(sandbox, "_own", None)
+    found = sandbox.enter(Box(), "/nowhere", {}, (), 0)
+    assert found.by == {sandbox.FILES: f"Landlock {kernel.SCOPE_ABI}"}
+    assert {sandbox.NETWORK, sandbox.PROCESSES, sandbox.RIGHTS} <= found.lacks.keys()
 
 
 def test_what_lacks_is_in_words() -> None:

@@ -11,7 +11,9 @@ from __future__ import annotations
 import json
 import logging
 import math
+import os
 import socket
+import tempfile
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Final
@@ -28,6 +30,7 @@ from soter.adapters.mavlink.link import AUTOPILOT, Fields, Link
 from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock
 from soter.errors import RobotUnavailable
+from soter.scratch import Scratch
 
 logger = logging.getLogger(__name__)
 
@@ -51,6 +54,7 @@ class MavsdkLink(Link):
         self._components: Final = tuple(components)
         self._senders: Final[dict[int, MavlinkDirectServer]] = {}
         self._mavsdk: mavsdk.Mavsdk | None = None
+        self._scratch: Scratch | None = None
 
     def start(self) -> None:
         if self._address.kind == "udpin" and _in_use(self._address):
@@ -59,6 +63,10 @@ class MavsdkLink(Link):
         log_subscribe(_log)
         keeper = self._components[0]
         configuration = mavsdk.Configuration.create_manual(self.system, keeper, True)
+        # MAVSDK makes a folder for each vehicle there, which it leaves behind if this process is killed. Only the
+        # library sees it: what is started from here gets `os.environ`.
+        self._scratch = Scratch("mavsdk")
+        os.putenv("TMPDIR", str(self._scratch.path))
         self._mavsdk = started = mavsdk.Mavsdk(configuration)
         configuration.destroy()
         for component in self._components:
@@ -77,6 +85,9 @@ class MavsdkLink(Link):
         if started is not None:
             self._senders.clear()
             started.destroy()
+        if self._scratch is not None:
+            os.putenv("TMPDIR", tempfile.gettempdir())
+            self._scratch.close()
 
     def _send(self, system: int, component: int, name: str, fields: Fields) -> None:
         sender = self._senders.get(component)

@@ -46,7 +46,9 @@ class Columns:
         finite = np.isfinite(numbers)
         head: dict[str, Any] = {"count": len(numbers), "quantum": quantum, "first": 0, "since": since}
         if len(numbers):
-            counted = np.clip(np.rint(_filled(numbers, finite) / quantum), -_MOST, _MOST).astype(np.int64)
+            # Cut first: what is beyond may be too large to be divided.
+            kept = np.clip(_filled(numbers, finite), -_MOST * quantum, _MOST * quantum)
+            counted = np.clip(np.rint(kept / quantum), -_MOST, _MOST).astype(np.int64)
             head["first"] = int(counted[0])
             head["kind"], head["at"] = self._append(np.diff(counted))
             if not finite.all():

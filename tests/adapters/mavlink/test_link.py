@@ -6,9 +6,11 @@ import math
 import os
 import pty
 import socket
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -293,7 +295,10 @@ def test_a_baud_rate_that_does_not_exist_is_no_line() -> None:
     transport.close()
 
 
-def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(stack: ExitStack) -> None:
+def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(
+    stack: ExitStack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     port = free_port()
     link = opened(stack, MavsdkLink(VehicleClock(), Address("udpin", "127.0.0.1", port), OURS, COMPONENTS), 1, 2)
     vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -327,3 +332,9 @@ def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(stack: ExitStac
         return ("SET_POSITION_TARGET_LOCAL_NED", SENDERS[Controller.AC]) in said
 
     assert eventually(heard)
+    # What the library leaves behind if it is killed lies where the next run finds it.
+    made = [path.parent for path in tmp_path.rglob("mavsdk-*")]
+    assert made
+    assert all((folder / ".lock").exists() for folder in made)
+    link.close()
+    assert not [*tmp_path.iterdir()]
