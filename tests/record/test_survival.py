@@ -164,7 +164,7 @@ def test_a_run_that_waits_for_a_stopped_writer_ends_when_it_is_told_to(tmp_path:
         os.kill(writer_of(process.pid), signal.SIGSTOP)
         time.sleep(0.5)
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=20)
+        process.communicate(timeout=100)
     assert process.returncode == 128 + signal.SIGTERM
     assert prove(path).state is State.WHOLE
 
