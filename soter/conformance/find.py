@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any, Final
 
-from soter.conformance.harness import Harness
+from soter.conformance.harness import LOW_CHARGE, Harness
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.registry import load_backend
 from soter.sdk import Backend, Fleet, RobotSpec
@@ -45,7 +45,7 @@ class InProcessHarness(Harness):
     def open(self, robots: int) -> Fleet:
         """Return a fleet in a fresh world."""
         floor = open_floor().with_robots(robots)
-        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in floor.robots]
+        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, LOW_CHARGE) for place in floor.robots]
         config = self.backend.config_model(workspace=floor, **self.options)
         return self.backend().open(config, specs)
 

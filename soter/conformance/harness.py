@@ -15,6 +15,10 @@ EXTRA_HOOKS: Final = ("second", "step_clock", "restart")
 """More of them, for what not every harness can do; an adapter may conform without."""
 
 
+LOW_CHARGE: Final = 0.25
+"""What simulated robots start with: what is weak when a battery is low shows, and so does a charge said too high."""
+
+
 class Harness(ABC):
     """Opens the robots of one backend for the kit.
 

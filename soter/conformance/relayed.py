@@ -6,7 +6,7 @@ import subprocess
 from typing import Final, Protocol
 
 from soter.conformance import driver
-from soter.conformance.harness import Harness
+from soter.conformance.harness import LOW_CHARGE, Harness
 from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
 
@@ -61,7 +61,7 @@ WIDE_ROOMS: Final = Workspace(
 
 def in_wide_rooms(robots: int) -> list[RobotSpec]:
     """Return the first robots of `WIDE_ROOMS`, with a battery that is not full."""
-    return [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad, 0.8) for each in WIDE_ROOMS.robots[:robots]]
+    return [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad, LOW_CHARGE) for each in WIDE_ROOMS.robots[:robots]]
 
 
 class RelayedHarness(Harness):

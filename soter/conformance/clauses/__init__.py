@@ -11,6 +11,7 @@ from soter.conformance.clauses import authority as authority
 from soter.conformance.clauses import deadman as deadman
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import bounds as bounds
+from soter.conformance.clauses import endurance as endurance
 from soter.conformance.clauses import link as link
 from soter.conformance.clauses import process as process
 from soter.conformance.clauses import resources as resources

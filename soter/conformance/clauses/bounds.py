@@ -14,6 +14,7 @@ from soter.sdk import Controller, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
 _TRIALS = 16
+_STOPS = 12
 _WAKES = 200
 _BUSY_S = 0.02
 _ROOM_M = 0.1
@@ -27,8 +28,8 @@ def latency(bench: Bench) -> None:
     """From a goto, and from a cancel, to the first change of motion no more than the declared latency passes."""
     robot = bench.open_one()
     caps, seen = bench.caps, []
-    for start, end, _ in Shuttle(bench, robot).trials(_TRIALS, lambda goal: goal.cancel()):
-        seen += [start.begins_s, end.begins_s]
+    for trial in Shuttle(bench, robot).trials(bench.trials(_TRIALS), lambda goal: goal.cancel()):
+        seen += [trial.start.begins_s, trial.end.begins_s]
     cause = "latency_s is declared too small, commands wait in a queue, or old samples are stamped as new"
     # Nine of ten are judged sharply; of the rest one may have met a host that was busy for a moment.
     bench.measure(
@@ -92,7 +93,7 @@ def _legs(bench: Bench) -> list[tuple[Sample, Waypoint, list[Sample]]]:
     """Drive legs from rest to rest; return where each began, its target, and what was seen of it."""
     robot = bench.open_one()
     legs = []
-    for ahead, left in _LEGS:
+    for ahead, left in _LEGS[: bench.trials(len(_LEGS))]:
         began, began_s = bench.look(robot), bench.now_s
         target = bench.place(robot, ahead, left, radius_m=0.05)
         bench.go(robot, target)
@@ -143,8 +144,8 @@ def overshoot(bench: Bench) -> None:
 def braking(bench: Bench) -> None:
     """From the first deceleration on the robot stops as brake_m_s2 promises, whatever latency_s would still allow."""
     robot = bench.open_one()
-    trials = Shuttle(bench, robot).trials(_TRIALS // 2, lambda goal: goal.cancel())
-    measure_braking(bench, [end for _, end, _ in trials], "after a cancel")
+    trials = [*Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
+    measure_braking(bench, trials, "after a cancel")
 
 
 @clause("bounds.acceleration", truth=True, needs=("accel_m_s2",))
@@ -152,7 +153,8 @@ def acceleration(bench: Bench) -> None:
     """The robot gains speed no faster than accel_m_s2."""
     robot = bench.open_one()
     accel = bench.caps.accel_m_s2 or 0.0
-    seen = [start.rate_m_s2 for start, _, _ in Shuttle(bench, robot).trials(_TRIALS // 2, lambda goal: goal.cancel())]
+    trials = Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())
+    seen = [trial.start.rate_m_s2 for trial in trials]
     bench.measure(
         "accel_m_s2", quantile(seen, 0.5), accel, share_off(bench) * accel,
         "it gains speed faster than promised: accel_m_s2 is declared too small", spread=seen,
@@ -177,7 +179,8 @@ def pivot(bench: Bench) -> None:
                 strayed = max(strayed, sample.distance_m(began.x_m, began.y_m))
         bench.measure(
             "pivot_m", strayed, bench.caps.tube_m, _off_m(bench),
-            "it drives off before it has turned; declare pivots_first=False",
+            "it drives off before it has turned, or turns about another point than its place; declare "
+            "pivots_first=False",
         )  # fmt: skip
         bench.run(SETTLE_S)
 

@@ -8,8 +8,11 @@ from contextlib import suppress
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus
+
+_REPLACED = 4
 
 
 @clause("goal.ids")
@@ -52,6 +55,24 @@ def superseded(bench: Bench) -> None:
     bench.run(SETTLE_S)
     bench.expect_still(robot, 2.0, "the old target is driven to after the new one")
     bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once")
+
+
+@clause("goal.replaced", needs=("pivots_first",))
+def replaced(bench: Bench) -> None:
+    """A goal that replaces another one on the way is acted upon within the latency."""
+    robot, caps = bench.open_one(), bench.caps
+    # To the side, and without a heading: it has to come to rest and turn before it can go there.
+    shuttle = Shuttle(bench, robot)
+    trials = shuttle.trials(
+        bench.trials(_REPLACED), lambda _: robot.goto(bench.place(robot, 0.0, 3.0), Controller.AC),
+        cause="a goal to the side is not turned to", after=lambda: robot.goto(shuttle.end, Controller.AC).cancel(),
+    )  # fmt: skip
+    begins_s = [trial.end.begins_s for trial in trials]
+    bench.measure(
+        "replaced_s", max(begins_s), caps.latency_s + caps.jitter_s, bench.fit_s,
+        "a robot on its way goes on to the old target before it turns to the new one: a stop is obeyed sooner than a "
+        "goto", spread=begins_s,
+    )  # fmt: skip
 
 
 @clause("goal.cancel", truth=True)

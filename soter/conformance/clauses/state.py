@@ -7,10 +7,11 @@ import time
 from itertools import pairwise
 
 from soter.conformance.bench import STILL_RAD, Bench
-from soter.conformance.clause import clause
+from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
+from soter.conformance.trials import ToAndFro
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Robot, RobotState
 
@@ -58,6 +59,10 @@ def ranges(bench: Bench) -> None:
             bench.require(
                 not isinstance(value, float) or math.isfinite(value), f"{name} is {value}: a sample must be finite"
             )
+        bench.require(
+            not bench.caps.reports_battery or state.battery is not None,
+            "a sample carries no charge, and others do: where one was not measured anew, hand out the last one",
+        )
         bench.require(
             -math.pi - 1e-9 < state.heading_rad <= math.pi + 1e-9,
             f"heading_rad is {state.heading_rad:.3f}, allowed: (-pi, pi]: degrees, or not wrapped",
@@ -233,21 +238,13 @@ def charge(bench: Bench) -> None:
     bench.go(robot, bench.place(robot, 0.8))
     began = bench.look(robot).state
     full_s = robot.spec.drive_s
-    ends = [bench.place(robot, -0.8), bench.place(robot, 0.8)]
-    goal = robot.goto(ends[0], Controller.AC)
-    legs = 1
-
-    def to_and_fro() -> bool:
-        nonlocal goal, legs
-        if not goal.active:
-            goal, legs = robot.goto(ends[legs % 2], Controller.AC), legs + 1
-        return False
+    shuttle = ToAndFro(bench, robot)
 
     def fallen() -> bool:
-        to_and_fro()
+        shuttle.go_on()
         return _charge(robot.read_state()) < _charge(began)
 
-    bench.run(_DRIVES_S, to_and_fro)
+    bench.run(_DRIVES_S, shuttle.go_on)
     # A charge in whole percent changes once in a hundredth of this.
     fell = bench.run(2.5 * _PERCENT * full_s, fallen)
     driven_s = bench.now_s - began.stamp_s
@@ -261,9 +258,10 @@ def charge(bench: Bench) -> None:
         "discharge", fallen_by, 1.05 * driven_s / full_s + _PERCENT, 1e-6,
         f"in {driven_s:.1f} s the charge fell by more than driving from full to empty in {full_s:.0f} s explains",
     )  # fmt: skip
+    shuttle.goal.cancel()
+    _never_jumps(bench, robot)
     if not bench.harness.charges_at_start:
         return
-    goal.cancel()
     bench.go(robot, bench.place(robot, 0.0, radius_m=0.05))
     low = _charge(robot.read_state())
     bench.run(5.0 + 2.5 * _PERCENT * robot.spec.charge_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
@@ -271,11 +269,45 @@ def charge(bench: Bench) -> None:
         _charge(robot.read_state()) > low,
         f"at rest on its charger the charge stays at {low:.3f}: it is frozen, or only ever falls",
     )
+    _never_jumps(bench, robot)
+
+
+def _never_jumps(bench: Bench, robot: Robot) -> None:
+    """See that between two samples no charge changed by more than driving or charging explains."""
+    fastest_per_s = 1.0 / min(robot.spec.charge_s, robot.spec.drive_s)
+    for first, second in pairwise(bench.tracks[robot.id]):
+        by, passed_s = _charge(second.state) - _charge(first.state), second.at_s - first.at_s
+        bench.require(
+            abs(by) <= 2.0 * _PERCENT + 1.05 * fastest_per_s * passed_s,
+            f"within {passed_s:.2f} s the charge went from {_charge(first.state):.3f} to {_charge(second.state):.3f}: "
+            "it is a voltage or a guess, such as full as soon as it is being charged, and not what is left",
+        )
+
+
+@clause("truth.state.charge", tier=Tier.TRUTH, needs=("reports_battery",))
+def true_charge(bench: Bench) -> None:
+    """The charge of samples is the true one, to a hundredth."""
+    robot, truth = bench.open_one(), bench.fleet.truth
+    if truth is None or "battery" not in truth.report().min_margin:
+        raise NotTested("not declared: a truth that says the least charge there was")
+    shuttle, least = ToAndFro(bench, robot), truth.report().min_margin["battery"]
+
+    def fallen() -> bool:
+        # What the truth tells is the least so far: the present one while it falls below all there was.
+        shuttle.go_on()
+        return truth.report().min_margin["battery"] < least
+
+    fell = bench.run(_DRIVES_S + 2.5 * _PERCENT * robot.spec.drive_s, fallen)
+    bench.require(fell, "the true charge never fell while the robot drove: its simulation has no battery")
+    left, said = truth.report().min_margin["battery"], _charge(robot.read_state())
+    bench.measure(
+        "charge_off", abs(said - left), _PERCENT, 1e-3,
+        f"the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, or an old value",
+    )  # fmt: skip
 
 
 def _charge(state: RobotState) -> float:
-    assert state.battery is not None
-    return state.battery
+    return math.nan if state.battery is None else state.battery
 
 
 @clause("state.fresh")
