@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
-from soter.sdk import RobotState
+from soter.sdk import Controller, RobotState
 from soter_sim import LIMITS
-from tests.broken.edits import driven, edited, sampled, wired
+from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.mutants import _braking_at, _count, _late, _of, _with_control
 from tests.broken.on_wire import BrokenWire
 from tests.broken.wire_mutants import _acting, _sample_edit
-from tests.conformance.wire import PERIOD_S, Intent, Vehicle
+from tests.conformance.wire import PERIOD_S, Intent, Vehicle, WireRobot
 
 State = tuple[float, ...]
 """What a control is called with: now_s, x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s."""
@@ -84,6 +84,53 @@ def _full_at_once(robot: Any, state: RobotState) -> RobotState:
     return state._replace(battery=1.0) if before[2] else state
 
 
+def _idle_free(robot: Any, state: RobotState) -> RobotState:
+    """Add up again what was lost at rest."""
+    kept = _of(robot, "kept charge", lambda: [state.battery, state.stamp_s, 0.0])
+    if state.stamp_s > kept[1]:
+        still = math.hypot(state.vx_m_s, state.vy_m_s) + abs(state.yaw_rate_rad_s) < 1e-3
+        kept[:] = state.battery, state.stamp_s, kept[2] + still * max(kept[0] - (state.battery or 0.0), 0.0)
+    return state._replace(battery=min((state.battery or 0.0) + kept[2], 1.0))
+
+
+def _up_to_speed_first(robot: Any) -> None:
+    """Stop once it is up to speed, where it is gaining speed."""
+    if 0.0 < abs(robot._v[robot._index]) < 0.2:
+        robot._world_halts = True
+    else:
+        Broken._halt(robot)
+
+
+def _halts_when_fast(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    if getattr(robot, "_world_halts", False) and abs(state[4]) >= 0.2:
+        robot._world_halts = False
+        Broken._halt(robot)
+    return speed, rate
+
+
+def _served_late(robot: Any) -> None:
+    """Stop at once where it drives alone, and a little later where another one drives, too."""
+    if sum(abs(v) > 0.05 for v in robot._v) > 1:
+        _LATE["_halt"](robot)
+    else:
+        Broken._halt(robot)
+
+
+def _resumes(robot: Any, to: Controller) -> None:
+    old = robot._mux.command
+    Broken._hand_over(robot, to)
+    _of(robot, "resumed", lambda: [None])[0] = old
+
+
+def _resuming(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Go on with what was pre-empted once what came after it is reached."""
+    old, goal = _of(robot, "resumed", lambda: [None]), robot._mux.command
+    there = goal is not None and math.hypot(goal.target.x_m - state[1], goal.target.y_m - state[2]) < 0.02
+    if old[0] is not None and goal is not old[0] and there and (speed, rate) == (0.0, 0.0):
+        robot._mux.command = old[0]
+    return speed, rate
+
+
 def _keeps_all(robot: Any, state: RobotState) -> RobotState:
     _of(robot, "heard", list).append(bytes(2048))
     return state
@@ -122,6 +169,15 @@ def _busy_once_a_minute(self: Any, intent: Intent, clock_s: float) -> None:
         Vehicle.take(self, intent, clock_s)
 
 
+def _seldom_at_rest(self: Any) -> RobotState | None:
+    found = WireRobot._sample(self)
+    kept = _of(self, "kept sample", lambda: [found])
+    moves = found is not None and abs(found.vx_m_s) + abs(found.vy_m_s) + abs(found.yaw_rate_rad_s) > 1e-3
+    if moves or found is None or kept[0] is None or found.stamp_s - kept[0].stamp_s >= 0.3:
+        kept[0] = found
+    return kept[0]  # type: ignore[no-any-return]
+
+
 SELDOM: Final[tuple[type[Broken], ...]] = (
     edited("BrakesFade", "Brakes at half of what it promises when its battery is low.", "bounds.braking", "brake_m_s2",
            _connect=_with_control(_braking_where(lambda robot, _: robot._charge[robot._index] < 0.3, 0.5))),
@@ -143,6 +199,20 @@ SELDOM: Final[tuple[type[Broken], ...]] = (
             lambda robot, s: s._replace(battery=None) if _count(robot) % 100 == 0 else s),
     sampled("ChargeOff", "Reports a charge that is 5 % too high all along.", "truth.state.charge", "charge_off",
             lambda _, s: s._replace(battery=min((s.battery or 0.0) + 0.05, 1.0))),
+    sampled("ChargeFloor", "Never reports less charge than 20 %.", "truth.state.charge", "charge_off",
+            lambda _, s: s._replace(battery=max(s.battery or 0.0, 0.2))),
+    sampled("IdleIsFree", "Counts what its motors take of the charge, and nothing at rest.", "truth.state.charge",
+            "rested", _idle_free),
+    sampled("PlacesWrap", "Wraps places at 33 m, as 16 bits of millimetres do.", "state.start", "origin|unit",
+            lambda _, s: s._replace(x_m=(s.x_m + 32.768) % 65.536 - 32.768, y_m=(s.y_m + 32.768) % 65.536 - 32.768)),
+    targeted("LeastSpeed", "Goes no slower than 0.1 m/s.", "goto.speed_cap", "low_speed_m_s",
+             lambda _, to: to._replace(speed_m_s=None if to.speed_m_s is None else max(to.speed_m_s, 0.1))),
+    edited("UpToSpeedFirst", "Stops, where it is gaining speed, once it is up to it.", "goal.cancel_early",
+           "up to speed", _halt=_up_to_speed_first, _connect=_with_control(_halts_when_fast)),
+    edited("ServedLate", "Stops 0.25 s late while the other robot drives.", "several.both", "share",
+           _halt=_served_late, _connect=_LATE["_connect"]),
+    edited("Resumes", "Goes on with what was pre-empted once the new controller's goal is reached.",
+           "authority.nothing_revived", "taken up again once", _hand_over=_resumes, _connect=_with_control(_resuming)),
     sampled("KeepsAll", "Keeps every sample that it ever heard.", "endurance.minute", "messages are kept", _keeps_all),
 )  # fmt: skip
 
@@ -153,6 +223,10 @@ SELDOM_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            restart=_gauge_anew, sample=_gauged),
     driven("BusyOnceAMinute", "Acts 60 ms late on one command in a minute.", "endurance.minute", "taken late",
            take=_busy_once_a_minute, control=_acting),
+    wired("ReportsSeldomAtRest", "Reports three times a second at rest.", "state.age", "too seldom",
+          _sample=lambda self: _seldom_at_rest(self)),
+    driven("SlowClock", "Has a clock that is a thousandth slow.", "endurance.minute", "older than at first",
+           sample=lambda self, clock_s, *state: Vehicle.sample(self, 0.999 * clock_s, *state)),
     wired("Drifts", "Loses half a millimetre of its place in every metre.", "endurance.minute", "position_drift_m",
           _sample=_sample_edit(_drifts)),
 )  # fmt: skip

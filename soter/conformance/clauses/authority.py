@@ -142,6 +142,11 @@ def nothing_revived(bench: Bench) -> None:
     bench.run(bench.caps.latency_s + 2 * TICK_S)
     bench.expect_still(robot, 2.0, "the old goal came back with its controller: flush it on the vehicle too")
     bench.require_status(goal, GoalStatus.PREEMPTED, "a goal ends once")
+    bench.get_going(robot, bench.place(robot, 0.8))
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.go(robot, bench.place(robot, 0.5, 0.2), Controller.SC)
+    bench.run(SETTLE_S)
+    bench.expect_still(robot, 2.0, "what was pre-empted is taken up again once the new controller's goal is reached")
 
 
 @clause("authority.flood")

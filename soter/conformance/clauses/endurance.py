@@ -57,6 +57,10 @@ def minute(bench: Bench) -> None:
             f"at rest after {_LASTS_S:.0f} s of driving its place is off: it counts wheels and loses count, or its "
             "scale is wrong",
         )  # fmt: skip
+    bench.measure(
+        "sample_age_s", quantile(commands.ages_s(), _USUAL), bench.caps.sample_age_s, 1e-4,
+        f"after {_LASTS_S:.0f} s samples are older than at first: the vehicle's clock is slow, and is not followed",
+    )  # fmt: skip
     grown = [after - before for before, after in pairwise(each for each in held if each is not None)]
     bench.measure(
         "memory_mib", min(grown, default=0.0), _GROWS_MIB, 0.0,
@@ -81,6 +85,11 @@ class _Commands:
         self._gaps_s: Final[deque[float]] = deque(maxlen=_MANY)
         self._state: RobotState = robot.read_state()
         self._looked_s = self._said_s = bench.now_s
+        self._ages_s: Final[deque[float]] = deque(maxlen=_MANY)
+
+    def ages_s(self) -> list[float]:
+        """Return how old the last samples were when they were read."""
+        return [*self._ages_s]
 
     def drive(self, seconds: float) -> None:
         """Go on for so long."""
@@ -106,6 +115,7 @@ class _Commands:
             # The host stood still, here or there, and what was under way meanwhile says nothing of the robot.
             self._sent.clear()
         self._looked_s = now_s
+        self._ages_s.append(now_s - self._state.stamp_s)
         if gap_s > 0.0:
             self._gaps_s.append(gap_s)
             named = self._state.goal_id

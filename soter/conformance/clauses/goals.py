@@ -8,11 +8,15 @@ from contextlib import suppress
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import quantile
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus
 
 _REPLACED = 4
+_EARLY = 2
+_GAINS = 0.15
+_SAMPLE_S = 0.02
 
 
 @clause("goal.ids")
@@ -98,6 +102,27 @@ def cancel(bench: Bench) -> None:
             called_s = bench.now_s
             goal.cancel()
             bench.expect_stop(robot, called_s, "while it drives backwards a cancel does not stop it")
+
+
+@clause("goal.cancel_early")
+def cancel_early(bench: Bench) -> None:
+    """A cancel stops a robot that is still gaining speed as soon as one that drives evenly."""
+    robot, caps = bench.open_one(), bench.caps
+    begins_s = []
+    for ahead in (0.8, -0.8) * _EARLY:
+        goal = robot.goto(bench.place(robot, ahead), Controller.AC)
+        bench.run(bench.way_s(), lambda: bench.tracks[robot.id][-1].speed_m_s > _GAINS * caps.v_max_m_s, closely=True)
+        called_s = bench.now_s
+        goal.cancel()
+        bench.run(SETTLE_S, closely=True)
+        seen = bench.since(robot, called_s)
+        fastest = max(seen, key=lambda each: each.speed_m_s)
+        begins_s.append(fastest.at_s - called_s)
+    # The fastest sample is the last one before it begins to brake.
+    bench.measure(
+        "cancel_early_s", quantile(begins_s, 0.5), caps.latency_s + caps.setpoint_period_s, bench.fit_s + _SAMPLE_S,
+        "a stop waits until the robot is up to speed", spread=begins_s,
+    )  # fmt: skip
 
 
 @clause("goal.cancel_own")

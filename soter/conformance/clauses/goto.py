@@ -19,6 +19,7 @@ _HOST_S = 0.05
 _OFF_RAD = 0.15
 _REST_S = 0.7
 _IDLE_S = 8.0
+_LOW = 0.25
 # Each leads back from where the one before led.
 _FAR = ((40.0, 0.3), (40.0, -2.6), (150.0, 2.0), (700.0, -1.2), (3000.0, 2.8))
 
@@ -188,6 +189,15 @@ def speed_cap(bench: Bench) -> None:
     bench.measure(
         "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
         "the goal's speed_m_s is not passed on to the vehicle",
+    )  # fmt: skip
+    low = _LOW * bench.caps.v_max_m_s
+    bench.run(SETTLE_S)
+    bench.tracks[robot.id].clear()
+    bench.go(robot, bench.place(robot, 0.4, speed_m_s=low))
+    seen, off = bench.fastest(robot)
+    bench.measure(
+        "low_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
+        "a low speed_m_s is not kept: the vehicle does not go as slowly",
     )  # fmt: skip
     # A cap is the goal's own: the next one comes up to speed again.
     bench.get_going(robot, bench.place(robot, -0.8), cause="the cap of an earlier goal is kept")

@@ -13,7 +13,7 @@ from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
 from soter.conformance.trials import ToAndFro
 from soter.errors import Unsupported
-from soter.sdk import Controller, GoalStatus, Link, Robot, RobotState
+from soter.sdk import Controller, GoalStatus, Link, Robot, RobotState, Truth
 
 _FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
 _HEADING_RAD = 0.15
@@ -25,6 +25,7 @@ _AGES_S = 8.0
 _PERCENT = 0.01
 _VELOCITY = 0.05
 _DRIVES_S = 10.0
+_RESTS_S = 30.0
 _TURNED_RAD = 0.01
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
@@ -288,21 +289,24 @@ def _never_jumps(bench: Bench, robot: Robot) -> None:
 def true_charge(bench: Bench) -> None:
     """The charge of samples is the true one, to a hundredth."""
     robot, truth = bench.open_one(), bench.fleet.truth
-    if truth is None or "battery" not in truth.report().min_margin:
-        raise NotTested("not declared: a truth that says the least charge there was")
-    shuttle, least = ToAndFro(bench, robot), truth.report().min_margin["battery"]
+    if truth is None or robot.id not in truth.report().charges:
+        raise NotTested("not declared: a truth that tells charges")
+    shuttle = ToAndFro(bench, robot)
+    bench.run(_DRIVES_S, shuttle.go_on)
+    shuttle.goal.cancel()
+    _compare_charges(bench, robot, truth, "driven")
+    # At rest it falls, too, away from any charger.
+    bench.go(robot, bench.place(robot, 0.8))
+    bench.run(min(2.5 * _PERCENT * robot.spec.idle_s, _RESTS_S))
+    _compare_charges(bench, robot, truth, "rested")
 
-    def fallen() -> bool:
-        # What the truth tells is the least so far: the present one while it falls below all there was.
-        shuttle.go_on()
-        return truth.report().min_margin["battery"] < least
 
-    fell = bench.run(_DRIVES_S + 2.5 * _PERCENT * robot.spec.drive_s, fallen)
-    bench.require(fell, "the true charge never fell while the robot drove: its simulation has no battery")
-    left, said = truth.report().min_margin["battery"], _charge(robot.read_state())
+def _compare_charges(bench: Bench, robot: Robot, truth: Truth, done: str) -> None:
+    left, said = truth.report().charges[robot.id], _charge(robot.read_state())
     bench.measure(
         "charge_off", abs(said - left), _PERCENT, 1e-3,
-        f"the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, or an old value",
+        f"after it has {done} the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, "
+        "an old value, or something that is not counted",
     )  # fmt: skip
 
 
@@ -364,8 +368,9 @@ def stamps(bench: Bench) -> None:
 def age(bench: Bench) -> None:
     """When it is read, the latest sample is no older than declared."""
     robot = bench.open_one()
+    # It arrives on the way, so that samples of rest are among them.
     bench.get_going(robot, bench.place(robot, 0.9))
-    ages = []
+    ages: list[float] = []
 
     def look() -> bool:
         # Before it is read: what the host does between the two is not the sample's.
