@@ -131,6 +131,16 @@ def _resuming(robot: Any, state: State, speed: float, rate: float) -> tuple[floa
     return speed, rate
 
 
+def _curving(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Steer to a target that is not too far to the side, where it ought to brake and turn."""
+    goal = robot._mux.passing(state[0])
+    if goal is None or speed != 0.0 or state[4] < 0.1:
+        return speed, rate
+    bearing = math.atan2(goal.target.y_m - state[2], goal.target.x_m - state[1])
+    off = math.remainder(bearing - state[3], 2.0 * math.pi)
+    return (0.2, math.copysign(1.0, off)) if 0.1 < abs(off) < 1.0 else (speed, rate)
+
+
 def _keeps_all(robot: Any, state: RobotState) -> RobotState:
     _of(robot, "heard", list).append(bytes(2048))
     return state
@@ -209,6 +219,8 @@ SELDOM: Final[tuple[type[Broken], ...]] = (
              lambda _, to: to._replace(speed_m_s=None if to.speed_m_s is None else max(to.speed_m_s, 0.1))),
     edited("UpToSpeedFirst", "Stops, where it is gaining speed, once it is up to it.", "goal.cancel_early",
            "up to speed", _halt=_up_to_speed_first, _connect=_with_control(_halts_when_fast)),
+    edited("CutsCorners", "Drives in a curve to a goal that replaces another on the way.", "bounds.pivot", "curve",
+           _connect=_with_control(_curving)),
     edited("ServedLate", "Stops 0.25 s late while the other robot drives.", "several.both", "share",
            _halt=_served_late, _connect=_LATE["_connect"]),
     edited("Resumes", "Goes on with what was pre-empted once the new controller's goal is reached.",

@@ -10,7 +10,7 @@ from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
-from soter.sdk import Controller, Waypoint
+from soter.sdk import Controller, Robot, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
 _TRIALS = 16
@@ -21,6 +21,9 @@ _ROOM_M = 0.1
 _SLOW = 0.2
 _TURNS = 0.6
 _TOUCH_M = 0.003
+_ASIDE_RAD = 0.7
+_ASIDE_M = 0.6
+_OFF_RAD = 0.15
 
 
 @clause("bounds.latency", truth=True)
@@ -183,6 +186,31 @@ def pivot(bench: Bench) -> None:
             "pivots_first=False",
         )  # fmt: skip
         bench.run(SETTLE_S)
+    _no_curve(bench, robot)
+
+
+def _no_curve(bench: Bench, robot: Robot) -> None:
+    """See a robot on its way come to rest and turn in place for a target that lies a little to the side."""
+    caps = bench.caps
+    bench.go(robot, bench.place(robot, -0.7))
+    bench.get_going(robot, bench.place(robot, 0.9), closely=True)
+    at, called_s = bench.look(robot), bench.now_s
+    bearing_rad = at.heading_rad + _ASIDE_RAD
+    target = Waypoint(at.x_m + _ASIDE_M * math.cos(bearing_rad), at.y_m + _ASIDE_M * math.sin(bearing_rad))
+    bench.go(robot, target)
+    rests_s = called_s + caps.latency_s + caps.jitter_s + 2 * TICK_S + caps.v_max_m_s / caps.brake_m_s2
+    turning = [
+        each
+        for each in bench.since(robot, rests_s)
+        if abs(turn(math.atan2(target.y_m - each.y_m, target.x_m - each.x_m), each.heading_rad)) > _OFF_RAD
+        and each.distance_m(target.x_m, target.y_m) > 2.0 * target.radius_m
+    ]
+    curved_m = max((each.distance_m(turning[0].x_m, turning[0].y_m) for each in turning), default=0.0)
+    bench.measure(
+        "curve_m", curved_m, caps.tube_m, _off_m(bench),
+        "a goal that replaces another on the way is driven to in a curve, without a stop and a turn; declare "
+        "pivots_first=False",
+    )  # fmt: skip
 
 
 @clause("bounds.yaw_rate", truth=True)
