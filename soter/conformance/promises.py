@@ -25,7 +25,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "v_max_m_s": (
         ("goto.v_max",),
-        "the fastest of a run through the whole room at full speed, and of one backwards; 10 % too fast fails",
+        "the fastest of a run through the whole room at full speed, and of one backwards; 5 % too fast fails",
     ),
     "yaw_rate_max_rad_s": (("bounds.yaw_rate",), "the fastest of three turns; 10 % too fast fails"),
     "brake_m_s2": (
@@ -69,7 +69,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     "position_noise_m": (
         ("truth.bounds.noise", "endurance.minute"),
         (
-            "samples against the truth at their own stamps, on a wire 97 % of them sharply; there clocks are known to "
+            "samples against the truth at their own stamps, on a wire 99 % of them sharply; there clocks are known to "
             "a few milliseconds, which at top speed is about a millimetre; and sharply at rest, after 75 s of driving"
         ),
     ),

@@ -141,7 +141,7 @@ class Shuttle:
         """
         bench, robot = self._bench, self._robot
         # A host that stops for longer than the lease stops the robot too: a few trials may be void for that.
-        good, void = 0, -max(_VOID, count // 4)
+        good, void = 0, -max(_VOID, count // 8)
         while good < count:
             needs_m = bench.caps.v_max_m_s * (2.0 * self._reaction_s + 2.0 * self._ramp_s + 2.0 * CRUISE_S + waits_s)
             if bench.tracks[robot.id][-1].distance_m(self.end.x_m, self.end.y_m) < needs_m:
