@@ -45,7 +45,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
             "16 starts and 16 stops at odd phases: nine of ten within it, all within it and jitter_s; a start from "
             "long rest, and 4 goals that replace another, within it and jitter_s. What befalls a share p of all "
             "commands is met with 1 - (1 - p)^32 there; and of 1500 goals, one a tick, samples that name goals say "
-            "when they were taken: none later than nearly all others by more than latency_s, on a wire all but one"
+            "when they were taken, to a sample: none later than latency_s, on a wire all but one: the host's"
         ),
     ),
     "sample_age_s": (

@@ -237,7 +237,7 @@ SELDOM_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            take=_busy_once_a_minute, control=_acting),
     wired("ReportsSeldomAtRest", "Reports three times a second at rest.", "state.age", "too seldom",
           _sample=lambda self: _seldom_at_rest(self)),
-    driven("SlowClock", "Has a clock that is a thousandth slow.", "endurance.minute", "older than at first",
+    driven("SlowClock", "Has a clock that is a thousandth slow.", "endurance.minute", "grown older",
            sample=lambda self, clock_s, *state: Vehicle.sample(self, 0.999 * clock_s, *state)),
     wired("Drifts", "Loses half a millimetre of its place in every metre.", "endurance.minute", "position_drift_m",
           _sample=_sample_edit(_drifts)),

@@ -21,9 +21,10 @@ class Survivor(NamedTuple):
 
 SURVIVORS: Final = (
     Survivor(
-        "Acts 60 ms late on one command in ten minutes.",
+        "Acts 60 ms late on one command in ten minutes, or in one on a wire of a busy host.",
         "1500 goals are timed in 75 s; what comes once in ten minutes is met in one run of eight, and on a wire one "
-        "late goal alone may be the host's: where there is one, as many are timed again.",
+        "late goal alone may be the host's: where there is one, as many are timed again. What is under way while the "
+        "host stands still does not count, and may be the one.",
         "One stop at top speed ends 13 mm later than proved; the run's monitor of A3 counts a stop that does so.",
     ),
     Survivor(
