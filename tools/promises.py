@@ -5,8 +5,9 @@ soter conform zmq --jobs 1 --json zmq.json
 python -m tools.promises zmq.json lcm.json
 ```
 
-writes it into docs/conformance.md. Of each promise it shows the worst trial, by truth where truth has judged it. A
-promise that is less than twice as good for the proofs as what was measured needs a reason; one without is an error.
+writes it into docs/conformance.md. Of each promise it shows the worst figure that a clause has judged, by truth where
+truth has, and the least, median and largest trial behind it. A figure that comes within half of its promise needs a
+reason; one without is an error.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ TIMES: Final = 2.0
 """So many times worse than what was measured a promise is, unless it has a reason."""
 
 HEAD: Final = (
-    "| adapter | promise | promised | worst | least, median, largest | times | by |\n|---|---|--:|--:|---|--:|---|"
+    "| adapter | promise | promised | measured | least, median, largest | times | by |\n|---|---|--:|--:|---|--:|---|"
 )
 
 REASONS: Final[Mapping[str, str]] = {
@@ -51,7 +52,7 @@ class Row(NamedTuple):
         adapter: the harness's name.
         name: of the capability.
         promised: what is declared.
-        worst: of what was measured.
+        worst: figure that was judged.
         off: how far that may be off.
         spread: least, median and largest of the trials, where there were several.
         times: how many times better what was measured is than what is promised.
@@ -97,12 +98,10 @@ def rows_of(record: Mapping[str, Any]) -> Iterator[Row]:
 
 
 def _row(adapter: str, promised: float, clause: str, figure: Mapping[str, Any], in_process: bool) -> Row:
-    least = WIDENS[figure["name"]] is Widens.DOWN
-    spread = figure["spread"]
-    worst = max((spread[0] if least else spread[-1]) if spread else figure["value"], 0.0)
-    part, whole = (worst, promised) if least else (promised, worst)
+    name, worst = figure["name"], figure["value"]
+    part, whole = (worst, promised) if WIDENS[name] is Widens.DOWN else (promised, worst)
     times = part / whole if whole else math.inf
-    return Row(adapter, figure["name"], promised, worst, figure["resolution"], spread, times, clause, in_process)
+    return Row(adapter, name, promised, worst, figure["resolution"], figure["spread"], times, clause, in_process)
 
 
 def table(rows: Iterable[Row]) -> str:
