@@ -78,7 +78,9 @@ class WorldTruth:
         violations += [Violation(rule, robots, at_s, None) for (rule, robots), at_s in record.open.items()]
         violations.sort(key=lambda each: (each.start_s, RULES.index(each.rule), each.robots))
         margins = {rule: record.min_margin[rule] for rule in RULES if record.min_margin[rule] < inf}
-        return TruthReport(tuple(violations), margins, record.box_contacts + record.robot_contacts)
+        contacts = record.box_contacts + record.robot_contacts
+        charges = dict(zip(self._bodies.ids, self._bodies.charge, strict=True))
+        return TruthReport(tuple(violations), margins, contacts, charges=charges)
 
     @property
     def robot_contacts(self) -> int:

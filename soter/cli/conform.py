@@ -13,7 +13,7 @@ EXAMPLES = """Examples:
 
   soter conform pybullet
 
-  soter conform my_robots.harness:MyHarness --json record.json --junit junit.xml --jobs 2
+  soter conform my_robots.harness:MyHarness --json record.json --junit junit.xml --jobs 1
 
   soter conform kinematic --only deadman --only goto.arrives
 
@@ -50,11 +50,14 @@ def conform(
         typer.Option(metavar="TIER", help="Only clauses of this tier: core, truth or wire; may be repeated."),
     ] = None,
     jobs: Annotated[
-        int,
+        int | None,
         typer.Option(
-            min=1, metavar="N", help="How many clauses to try side by side, each in a process, if the harness allows."
+            min=1,
+            metavar="N",
+            help="How many clauses to try side by side, each in a process, if the harness allows; "
+            "two a core, at most 4, on a wire if not given, and otherwise 1.",
         ),
-    ] = 1,
+    ] = None,
     json: Annotated[
         Path | None,
         typer.Option("--json", metavar="FILE", help="Write the record, anew with every clause; - is standard output."),
@@ -101,7 +104,7 @@ def conform(
         )
         began_s = time.monotonic()
         with Workshop(adapter, jobs, stop) as workshop, Outcomes(console, len(clauses)) as shown:
-            if workshop.jobs < jobs:
+            if jobs is not None and workshop.jobs < jobs:
                 console.print(f"{workshop.name}: one clause after another; its harness does not say `side_by_side`")
 
             def add(outcome: Outcome, record: Record) -> None:

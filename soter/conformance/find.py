@@ -5,14 +5,15 @@ from __future__ import annotations
 import importlib
 from typing import Any, Final
 
-from soter.conformance.harness import Harness
+from soter.conformance.harness import Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.registry import load_backend
-from soter.sdk import Backend, Fleet, RobotSpec
+from soter.sdk import Backend, Fleet
 from soter.workspace import Box, RobotPlace, Workspace
 
-# Two rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show.
-_STARTS: Final = ((2.0, 3.5, 0.4), (5.5, 1.7, -2.2))
+# Two rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
+# from the origin that coordinates of too few bits do.
+_STARTS: Final = ((142.0, 73.5, 0.4), (145.5, 71.7, -2.2))
 
 
 def open_floor() -> Workspace:
@@ -21,7 +22,7 @@ def open_floor() -> Workspace:
         RobotPlace(number, x_m, y_m, Box(x_m - 0.3, y_m - 0.3, x_m + 0.3, y_m + 0.3, 0.0), heading_rad)
         for number, (x_m, y_m, heading_rad) in enumerate(_STARTS, start=1)
     )
-    return Workspace(8.0, 6.0, (), places)
+    return Workspace(148.0, 76.0, (), places)
 
 
 class InProcessHarness(Harness):
@@ -45,9 +46,8 @@ class InProcessHarness(Harness):
     def open(self, robots: int) -> Fleet:
         """Return a fleet in a fresh world."""
         floor = open_floor().with_robots(robots)
-        specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in floor.robots]
         config = self.backend.config_model(workspace=floor, **self.options)
-        return self.backend().open(config, specs)
+        return self.backend().open(config, specs_at(floor.robots))
 
     def close(self) -> None:
         """Do nothing: the world ends with its fleet."""

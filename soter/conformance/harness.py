@@ -4,15 +4,29 @@ from __future__ import annotations
 
 import subprocess
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Final
 
-from soter.sdk import Fleet, Waypoint
+from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.workspace import RobotPlace
 
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
 EXTRA_HOOKS: Final = ("second", "step_clock", "restart")
 """More of them, for what not every harness can do; an adapter may conform without."""
+
+
+LOW_CHARGE: Final = 0.1
+"""What simulated robots start with: what is weak when a battery is low shows, and so does a charge said too high."""
+
+_IDLE_S: Final = 2400.0
+"""How long a full battery of theirs lasts at rest: what that takes shows within half a minute."""
+
+
+def specs_at(places: Iterable[RobotPlace]) -> list[RobotSpec]:
+    """Return simulated robots at these places, for the kit to judge."""
+    return [RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S) for at in places]
 
 
 class Harness(ABC):

@@ -6,7 +6,7 @@ import subprocess
 from typing import Final, Protocol
 
 from soter.conformance import driver
-from soter.conformance.harness import Harness
+from soter.conformance.harness import Harness, specs_at
 from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
 
@@ -50,10 +50,10 @@ class Closes(Protocol):
 
 
 WIDE_ROOMS: Final = Workspace(
-    10.0, 8.0, (),
+    150.0, 78.0, (),
     (
-        RobotPlace(1, 2.5, 3.5, Box(2.3, 3.3, 2.7, 3.7), 0.7),
-        RobotPlace(2, 6.5, 4.2, Box(6.3, 4.0, 6.7, 4.4), -2.1),
+        RobotPlace(1, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
+        RobotPlace(2, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
     ),
 )  # fmt: skip
 """Two rooms of 2.4 m, for robots that take their time to stop."""
@@ -61,7 +61,7 @@ WIDE_ROOMS: Final = Workspace(
 
 def in_wide_rooms(robots: int) -> list[RobotSpec]:
     """Return the first robots of `WIDE_ROOMS`, with a battery that is not full."""
-    return [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad, 0.8) for each in WIDE_ROOMS.robots[:robots]]
+    return specs_at(WIDE_ROOMS.robots[:robots])
 
 
 class RelayedHarness(Harness):

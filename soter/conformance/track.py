@@ -65,8 +65,8 @@ def fastest(track: Sequence[Sample], speed_s: float, turn_s: float) -> Fastest:
     if speed_s <= 0.0:
         speed, turns = max(each.speed_m_s for each in track), [each.yaw_rate_rad_s for each in track]
     else:
-        # A clock that is learned anew on the way makes some windows seem short: one in five does not count.
-        speed = quantile([0.0, *(each[0] for each in _over(track, speed_s))], 0.8)
+        # A clock that is learned anew on the way makes some windows seem short: one in twenty does not count.
+        speed = quantile([0.0, *(each[0] for each in _over(track, speed_s))], 0.95)
         turns = [each[1] for each in _over(track, turn_s)]
     return Fastest(speed, max((0.0, *turns)), -min((0.0, *turns)))
 

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final
+from contextlib import suppress
+from itertools import cycle
+from statistics import median
+from typing import Final, NamedTuple
 
 from soter.conformance.bench import Bench
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop, quantile
-from soter.sdk import Goal, Robot, Waypoint
+from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop
+from soter.errors import Unsupported
+from soter.sdk import Controller, Goal, Robot, Waypoint
 
 _END: Final = 0.85
+_BACK: Final = 0.3
+_ENOUGH: Final = 3
+_TURNS_AT: Final = 0.8
 _GOLDEN: Final = 0.618
 _REST_S: Final = 0.25
 _LONGEST_REST_S: Final = 4.0
@@ -19,15 +27,41 @@ _SHARE: Final = 0.08
 _VOID: Final = 2
 
 
-def measure_braking(bench: Bench, stops: Sequence[Ramp], what: str) -> None:
-    """Judge how hard a robot braked, each time from its own first deceleration on."""
+class Trial(NamedTuple):
+    """One trial.
+
+    Attributes:
+        start: how the robot got going after a goto.
+        end: how it came to rest.
+        called_s: when it was told to stop.
+        backwards: whether it was sent backwards.
+    """
+
+    start: Ramp
+    end: Ramp
+    called_s: float
+    backwards: bool
+
+
+def measure_braking(bench: Bench, trials: Sequence[Trial], what: str) -> None:
+    """Judge how hard a robot braked, each time from its own first deceleration on.
+
+    Each way is judged by itself; on a wire, where one trial is off by more, only if there are enough of each.
+    """
     brake, share = bench.caps.brake_m_s2, share_off(bench)
-    seen = [stop.rate_m_s2 for stop in stops]
-    bench.measure(
-        "brake_m_s2", quantile(seen, 0.5), brake, share * brake,
-        f"{what} it ran on too far once it had begun to brake: brake_m_s2 is declared better than it is",
-        at_least=True, spread=seen,
-    )  # fmt: skip
+    ways = {
+        way: [each.end.rate_m_s2 for each in trials if each.backwards is backwards]
+        for backwards, way in ((False, ""), (True, " on its way backwards"))
+    }
+    if not bench.caps.in_process and min(map(len, ways.values())) < _ENOUGH:
+        ways = {"": [each.end.rate_m_s2 for each in trials]}
+    for way, seen in ways.items():
+        if seen:
+            bench.measure(
+                "brake_m_s2", median(seen), brake, share * brake,
+                f"{what}{way} it ran on too far once it had begun to brake: brake_m_s2 is declared better than it is",
+                at_least=True, spread=seen,
+            )  # fmt: skip
 
 
 def share_off(bench: Bench) -> float:
@@ -35,8 +69,36 @@ def share_off(bench: Bench) -> float:
     return _SHARE_IN_PROCESS if bench.caps.in_process else _SHARE
 
 
+class ToAndFro:
+    """Keeps a robot driving between both ends of its room.
+
+    Args:
+        bench: of the clause.
+        robot: to be driven, by the AC.
+
+    Attributes:
+        goal: the latest.
+    """
+
+    def __init__(self, bench: Bench, robot: Robot) -> None:
+        self._robot: Final = robot
+        self._ends: Final = cycle((bench.place(robot, -_TURNS_AT), bench.place(robot, _TURNS_AT)))
+        self.end = next(self._ends)
+        self.goal = robot.goto(self.end, Controller.AC)
+
+    def go_on(self, *, anew: bool = False) -> bool:
+        """Send it on where it has arrived, or in any case; return False, so that driving goes on."""
+        if not self.goal.active:
+            self.end = next(self._ends)
+        if anew or not self.goal.active:
+            self.goal = self._robot.goto(self.end, Controller.AC)
+        return False
+
+
 class Shuttle:
     """Drives a robot to and fro in its room, from rest to an even speed and to rest.
+
+    A robot that reverses goes forwards and backwards in turn, any other turns round where its room ends.
 
     Args:
         bench: of the clause.
@@ -52,8 +114,9 @@ class Shuttle:
         caps = bench.caps
         self._reaction_s: Final = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s
         self._ramp_s: Final = caps.v_max_m_s / caps.brake_m_s2
-        self._number = 0
+        self._number = self._driven = 0
         self.end = bench.place(robot, _END)
+        self._behind: Waypoint | None = None
         self._turn()
 
     def trials(
@@ -65,8 +128,8 @@ class Shuttle:
         renew: bool = True,
         cause: str = "a stop does not stop",
         after: Callable[[], object] = lambda: None,
-    ) -> Iterator[tuple[Ramp, Ramp, float]]:
-        """Yield how the robot got going after a goto, how it came to rest after `stop`, and the time of that.
+    ) -> Iterator[Trial]:
+        """Yield how the robot got going after a goto, and how it came to rest after `stop`.
 
         Args:
             count: how many.
@@ -78,14 +141,16 @@ class Shuttle:
         """
         bench, robot = self._bench, self._robot
         # A host that stops for longer than the lease stops the robot too: a few trials may be void for that.
-        good, void = 0, -max(_VOID, count // 4)
+        good, void = 0, -max(_VOID, count // 8)
         while good < count:
             needs_m = bench.caps.v_max_m_s * (2.0 * self._reaction_s + 2.0 * self._ramp_s + 2.0 * CRUISE_S + waits_s)
             if bench.tracks[robot.id][-1].distance_m(self.end.x_m, self.end.y_m) < needs_m:
                 self._turn()
+            backwards = self._behind is not None and self._driven % 2 == 1
+            self._driven += 1
             self._wait_oddly()
             sent_s = bench.now_s
-            goal = self._go(self.end)
+            goal = self._go(self._behind if backwards and self._behind else self.end)
             self._wait_oddly()
             called_s = bench.now_s
             stop(goal)
@@ -96,13 +161,25 @@ class Shuttle:
             goal.cancel()
             if start is not None and end is not None:
                 good += 1
-                yield start, end, called_s
+                yield Trial(start, end, called_s, backwards)
             else:
                 void += 1
                 bench.require(void <= 0, "it did not keep an even speed on a straight leg: it stops and goes")
             after()
             bench.run(_REST_S, closely=True)
             del seen[: -len(bench.since(robot, bench.now_s - 2.0 * CRUISE_S))]
+
+    def measure_start(self, name: str, cause: str, call: Callable[[], object] = lambda: None) -> None:
+        """Judge how soon the robot, which rests, gets going after a call and the goto that follows it at once."""
+        bench, robot = self._bench, self._robot
+        called_s = bench.now_s
+        call()
+        bench.get_going(robot, self.end, closely=True)
+        bench.run(2.0 * CRUISE_S, closely=True)
+        start = fit_start(bench.tracks[robot.id], called_s)
+        bench.require(start is not None, "it did not keep an even speed on a straight leg: it stops and goes")
+        assert start is not None
+        bench.measure(name, start.begins_s, bench.caps.latency_s + bench.caps.jitter_s, bench.fit_s, cause)
 
     def _go(self, target: Waypoint) -> Goal:
         bench, robot = self._bench, self._robot
@@ -131,6 +208,23 @@ class Shuttle:
         self.end = ahead if away else behind
         self._go(self.end).cancel()
         self._rest(0.0, "a cancel does not stop it", renew=True)
+        self._driven, self._behind = 0, self._straight_back() if bench.caps.reverses else None
+
+    def _straight_back(self) -> Waypoint | None:
+        """Return a target that is driven to backwards; None where the robot takes no headings, which say that."""
+        bench, robot = self._bench, self._robot
+        here = bench.look(robot)
+        heading_rad = math.atan2(self.end.y_m - here.y_m, self.end.x_m - here.x_m)
+        back_m = _BACK * bench.harness.room_m
+        target = Waypoint(
+            here.x_m - back_m * math.cos(heading_rad), here.y_m - back_m * math.sin(heading_rad),
+            heading_rad=heading_rad,
+        )  # fmt: skip
+        with suppress(Unsupported):
+            robot.goto(target, Controller.AC).cancel()
+            bench.run(self._reaction_s + _REST_S)
+            return target
+        return None
 
     def _wait_oddly(self) -> None:
         """Let a call come at any phase of the vehicle's period; in virtual time all come at whole ones."""

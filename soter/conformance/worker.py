@@ -33,11 +33,13 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
     Attributes:
         name: its name.
         side_by_side: whether several of its fleets may be open at once.
+        on_wire: whether its robots keep time with the host, so that clauses mostly wait.
         refusal: why it is not there; empty if it is.
     """
 
     name: str = ""
     side_by_side: bool = False
+    on_wire: bool = False
     refusal: str = ""
 
 
@@ -91,7 +93,7 @@ def _serve(link: socket.socket, target: str) -> None:
         why = str(failure) if isinstance(failure, SoterError) else f"'{target}': {explain(failure)}"
         link.send(msgspec.msgpack.encode(Ready(refusal=why[:_LONGEST_REASON])))
         return
-    link.send(msgspec.msgpack.encode(Ready(harness.name, harness.side_by_side)))
+    link.send(msgspec.msgpack.encode(Ready(harness.name, harness.side_by_side, harness.gives("cut"))))
     first: Usage | None = None
     while clause_id := link.recv(MAX_MESSAGE_BYTES).decode():
         outcome, bench = try_clause(CLAUSES[clause_id], harness)

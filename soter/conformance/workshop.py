@@ -24,6 +24,10 @@ from soter.errors import BackendError
 STUCK_S: Final = HOST_LIMIT_S + CLOSE_LIMIT_S
 """A process that has not given up a clause by then is killed."""
 
+_A_CORE: Final = 2
+"""So many clauses on a wire a core bears at once, and half of it is left: most of one is waiting."""
+
+_MOST_JOBS: Final = 4
 _LOOK_S: Final = 0.05
 _CLOSING_S: Final = 10.0
 _LEAVING_S: Final = 2.0
@@ -115,7 +119,7 @@ class Workshop:
 
     Args:
         target: a backend's name, or a harness as `module:Harness`; both are imported there, and not here.
-        jobs: how many clauses are tried side by side, where the harness allows it.
+        jobs: how many clauses are tried side by side, where the harness allows it; None for what the cores bear.
         stop: asked all the time; once it says yes, the robots are stopped and nothing more is tried.
         stuck_s: after which a clause that cannot be interrupted is killed, in seconds of the host.
 
@@ -128,7 +132,7 @@ class Workshop:
     """
 
     def __init__(
-        self, target: str, jobs: int = 1, stop: Callable[[], bool] = lambda: False, stuck_s: float = STUCK_S
+        self, target: str, jobs: int | None = 1, stop: Callable[[], bool] = lambda: False, stuck_s: float = STUCK_S
     ) -> None:
         self._stop: Final = stop
         self._workers: Final = [_Worker(target, stuck_s)]
@@ -138,6 +142,8 @@ class Workshop:
             self._workers[0].end()
             raise
         self.name: Final = ready.name or target
+        if jobs is None:
+            jobs = min(_A_CORE * (os.cpu_count() or 1), _MOST_JOBS) if ready.on_wire else 1
         self.jobs: Final = jobs if ready.side_by_side else 1
         self._workers.extend(_Worker(target, stuck_s) for _ in range(self.jobs - 1))
 

@@ -79,6 +79,7 @@ class ToldTruth:
             told["min_margin"],
             told["contacts"],
             self._heard_s if silent_s > _SILENT_S else None,
+            {int(robot_id): charge for robot_id, charge in told.get("charges", {}).items()},
         )
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:

@@ -312,12 +312,14 @@ class TruthReport:
         contacts: number of times that bodies began to touch, a robot and a box or two robots.
         ended_s: fleet time at which the world fell silent; what has happened since then is not known. None while it
             is heard.
+        charges: by robot, the charge that is left now, from 0 to 1; empty where the world does not tell.
     """
 
     violations: tuple[Violation, ...]
     min_margin: Mapping[str, float] = field(default_factory=dict)
     contacts: int = 0
     ended_s: float | None = None
+    charges: Mapping[int, float] = field(default_factory=dict)
 
     def count(self, rule: str) -> int:
         """Return the number of violations of one rule."""

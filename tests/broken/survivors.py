@@ -21,8 +21,10 @@ class Survivor(NamedTuple):
 
 SURVIVORS: Final = (
     Survivor(
-        "Acts 60 ms late on one command in a minute.",
-        "32 commands are timed; one in 1200 is met once in forty runs of the kit.",
+        "Acts 60 ms late on one command in ten minutes, or in one on a wire of a busy host.",
+        "1500 goals are timed in 75 s; what comes once in ten minutes is met in one run of eight, and on a wire one "
+        "late goal alone may be the host's: where there is one, as many are timed again. What is under way while the "
+        "host stands still does not count, and may be the one.",
         "One stop at top speed ends 13 mm later than proved; the run's monitor of A3 counts a stop that does so.",
     ),
     Survivor(
@@ -32,10 +34,17 @@ SURVIVORS: Final = (
         "still moves is met by A1 and A12.",
     ),
     Survivor(
-        "Reports a charge that is off by the same amount all along.",
-        "No truth of charges is told: that it falls and rises as it should is all that can be seen.",
+        "Reports a charge that is off by the same amount all along, on a robot without a truth.",
+        "That it falls and rises as it should is all that can be seen. Where a truth tells charges, more than a "
+        "hundredth fails.",
         "The battery runs flat within what the charge is off by; the reserve is four return paths. Measure it with a "
         "meter.",
+    ),
+    Survivor(
+        "Takes the host's wall clock for steady.",
+        "The kit does not set the clock of the host that it runs on.",
+        "When that clock is set, fleet time jumps or stands: renewals no longer count, and the robots stop until they "
+        "are opened anew. Take `Clock.steady_s`.",
     ),
     Survivor(
         "Scales places and speeds alike, on a robot without a truth.",

@@ -9,6 +9,7 @@ from soter.conformance import CLAUSES, Outcome, try_clause
 from soter.conformance.promises import MEASURED_BY
 from tests.broken import in_process, on_wire
 from tests.broken.mutants import MUTANTS
+from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.survivors import SURVIVORS
 from tests.broken.wire_mutants import WIRE_MUTANTS
 from tests.conformance.wire import SimulatedHarness, WireHarness
@@ -24,7 +25,7 @@ def _written(base: Kind) -> tuple[Kind, ...]:
 
 
 BROKEN: Final[tuple[Kind, ...]] = (
-    *_written(in_process.Broken), *MUTANTS, *_written(on_wire.BrokenWire), *WIRE_MUTANTS,
+    *_written(in_process.Broken), *MUTANTS, *SELDOM, *_written(on_wire.BrokenWire), *WIRE_MUTANTS, *SELDOM_ON_WIRE,
 )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
+from soter.conformance.harness import specs_at
 from soter.errors import RobotUnavailable
 from soter.onboard.drive import Drive, DriveLimits
 from soter.onboard.mux import Mux
@@ -278,8 +279,7 @@ class SimulatedHarness(Harness):
 
 
 def specs_of(robots: int) -> list[RobotSpec]:
-    places = open_floor().robots[:robots]
-    return [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in places]
+    return specs_at(open_floor().robots[:robots])
 
 
 class Moving:

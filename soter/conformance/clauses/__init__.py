@@ -5,12 +5,14 @@
 from soter.conformance.clauses import lifecycle as lifecycle
 from soter.conformance.clauses import capabilities as capabilities
 from soter.conformance.clauses import state as state
+from soter.conformance.clauses import charge as charge
 from soter.conformance.clauses import goto as goto
 from soter.conformance.clauses import goals as goals
 from soter.conformance.clauses import authority as authority
 from soter.conformance.clauses import deadman as deadman
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import bounds as bounds
+from soter.conformance.clauses import endurance as endurance
 from soter.conformance.clauses import link as link
 from soter.conformance.clauses import process as process
 from soter.conformance.clauses import resources as resources

@@ -8,8 +8,8 @@ from threading import Event, Thread
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
-from soter.conformance.track import CRUISE_S, Ramp, fit_start, quantile
-from soter.conformance.trials import Shuttle, measure_braking
+from soter.conformance.track import quantile
+from soter.conformance.trials import Shuttle, Trial, measure_braking
 from soter.errors import SoterError
 from soter.sdk import Controller, Goal, GoalStatus, Robot
 
@@ -85,16 +85,9 @@ def _from_rest(bench: Bench, robot: Robot) -> None:
     shuttle = Shuttle(bench, robot)
     robot.switch_ac_sc(Controller.SC, "conformance")
     bench.run(SETTLE_S, closely=True)
-    called_s = bench.now_s
-    robot.switch_ac_sc(Controller.AC, "conformance")
-    bench.get_going(robot, shuttle.end, closely=True)
-    bench.run(2.0 * CRUISE_S, closely=True)
-    start = fit_start(bench.tracks[robot.id], called_s)
-    bench.require(start is not None, "it did not keep an even speed on a straight leg: it stops and goes")
-    assert start is not None
-    bench.measure(
-        "switch_to_motion_s", start.begins_s, bench.caps.latency_s + bench.caps.jitter_s, bench.fit_s,
-        "a goto right after a switch waits: the vehicle is deaf until the switch is over",
+    shuttle.measure_start(
+        "switch_to_motion_s", "a goto right after a switch waits: the vehicle is deaf until the switch is over",
+        lambda: robot.switch_ac_sc(Controller.AC, "conformance"),
     )  # fmt: skip
 
 
@@ -149,6 +142,11 @@ def nothing_revived(bench: Bench) -> None:
     bench.run(bench.caps.latency_s + 2 * TICK_S)
     bench.expect_still(robot, 2.0, "the old goal came back with its controller: flush it on the vehicle too")
     bench.require_status(goal, GoalStatus.PREEMPTED, "a goal ends once")
+    bench.get_going(robot, bench.place(robot, 0.8))
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.go(robot, bench.place(robot, 0.5, 0.2), Controller.SC)
+    bench.run(SETTLE_S)
+    bench.expect_still(robot, 2.0, "what was pre-empted is taken up again once the new controller's goal is reached")
 
 
 @clause("authority.flood")
@@ -229,7 +227,7 @@ def alternations(bench: Bench) -> None:
 def effective(bench: Bench) -> None:
     """Each of many switches stops what the other had in flight within the latency, and none is reported before."""
     robot, caps = bench.open_one(), bench.caps
-    stops: list[Ramp] = []
+    stops: list[Trial] = []
     early: list[float] = []
 
     def hand_over(_goal: Goal) -> None:
@@ -240,16 +238,16 @@ def effective(bench: Bench) -> None:
         bench.run(caps.latency_s + 2 * TICK_S)
 
     trials = Shuttle(bench, robot).trials(
-        _HAND_OVERS_IN_PROCESS if caps.in_process else _HAND_OVERS, hand_over,
+        _HAND_OVERS_IN_PROCESS if caps.in_process else bench.trials(_HAND_OVERS), hand_over,
         cause="a hand-over was lost, and left the old controller's target in force", after=hand_back,
     )  # fmt: skip
-    for _, end, called_s in trials:
-        stops.append(end)
-        reports = [each.state for each in bench.since(robot, called_s)]
+    for trial in trials:
+        stops.append(trial)
+        reports = [each.state for each in bench.since(robot, trial.called_s)]
         said_s = next((each.stamp_s for each in reports if each.controller is Controller.SC), None)
         if said_s is not None:
-            early.append(called_s + end.begins_s - said_s)
-    slow = [stop.begins_s for stop in stops]
+            early.append(trial.called_s + trial.end.begins_s - said_s)
+    slow = [trial.end.begins_s for trial in stops]
     bench.measure(
         "switch_s", quantile(slow, 0.9), caps.latency_s, bench.fit_s,
         "the vehicle hands over later than latency_s", spread=slow,

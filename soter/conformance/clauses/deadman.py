@@ -6,17 +6,21 @@ import math
 from collections.abc import Callable, Sequence
 from statistics import mean
 
-from soter.conformance.bench import Bench
+from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import turn
 from soter.conformance.trials import Shuttle, measure_braking
-from soter.sdk import Controller, Goal, GoalStatus, Robot
+from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState
 
 _TRIALS = 8
 _FEW = 3
 _MOVING_SHARE = 0.4
 _LEARNS_S = 3.0
 _STEP_AGE_S = 0.1
+_CHARGE = 0.02
+_TURNED_RAD = 0.4
+_TURN_ENDS_S = 0.25
 _RENEWED = "; only renew_lease() and switch_ac_sc() may renew it"
 
 
@@ -60,15 +64,14 @@ def _phase_s(bench: Bench, many: int) -> float:
 def lease(bench: Bench) -> None:
     """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
     robot, caps = bench.open_one(), bench.caps
-    shuttle, many = Shuttle(bench, robot), _FEW if bench.second else _TRIALS
-    told = [end.begins_s for _, end, _ in shuttle.trials(many, lambda goal: goal.cancel())]
+    shuttle, many = Shuttle(bench, robot), _FEW if bench.second else bench.trials(_TRIALS)
+    told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
 
     def fall_silent(_goal: Goal) -> None:
         robot.renew_lease()
 
-    trials = shuttle.trials(many, fall_silent, waits_s=caps.lease_s, renew=False, cause="the lease never ends")
-    stops = [end for _, end, _ in trials]
-    seen = [end.begins_s for end in stops]
+    stops = [*shuttle.trials(many, fall_silent, waits_s=caps.lease_s, renew=False, cause="the lease never ends")]
+    seen = [trial.end.begins_s for trial in stops]
     cause = "the vehicle's lease is longer than lease_s, or is counted from something later than the renewal" + _RENEWED
     # What a message takes, and the vehicle's period, are in both.
     bench.measure(
@@ -224,12 +227,63 @@ def clock_steps(bench: Bench) -> None:
 def restart(bench: Bench) -> None:
     """A vehicle that restarts has forgotten its lease, and obeys again once it is commanded anew."""
     bench.require_hook("restart")
-    robot = _silent_after(bench, lambda robot: bench.harness.restart(robot.id), "the vehicle has restarted")
+    said: list[RobotState] = []
+
+    def start_anew(robot: Robot) -> None:
+        said.append(robot.read_state())
+        bench.harness.restart(robot.id)
+
+    robot = _silent_after(bench, start_anew, "the vehicle has restarted")
     bench.run(_LEARNS_S)
+    before, now = said[0].battery, robot.read_state()
+    rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
+    bench.require(
+        before is None or (now.battery is not None and abs(now.battery - before) <= _CHARGE + rises),
+        f"before it restarted the charge was said to be {before}, and now {now.battery}: its gauge begins anew with a "
+        "guess",
+    )
     for to in (Controller.SC, Controller.AC):
         robot.switch_ac_sc(to, "conformance")
         bench.run(bench.caps.latency_s + 2 * TICK_S)
     bench.go(robot, bench.place(robot, 0.0), cause="after a restart the robot does not obey any more")
+    bench.run(SETTLE_S)
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.expect_stop(
+        robot, bench.now_s, "after a restart its lease is longer than lease_s: what was set is lost with the power",
+        extra_s=bench.caps.lease_s, renew=False,
+    )  # fmt: skip
+
+
+@clause("deadman.turning", needs=("pivots_first",))
+def turning(bench: Bench) -> None:
+    """A robot that turns in place ends that, too, at a cancel, at a switch and when its lease ends."""
+    ways: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
+        ("a cancel", lambda _, goal: goal.cancel(), True),
+        ("a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance"), True),
+        ("the last renewal of its lease", lambda robot, _: robot.renew_lease(), False),
+    )
+    for what, call, renew in ways:
+        robot, caps = bench.open_one(), bench.caps
+        began = bench.look(robot)
+        goal = robot.goto(bench.place(robot, -0.8), Controller.AC)
+        # What is behind it takes half a circle.
+        turns = bench.run(
+            bench.way_s(),
+            lambda began=began, robot=robot: (  # type: ignore[misc]
+                abs(turn(began.heading_rad, bench.tracks[robot.id][-1].heading_rad)) > _TURNED_RAD
+            ),
+        )
+        bench.require(turns, "it does not turn to a target behind it, although pivots_first is declared")
+        at = bench.look(robot)
+        call(robot, goal)
+        begin_s = (0.0 if renew else caps.lease_s) + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + TICK_S
+        bench.run(begin_s + 2.0 * _TURN_ENDS_S + caps.sample_age_s, renew=renew)
+        bench.measure(
+            "turned_on_rad", abs(turn(at.heading_rad, bench.look(robot).heading_rad)),
+            caps.yaw_rate_max_rad_s * (begin_s + caps.sample_age_s + _TURN_ENDS_S), STILL_RAD,
+            f"after {what} it goes on to turn: what it is told waits until the turn is done",
+        )  # fmt: skip
+        bench.close()
 
 
 @clause("deadman.kept_alive")

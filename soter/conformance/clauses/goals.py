@@ -8,8 +8,15 @@ from contextlib import suppress
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import quantile
+from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus
+
+_REPLACED = 4
+_EARLY = 2
+_GAINS = 0.15
+_SAMPLE_S = 0.02
 
 
 @clause("goal.ids")
@@ -54,6 +61,24 @@ def superseded(bench: Bench) -> None:
     bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once")
 
 
+@clause("goal.replaced", needs=("pivots_first",))
+def replaced(bench: Bench) -> None:
+    """A goal that replaces another one on the way is acted upon within the latency."""
+    robot, caps = bench.open_one(), bench.caps
+    # To the side, and without a heading: it has to come to rest and turn before it can go there.
+    shuttle = Shuttle(bench, robot)
+    trials = shuttle.trials(
+        bench.trials(_REPLACED), lambda _: robot.goto(bench.place(robot, 0.0, 3.0), Controller.AC),
+        cause="a goal to the side is not turned to", after=lambda: robot.goto(shuttle.end, Controller.AC).cancel(),
+    )  # fmt: skip
+    begins_s = [trial.end.begins_s for trial in trials]
+    bench.measure(
+        "replaced_s", max(begins_s), caps.latency_s + caps.jitter_s, bench.fit_s,
+        "a robot on its way goes on to the old target before it turns to the new one: a stop is obeyed sooner than a "
+        "goto", spread=begins_s,
+    )  # fmt: skip
+
+
 @clause("goal.cancel", truth=True)
 def cancel(bench: Bench) -> None:
     """Cancelling a goal ends it as CANCELLED and stops the robot."""
@@ -77,6 +102,27 @@ def cancel(bench: Bench) -> None:
             called_s = bench.now_s
             goal.cancel()
             bench.expect_stop(robot, called_s, "while it drives backwards a cancel does not stop it")
+
+
+@clause("goal.cancel_early")
+def cancel_early(bench: Bench) -> None:
+    """A cancel stops a robot that is still gaining speed as soon as one that drives evenly."""
+    robot, caps = bench.open_one(), bench.caps
+    begins_s = []
+    for ahead in (0.8, -0.8) * _EARLY:
+        goal = robot.goto(bench.place(robot, ahead), Controller.AC)
+        bench.run(bench.way_s(), lambda: bench.tracks[robot.id][-1].speed_m_s > _GAINS * caps.v_max_m_s, closely=True)
+        called_s = bench.now_s
+        goal.cancel()
+        bench.run(SETTLE_S, closely=True)
+        seen = bench.since(robot, called_s)
+        fastest = max(seen, key=lambda each: each.speed_m_s)
+        begins_s.append(fastest.at_s - called_s)
+    # The fastest sample is the last one before it begins to brake.
+    bench.measure(
+        "cancel_early_s", quantile(begins_s, 0.5), caps.latency_s + caps.setpoint_period_s, bench.fit_s + _SAMPLE_S,
+        "a stop waits until the robot is up to speed", spread=begins_s,
+    )  # fmt: skip
 
 
 @clause("goal.cancel_own")

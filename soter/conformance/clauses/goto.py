@@ -7,16 +7,19 @@ import time
 from contextlib import suppress
 from functools import partial
 
-from soter.conformance.bench import STILL_RAD, Bench
+from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import Sample, turn
+from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Waypoint
 
 _HOST_S = 0.05
 _OFF_RAD = 0.15
 _REST_S = 0.7
+_IDLE_S = 8.0
+_LOW = 0.25
 # Each leads back from where the one before led.
 _FAR = ((40.0, 0.3), (40.0, -2.6), (150.0, 2.0), (700.0, -1.2), (3000.0, 2.8))
 
@@ -142,6 +145,19 @@ def holds(bench: Bench) -> None:
     bench.expect_still(robot, 3.0, "it creeps, circles or works off older targets")
 
 
+@clause("goto.wakes")
+def wakes(bench: Bench) -> None:
+    """A robot that nothing was asked of for a while has stayed where it is, and a goto moves it within the latency."""
+    robot = bench.open_one()
+    shuttle = Shuttle(bench, robot)
+    bench.run(SETTLE_S)
+    bench.expect_still(robot, _IDLE_S, "it moves although nothing was asked of it")
+    bench.run(TICK_S, closely=True)
+    shuttle.measure_start(
+        "wakes_s", f"after {_IDLE_S:.0f} s of rest it has to wake up: it saves power, or its brakes stick"
+    )
+
+
 @clause("goto.heading", truth=True)
 def heading(bench: Bench) -> None:
     """A heading that is asked for is arrived with, or goto raises Unsupported and sends nothing."""
@@ -174,8 +190,17 @@ def speed_cap(bench: Bench) -> None:
         "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
         "the goal's speed_m_s is not passed on to the vehicle",
     )  # fmt: skip
+    low = _LOW * bench.caps.v_max_m_s
+    bench.run(SETTLE_S)
+    bench.tracks[robot.id].clear()
+    bench.go(robot, bench.place(robot, 0.4, speed_m_s=low))
+    seen, off = bench.fastest(robot)
+    bench.measure(
+        "low_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
+        "a low speed_m_s is not kept: the vehicle does not go as slowly",
+    )  # fmt: skip
     # A cap is the goal's own: the next one comes up to speed again.
-    bench.get_going(robot, bench.place(robot, -0.8))
+    bench.get_going(robot, bench.place(robot, -0.8), cause="the cap of an earlier goal is kept")
 
 
 @clause("goto.v_max", truth=True)
@@ -183,12 +208,15 @@ def v_max(bench: Bench) -> None:
     """Whatever speed is asked for, the robot keeps to v_max_m_s, clamped on its own side."""
     robot = bench.open_one()
     cap = bench.caps.v_max_m_s
-    bench.go(robot, bench.place(robot, 0.9, speed_m_s=100.0))
+    # Backwards first, and then forwards through the whole room: what comes of a long run shows.
+    ends = [bench.place(robot, at, speed_m_s=100.0) for at in (-0.9, 0.9)]
+    goal = None
     if bench.caps.reverses:
-        back = bench.place(robot, -0.4, speed_m_s=100.0)._replace(heading_rad=robot.spec.heading_rad)
         with suppress(Unsupported):
-            goal = robot.goto(back, Controller.AC)
+            goal = robot.goto(ends[0]._replace(heading_rad=robot.spec.heading_rad), Controller.AC)
             bench.run(bench.way_s(), lambda: not goal.active)
+    for end in ends[goal is not None :]:
+        bench.go(robot, end)
     seen, off = bench.fastest(robot)
     bench.measure(
         "v_max_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,

@@ -9,7 +9,11 @@ from soter.conformance.clause import clause
 from soter.conformance.clauses import deadman, goals, state
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
+from soter.conformance.trials import Shuttle
 from soter.sdk import Controller, GoalStatus
+
+_SLOWLY = 0.5
+_TRIALS = 3
 
 
 @clause("several.ids", truth=True)
@@ -136,6 +140,21 @@ def lease(bench: Bench) -> None:
         f"robot {second.id} went on by {moved:.2f} m without a renewal while robot {first.id} was renewed: the lease "
         "is the fleet's instead of the robot's",
     )
+
+
+@clause("several.both")
+def both(bench: Bench) -> None:
+    """While one robot drives the other one obeys as soon as it does alone."""
+    robots, caps = bench.open(2), bench.caps
+    for mine, other in (robots, robots[::-1]):
+        goal = other.goto(bench.place(other, 0.9, speed_m_s=_SLOWLY * caps.v_max_m_s), Controller.AC)
+        begins_s = [trial.end.begins_s for trial in Shuttle(bench, mine).trials(_TRIALS, lambda goal: goal.cancel())]
+        goal.cancel()
+        bench.measure(
+            "both_s", max(begins_s), caps.latency_s + caps.jitter_s, bench.fit_s,
+            f"while robot {other.id} drives robot {mine.id} obeys later: they share what carries or makes commands",
+            spread=begins_s,
+        )  # fmt: skip
 
 
 @clause("several.close")

@@ -12,7 +12,7 @@ from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
 from soter.errors import Unsupported
-from soter.sdk import Controller, GoalStatus, Link, Robot, RobotState
+from soter.sdk import Controller, GoalStatus, Link, Robot
 
 _FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
 _HEADING_RAD = 0.15
@@ -21,9 +21,7 @@ _MANY_S = 12.0
 _LONG_S = 10.0
 _RATE = 2e-3
 _AGES_S = 8.0
-_PERCENT = 0.01
 _VELOCITY = 0.05
-_DRIVES_S = 10.0
 _TURNED_RAD = 0.01
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
@@ -58,6 +56,10 @@ def ranges(bench: Bench) -> None:
             bench.require(
                 not isinstance(value, float) or math.isfinite(value), f"{name} is {value}: a sample must be finite"
             )
+        bench.require(
+            not bench.caps.reports_battery or state.battery is not None,
+            "a sample carries no charge, and others do: where one was not measured anew, hand out the last one",
+        )
         bench.require(
             -math.pi - 1e-9 < state.heading_rad <= math.pi + 1e-9,
             f"heading_rad is {state.heading_rad:.3f}, allowed: (-pi, pi]: degrees, or not wrapped",
@@ -226,58 +228,6 @@ def yaw_rate(bench: Bench) -> None:
         )
 
 
-@clause("state.charge", needs=("reports_battery",))
-def charge(bench: Bench) -> None:
-    """The charge falls while the robot drives, no faster than declared, and rises while it is being charged."""
-    robot = bench.open_one()
-    bench.go(robot, bench.place(robot, 0.8))
-    began = bench.look(robot).state
-    full_s = robot.spec.drive_s
-    ends = [bench.place(robot, -0.8), bench.place(robot, 0.8)]
-    goal = robot.goto(ends[0], Controller.AC)
-    legs = 1
-
-    def to_and_fro() -> bool:
-        nonlocal goal, legs
-        if not goal.active:
-            goal, legs = robot.goto(ends[legs % 2], Controller.AC), legs + 1
-        return False
-
-    def fallen() -> bool:
-        to_and_fro()
-        return _charge(robot.read_state()) < _charge(began)
-
-    bench.run(_DRIVES_S, to_and_fro)
-    # A charge in whole percent changes once in a hundredth of this.
-    fell = bench.run(2.5 * _PERCENT * full_s, fallen)
-    driven_s = bench.now_s - began.stamp_s
-    bench.require(
-        fell,
-        f"after {driven_s:.0f} s of driving the charge is still {_charge(began):.3f}: it is frozen, or made up; a "
-        f"robot goes from full to empty in {full_s:.0f} s",
-    )
-    fallen_by = _charge(began) - _charge(robot.read_state())
-    bench.measure(
-        "discharge", fallen_by, 1.05 * driven_s / full_s + _PERCENT, 1e-6,
-        f"in {driven_s:.1f} s the charge fell by more than driving from full to empty in {full_s:.0f} s explains",
-    )  # fmt: skip
-    if not bench.harness.charges_at_start:
-        return
-    goal.cancel()
-    bench.go(robot, bench.place(robot, 0.0, radius_m=0.05))
-    low = _charge(robot.read_state())
-    bench.run(5.0 + 2.5 * _PERCENT * robot.spec.charge_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
-    bench.require(
-        _charge(robot.read_state()) > low,
-        f"at rest on its charger the charge stays at {low:.3f}: it is frozen, or only ever falls",
-    )
-
-
-def _charge(state: RobotState) -> float:
-    assert state.battery is not None
-    return state.battery
-
-
 @clause("state.fresh")
 def fresh(bench: Bench) -> None:
     """A new stamp comes with a new position: what moves is never re-stamped."""
@@ -332,8 +282,9 @@ def stamps(bench: Bench) -> None:
 def age(bench: Bench) -> None:
     """When it is read, the latest sample is no older than declared."""
     robot = bench.open_one()
+    # It arrives on the way, so that samples of rest are among them.
     bench.get_going(robot, bench.place(robot, 0.9))
-    ages = []
+    ages: list[float] = []
 
     def look() -> bool:
         # Before it is read: what the host does between the two is not the sample's.

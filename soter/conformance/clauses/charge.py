@@ -1,0 +1,99 @@
+"""Charge: what a robot says is left in its battery."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import ROUNDING
+from soter.conformance.figure import NotTested
+from soter.conformance.trials import ToAndFro
+from soter.sdk import Robot, RobotState, Truth
+
+_PERCENT = 0.01
+_DRIVES_S = 10.0
+_RESTS_S = 30.0
+
+
+@clause("state.charge", needs=("reports_battery",))
+def charge(bench: Bench) -> None:
+    """The charge falls while the robot drives, no faster than declared, and rises while it is being charged."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.8))
+    began = bench.look(robot).state
+    full_s = robot.spec.drive_s
+    shuttle = ToAndFro(bench, robot)
+
+    def fallen() -> bool:
+        shuttle.go_on()
+        return _charge(robot.read_state()) < _charge(began)
+
+    bench.run(_DRIVES_S, shuttle.go_on)
+    # A charge in whole percent changes once in a hundredth of this.
+    fell = bench.run(2.5 * _PERCENT * full_s, fallen)
+    driven_s = bench.now_s - began.stamp_s
+    bench.require(
+        fell,
+        f"after {driven_s:.0f} s of driving the charge is still {_charge(began):.3f}: it is frozen, or made up; a "
+        f"robot goes from full to empty in {full_s:.0f} s",
+    )
+    fallen_by = _charge(began) - _charge(robot.read_state())
+    bench.measure(
+        "discharge", fallen_by, 1.05 * driven_s / full_s + _PERCENT, 1e-6,
+        f"in {driven_s:.1f} s the charge fell by more than driving from full to empty in {full_s:.0f} s explains",
+    )  # fmt: skip
+    shuttle.goal.cancel()
+    _never_jumps(bench, robot)
+    if not bench.harness.charges_at_start:
+        return
+    bench.go(robot, bench.place(robot, 0.0, radius_m=0.05))
+    low = _charge(robot.read_state())
+    bench.run(5.0 + 2.5 * _PERCENT * robot.spec.charge_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
+    bench.require(
+        _charge(robot.read_state()) > low,
+        f"at rest on its charger the charge stays at {low:.3f}: it is frozen, or only ever falls",
+    )
+    _never_jumps(bench, robot)
+
+
+def _never_jumps(bench: Bench, robot: Robot) -> None:
+    """See that between two samples no charge changed by more than driving or charging explains."""
+    fastest_per_s = 1.0 / min(robot.spec.charge_s, robot.spec.drive_s)
+    for first, second in pairwise(bench.tracks[robot.id]):
+        by, passed_s = _charge(second.state) - _charge(first.state), second.at_s - first.at_s
+        bench.require(
+            abs(by) <= 2.0 * _PERCENT + 1.05 * fastest_per_s * passed_s,
+            f"within {passed_s:.2f} s the charge went from {_charge(first.state):.3f} to {_charge(second.state):.3f}: "
+            "it is a voltage or a guess, such as full as soon as it is being charged, and not what is left",
+        )
+
+
+@clause("truth.state.charge", tier=Tier.TRUTH, needs=("reports_battery",))
+def true_charge(bench: Bench) -> None:
+    """The charge of samples is the true one, to a hundredth."""
+    robot, truth = bench.open_one(), bench.fleet.truth
+    if truth is None or robot.id not in truth.report().charges:
+        raise NotTested("not declared: a truth that tells charges")
+    shuttle = ToAndFro(bench, robot)
+    bench.run(_DRIVES_S, shuttle.go_on)
+    shuttle.goal.cancel()
+    _compare_charges(bench, robot, truth, "driven")
+    # At rest it falls, too, away from any charger.
+    bench.go(robot, bench.place(robot, 0.8))
+    bench.run(min(2.5 * _PERCENT * robot.spec.idle_s, _RESTS_S))
+    _compare_charges(bench, robot, truth, "rested")
+
+
+def _compare_charges(bench: Bench, robot: Robot, truth: Truth, done: str) -> None:
+    left, said = truth.report().charges[robot.id], _charge(robot.read_state())
+    bench.measure(
+        "charge_off", abs(said - left), _PERCENT, 1e-3,
+        f"after it has {done} the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, "
+        "an old value, or something that is not counted",
+    )  # fmt: skip
+
+
+def _charge(state: RobotState) -> float:
+    return math.nan if state.battery is None else state.battery
