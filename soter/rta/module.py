@@ -219,7 +219,7 @@ class RTAModule:
         unit = phi_safe.unit
         needed = reach + noise + self.keep
         remedy = "no phi_safer"
-        if math.isfinite(needed):
+        if needed < math.inf:
             # Rounded up, because who takes this value must pass.
             remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
         wrong = f" and be wrong by {noise:.3f} {unit}" if noise > 0.0 else ""

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -73,8 +73,8 @@ def crossings(
             return super().send(frame)
 
     class Paced(Recorder):
-        def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
-            super().__init__(path, waits=waits and in_virtual_time, sign=sign)
+        def __init__(self, path: Path, *, waits: bool, **named: Any) -> None:
+            super().__init__(path, waits=waits and in_virtual_time, **named)
 
         def tick(self, now_s: float, tick: int) -> None:
             clock.now_ns += took_ns(tick)
@@ -263,8 +263,8 @@ def test_ticks_that_were_dropped_at_the_very_end_are_said(monkeypatch: pytest.Mo
             return not 91 < self.sent <= 101 and super().send(frame)
 
     class Unwaiting(Recorder):
-        def __init__(self, path: Path, *, waits: bool, sign: Path | None = None) -> None:
-            super().__init__(path, waits=False, sign=sign)
+        def __init__(self, path: Path, *, waits: bool, **named: Any) -> None:
+            super().__init__(path, waits=False, **named)
 
     monkeypatch.setattr(recorders, "WriterPipe", Dropping)
     monkeypatch.setattr("soter.runner.run.Recorder", Unwaiting)

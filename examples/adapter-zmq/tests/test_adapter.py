@@ -86,17 +86,17 @@ def test_a_robot_is_where_it_says_and_goes_where_it_is_told(harness: ZmqHarness)
     with harness.open(2) as fleet:
         robot = ready(fleet)
         state = robot.read_state()
-        assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx((2.5, 3.5, 0.7))
+        assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx((142.5, 73.5, 0.7))
         assert (state.controller, state.link) == (SC, Link.UP)
-        assert state.battery == pytest.approx(0.8, abs=0.01)
-        goal = robot.goto(Waypoint(2.1, 3.9), SC)
+        assert state.battery == pytest.approx(0.1, abs=0.01)
+        goal = robot.goto(Waypoint(142.1, 73.9), SC)
         assert tick(fleet, lambda: not goal.active)
         assert goal.status is GoalStatus.REACHED
         assert tick(fleet, lambda: speed(robot) < 1e-3)
         assert math.dist(really(fleet)[:2], (2.1, 3.9)) <= 0.02
         state = robot.read_state()
         assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx(really(fleet), abs=0.01)
-        assert really(fleet, 2) == pytest.approx((6.5, 4.2, -2.1))
+        assert really(fleet, 2) == pytest.approx((146.5, 74.2, -2.1))
         assert fleet.truth is not None
         assert fleet.truth.report().violations == ()
 
@@ -109,7 +109,7 @@ def test_no_call_waits_for_the_robot(harness: ZmqHarness) -> None:
         for turn in range(50):
             began_s = time.perf_counter()
             robot.switch_ac_sc((AC, SC)[turn % 2], "test")
-            robot.goto(Waypoint(2.0, 3.0), (AC, SC)[turn % 2])
+            robot.goto(Waypoint(142.0, 73.0), (AC, SC)[turn % 2])
             robot.read_state()
             robot.renew_lease()
             took.append(time.perf_counter() - began_s)
@@ -121,11 +121,11 @@ def test_a_switch_is_confirmed_by_the_robot_and_stops_what_the_other_had(harness
     with harness.open(1) as fleet:
         robot = ready(fleet)
         robot.switch_ac_sc(AC, "test")
-        goal = robot.goto(Waypoint(3.3, 4.1), AC)
+        goal = robot.goto(Waypoint(143.3, 74.1), AC)
         assert tick(fleet, lambda: speed(robot) > 0.2)
         switch = robot.switch_ac_sc(SC, "test")
         assert goal.status is GoalStatus.PREEMPTED
-        assert robot.goto(Waypoint(1.5, 3.0), AC).status is GoalStatus.REJECTED
+        assert robot.goto(Waypoint(141.5, 73.0), AC).status is GoalStatus.REJECTED
         assert tick(fleet, lambda: speed(robot) < 1e-3 and switch.confirmed_s is not None)
         assert robot.read_state().goal_id is None
 
@@ -133,7 +133,7 @@ def test_a_switch_is_confirmed_by_the_robot_and_stops_what_the_other_had(harness
 def test_without_renewal_the_robot_stops(harness: ZmqHarness) -> None:
     with harness.open(1) as fleet:
         robot = ready(fleet)
-        robot.goto(Waypoint(3.3, 4.1), SC)
+        robot.goto(Waypoint(143.3, 74.1), SC)
         assert tick(fleet, lambda: speed(robot) > 0.2)
         assert tick(fleet, lambda: speed(robot) < 1e-3, 2.0, renew=False)
         assert tick(fleet, lambda: speed(robot) > 0.2)
@@ -142,7 +142,7 @@ def test_without_renewal_the_robot_stops(harness: ZmqHarness) -> None:
 def test_a_link_that_is_lost_stops_the_robot_and_comes_back(harness: ZmqHarness) -> None:
     with harness.open(1) as fleet:
         robot = ready(fleet)
-        robot.goto(Waypoint(3.3, 4.1), SC)
+        robot.goto(Waypoint(143.3, 74.1), SC)
         assert tick(fleet, lambda: speed(robot) > 0.2)
         harness.cut(1)
         assert tick(fleet, lambda: robot.read_state().link is Link.STALE)
@@ -159,8 +159,8 @@ def test_what_was_late_renews_no_lease(harness: ZmqHarness) -> None:
     with harness.open(1) as fleet:
         robot = ready(fleet)
         harness.delay(0.5)
-        robot.goto(Waypoint(3.3, 4.1), SC)
-        assert not tick(fleet, lambda: math.dist(really(fleet)[:2], (2.5, 3.5)) > 0.02, 2.0)
+        robot.goto(Waypoint(143.3, 74.1), SC)
+        assert not tick(fleet, lambda: math.dist(really(fleet)[:2], (142.5, 73.5)) > 0.02, 2.0)
         assert robot.read_state().age_s(fleet.clock.now()) > 0.4
         harness.delay(0.0)
         assert tick(fleet, lambda: speed(robot) > 0.2)
@@ -172,7 +172,7 @@ def test_a_bad_link_loses_time_but_not_the_goal(harness: ZmqHarness) -> None:
         harness.loss(0.3)
         harness.duplicate(0.3)
         harness.reorder(0.3)
-        goal = robot.goto(Waypoint(2.1, 3.9), SC)
+        goal = robot.goto(Waypoint(142.1, 73.9), SC)
         assert tick(fleet, lambda: not goal.active, 20.0)
         assert goal.status is GoalStatus.REACHED
 
@@ -190,7 +190,7 @@ def test_a_robot_that_reboots_is_found_again(simulator: Simulator) -> None:
         stack.callback(again.close)
         stack.callback(fleet.close)
         assert tick(fleet, lambda: robot.read_state().link is Link.UP)
-        robot.goto(Waypoint(2.5, 3.4), SC)
+        robot.goto(Waypoint(142.5, 73.4), SC)
         assert tick(fleet, lambda: speed(robot) > 0.2)
 
 
@@ -215,7 +215,7 @@ def test_nobody_takes_a_robot_from_who_commands_it(simulator: Simulator) -> None
 
             thread.start()
             try:
-                robot.goto(Waypoint(2.5, 3.4), SC)
+                robot.goto(Waypoint(142.5, 73.4), SC)
                 assert tick(fleet, over)
             finally:
                 thread.join()
@@ -228,7 +228,7 @@ def test_nobody_takes_a_robot_from_who_commands_it(simulator: Simulator) -> None
 def test_closing_stops_the_robots_and_ends_their_process() -> None:
     with ZmqBackend().open(ZmqConfig(workspace=ROOM), [SPEC]) as fleet:
         robot = ready(fleet)
-        robot.goto(Waypoint(3.0, 3.8), SC)
+        robot.goto(Waypoint(143.0, 73.8), SC)
         assert tick(fleet, lambda: speed(robot) > 0.2)
         assert fleet.simulator is not None
         process = fleet.simulator.process

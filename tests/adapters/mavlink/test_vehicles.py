@@ -269,7 +269,7 @@ def test_a_vehicle_without_a_gate_goes_on_when_its_link_is_back(stack: ExitStack
     robot.init(20.0)
     assert not robot.capabilities.reports_controller
     robot.down_after_s = 1.0
-    goal = robot.goto(Waypoint(2.9, 3.8), SC)
+    goal = robot.goto(Waypoint(142.9, 73.8), SC)
     assert tick(fleet, lambda: speed(robot) > 0.2)
     harness.cut(robot.id)
     assert tick(fleet, lambda: robot.read_state().link is Link.DOWN)
