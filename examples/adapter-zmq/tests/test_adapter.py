@@ -93,7 +93,7 @@ def test_a_robot_is_where_it_says_and_goes_where_it_is_told(harness: ZmqHarness)
         assert tick(fleet, lambda: not goal.active)
         assert goal.status is GoalStatus.REACHED
         assert tick(fleet, lambda: speed(robot) < 1e-3)
-        assert math.dist(really(fleet)[:2], (2.1, 3.9)) <= 0.02
+        assert math.dist(really(fleet)[:2], (142.1, 73.9)) <= 0.02
         state = robot.read_state()
         assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx(really(fleet), abs=0.01)
         assert really(fleet, 2) == pytest.approx((146.5, 74.2, -2.1))
