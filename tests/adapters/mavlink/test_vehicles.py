@@ -199,7 +199,7 @@ def test_a_vehicle_that_is_killed_is_missed_and_goes_on_when_it_is_back(
 def test_a_vehicle_stops_when_who_drives_it_is_killed(stack: ExitStack) -> None:
     harness = MavlinkHarness()
     stack.callback(harness.close)
-    process = harness.start_driver(Waypoint(4.0, 4.5))
+    process = harness.start_driver(Waypoint(144.0, 74.5))
     began_s, first = time.perf_counter(), harness.observe(1)
     while math.dist(first[:2], harness.observe(1)[:2]) < 0.2:
         assert time.perf_counter() - began_s < 30.0
@@ -210,7 +210,7 @@ def test_a_vehicle_stops_when_who_drives_it_is_killed(stack: ExitStack) -> None:
     rest = harness.observe(1)
     time.sleep(0.5)
     assert harness.observe(1) == rest
-    assert math.dist(rest[:2], (4.0, 4.5)) > 0.2
+    assert math.dist(rest[:2], (144.0, 74.5)) > 0.2
 
 
 def test_nobody_takes_a_port_from_who_listens_there(stack: ExitStack) -> None:
