@@ -18,6 +18,7 @@ LISTENER = """
 import json, sys, time
 from geometry_msgs.msg import Twist
 from soter.adapters.ros2.graph import Graph
+from soter.streamed.robot import wait_for
 
 heard = []
 graph = Graph(int(sys.argv[1]), use_sim_time=False, on_loopback=True)
@@ -26,7 +27,7 @@ def note(name):
     return lambda each: heard.append((name, time.monotonic(), each.linear.x, each.angular.z))
 node.create_subscription(Twist, "/robot1/cmd_vel", note("base"), 50)
 node.create_subscription(Twist, "/bare", note("bare"), 50)
-graph.wait_for(lambda: bool(heard), 30.0)
+wait_for(lambda: bool(heard), 30.0)
 print("ready", flush=True)
 sys.stdin.read()
 graph.close()
