@@ -67,6 +67,8 @@ def flaw(record: RobotTick | Peer) -> Flaw | None:
         crc, parity = int(record.check[:_CRC_DIGITS], 16), int(record.check[_CRC_DIGITS:], 16)
     except ValueError:
         return found
+    if not 0 <= parity < 1 << 64:
+        return found
     packed = _packed(_values(record))
     # If one value was changed, the parities differ by just that change; undoing it must give the checksum.
     change = parity ^ _parity(packed)

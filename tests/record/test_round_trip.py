@@ -372,3 +372,10 @@ def test_tables_hold_every_message_and_every_bit(kinematic: Recorded, tmp_path: 
     assert [float(row["margin"]) for row in margins] == list(content.series[1].margins["collision"])
     assert len(rows(file_name(messages.Switch))) == len(content.switches)
     assert rows(file_name(messages.Drop)) == []
+
+
+@pytest.mark.parametrize("digits", ["", "0" * 7, "f" * 40, "0" * 8 + "-" + "f" * 15, "0" * 8 + "-" + "1" * 16, "none"])
+def test_check_digits_of_no_shape_are_a_flaw(kinematic: Recorded, digits: str) -> None:
+    wrong = flaw(msgspec.structs.replace(record_of(kinematic.path, 3000), check=digits))
+    assert wrong is not None
+    assert wrong.field == ""
