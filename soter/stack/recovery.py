@@ -204,8 +204,15 @@ class RecoveryPlanner:
     def _keeps(self, rule: OwnRule, situation: Situation, bx_m: float, by_m: float) -> bool:
         """Return whether a rule of the user's own holds along a leg wherever the robot strays, or gets no worse.
 
-        Nothing is known of its margin but what it is: it is asked as if the robot were there, as fast as it is now.
+        Nothing is known of its margin but what it is: it is asked as if the robot were there, as fast as it is now. One
+        that fails allows no leg; why it fails is said by its decision module, which fails on it as well.
         """
+        try:
+            return self._asked(rule, situation, bx_m, by_m)
+        except Exception:  # noqa: BLE001 - foreign code must not take the shipped safe controllers along
+            return False
+
+    def _asked(self, rule: OwnRule, situation: Situation, bx_m: float, by_m: float) -> bool:
         own, off_m, region = situation.own, self.certified_m, rule.region
         margin = region.margin(situation)
         least = min(0.0, margin)

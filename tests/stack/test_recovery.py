@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from soter.rta import Situation
-from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, RecoveryPlanner, RecoveryRules
+from soter.rta import Region, Situation
+from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, OwnRule, RecoveryPlanner, RecoveryRules
 from soter.stack.terrain import Point, Terrain
 from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
@@ -363,3 +363,22 @@ def test_holding_where_all_is_well_is_no_motion_and_not_counted() -> None:
     assert recovery.no_certified_motion == 0
     assert recovery.towards(look_at((2.5, 2.0)), []) is None
     assert recovery.towards(look_at((2.5, 2.0)), [(2.51, 2.0)]) is None, "it is there"
+
+
+class Fails(Region):
+    """Knows nothing of the east."""
+
+    def margin(self, situation: Situation) -> float:
+        if situation.own.x_m > 2.02:
+            raise RuntimeError("no map here")
+        return 1.0
+
+    def edge_margin(self, safer: Region) -> float:
+        return 0.0
+
+
+def test_a_rule_of_the_users_that_fails_allows_no_leg_and_fails_nobody() -> None:
+    recovery = planner(EMPTY)
+    recovery.own_rules = [OwnRule(Fails(), of_pairs=False)]
+    assert recovery.towards(seen(At(2.0, 2.0)), [(3.0, 2.0)]) is None
+    assert recovery.towards(seen(At(2.0, 2.0)), [(1.0, 2.0)]) is not None
