@@ -61,7 +61,7 @@ class Roadmap:
         # Slab method for all corners (rows) and rectangles (columns) at once; touching does not count.
         enter = np.zeros((len(self.places), len(self._edges)))
         leave = np.ones_like(enter)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for axis in (0, 1):
                 delta = (self.places[:, axis] - start[axis])[:, None]
                 first = (self._edges[None, :, axis] - start[axis]) / delta
@@ -171,7 +171,8 @@ class Routes:
 
     def _first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
         """Return the first corner of the shortest way, and the way's length."""
-        lengths = np.hypot(self._x - x_m, self._y - y_m) + self.to_go_m
+        with np.errstate(over="ignore"):
+            lengths = np.hypot(self._x - x_m, self._y - y_m) + self.to_go_m
         sees, corners = self.roadmap.sees, self.corners
         # Shortest first: the first corner in sight is the one. A stable sort, so that ties end alike everywhere.
         for index in np.argsort(lengths, kind="stable").tolist():

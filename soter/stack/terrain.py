@@ -170,6 +170,9 @@ class Terrain:
     def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
         """Return the index ranges of the cells within a square of half-width `reach_m` around a point."""
         per_x, per_y = self._columns / self.width_m, self._rows / self.depth_m
+        # Farther off than this the window is at the edge, however far: even where no index could be calculated.
+        x_m = min(max(x_m, -reach_m), self.width_m + reach_m)
+        y_m = min(max(y_m, -reach_m), self.depth_m + reach_m)
         left = min(max(int((x_m - reach_m) * per_x), 0), self._columns - 1)
         right = min(max(int((x_m + reach_m) * per_x) + 1, left + 1), self._columns)
         low = min(max(int((y_m - reach_m) * per_y), 0), self._rows - 1)

@@ -151,3 +151,8 @@ def test_corners_keep_off_the_fence_and_extra_rectangles_are_kept_out_of() -> No
     blocked = Routes(narrow, (1.0, 1.0), CLEAR_M, 0.5, [(4.1, 1.0, 6.0, 4.0)])
     assert blocked.legs(1.0, 4.0) == []
     assert blocked.distance_m(1.0, 4.0) == math.inf
+
+
+@pytest.mark.parametrize("place", [(1e308, 1e308), (-1e308, 2.0), (1e308, -1e308)])
+def test_from_a_place_beyond_all_numbers_nothing_overflows(place: Point) -> None:
+    assert ROUTES.distance_m(*place) >= 1e300 or ROUTES.legs(*place) == []

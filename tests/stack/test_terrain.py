@@ -87,6 +87,13 @@ def test_a_window_holds_every_cell_that_is_near(at: Point, reach_m: float) -> No
     assert TERRAIN.cell_x[window].size > 0
 
 
+@pytest.mark.parametrize("far_m", [20.0, 1e308, -1e308])
+def test_a_window_is_at_the_edge_however_far_off_the_place_is(far_m: float) -> None:
+    assert TERRAIN.window(far_m, far_m, 1.0) == TERRAIN.window(
+        math.copysign(7.0, far_m), math.copysign(7.0, far_m), 1.0
+    )
+
+
 def test_a_workspace_without_boxes_is_clear_everywhere() -> None:
     empty = Terrain(Workspace(3.0, 2.0, (), ()), RADIUS_M)
     assert empty.clearance_m(1.0, 1.0) == empty.segment_clearance_m(0.0, 0.0, 3.0, 2.0) == math.inf
