@@ -15,8 +15,9 @@ from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
 from soter.stack.infrastructure import check_infrastructure
+from soter.stack.own_rules import OwnRule
 from soter.stack.reach import Limits, reach_between, reach_into
-from soter.stack.recovery import OwnRule, RecoveryPlanner, RecoveryRules, extent_m
+from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
 from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import Retreat
 from soter.stack.return_path import ReturnPath

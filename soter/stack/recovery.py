@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final
 
-from soter.rta import Region, Sample, Situation
+from soter.rta import Sample, Situation
 from soter.sdk import Capabilities, Waypoint
+from soter.stack.own_rules import OwnRule
 from soter.stack.terrain import Point, Terrain
 
 PAIR_NEAR_M: Final = 0.6
@@ -33,32 +34,7 @@ _MOVING_M_S: Final = 0.02
 _ALIGNED_RAD: Final = 0.35
 _ALIGNED_COS: Final = math.cos(_ALIGNED_RAD)
 _ALIGNED_SIN: Final = math.sin(_ALIGNED_RAD)
-_PARTS: Final = (0.5, 1.0)
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
-
-
-class OwnRule(NamedTuple):
-    """What a module of the user's own keeps.
-
-    Attributes:
-        region: its phi_safe.
-        of_pairs: whether peers use up its margin as well.
-    """
-
-    region: Region
-    of_pairs: bool
-
-
-class _Moved:
-    """A sample of a robot as if it were elsewhere."""
-
-    def __init__(self, own: Sample, x_m: float, y_m: float) -> None:
-        self._own: Final = own
-        self.x_m: Final = x_m
-        self.y_m: Final = y_m
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._own, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,40 +173,11 @@ class RecoveryPlanner:
             spare = self._pair_spare_m(situation, bx_m - ax, by_m - ay)
             if spare < worst:
                 worst = spare
-        if worst >= 0.0 and not all(self._keeps(rule, situation, bx_m, by_m) for rule in self.own_rules):
-            return -1.0
+        if worst >= 0.0 and self.own_rules:
+            peer_m = self._peer_v_max * (self._blind_s + situation.age_s)
+            if not all(rule.allows(situation, bx_m, by_m, self.certified_m, peer_m) for rule in self.own_rules):
+                return -1.0
         return worst
-
-    def _keeps(self, rule: OwnRule, situation: Situation, bx_m: float, by_m: float) -> bool:
-        """Return whether a rule of the user's own holds along a leg wherever the robot strays, or gets no worse.
-
-        Nothing is known of its margin but what it is: it is asked as if the robot were there, as fast as it is now. One
-        that fails allows no leg; why it fails is said by its decision module, which fails on it as well.
-        """
-        try:
-            return self._asked(rule, situation, bx_m, by_m)
-        except Exception:  # noqa: BLE001 - foreign code must not take the shipped safe controllers along
-            return False
-
-    def _asked(self, rule: OwnRule, situation: Situation, bx_m: float, by_m: float) -> bool:
-        own, off_m, region = situation.own, self.certified_m, rule.region
-        margin = region.margin(situation)
-        least = min(0.0, margin)
-        if rule.of_pairs and margin > 0.0:
-            # Half of it is the peer's, which may be on its way.
-            least = min(margin, margin / 2.0 + self._peer_v_max * (self._blind_s + situation.age_s))
-        dx, dy = bx_m - own.x_m, by_m - own.y_m
-        length_m = math.hypot(dx, dy) or 1.0
-        ux, uy = dx / length_m, dy / length_m
-        for part in _PARTS:
-            for ahead_m, left_m in ((0.0, 0.0), (0.0, off_m), (0.0, -off_m), (off_m, 0.0)):
-                x_m = own.x_m + part * dx + ahead_m * ux - left_m * uy
-                y_m = own.y_m + part * dy + ahead_m * uy + left_m * ux
-                there = Situation(situation.robot_id, _Moved(own, x_m, y_m), situation.now_s)
-                there.peers = situation.peers
-                if not region.margin(there) >= least:
-                    return False
-        return True
 
     def hold_margin(self, situation: Situation) -> float:
         """Return the worst margin of staying where the robot is."""

@@ -11,7 +11,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from soter.rta import Region, Situation
-from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, OwnRule, RecoveryPlanner, RecoveryRules
+from soter.stack.own_rules import OwnRule
+from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, RecoveryPlanner, RecoveryRules
 from soter.stack.terrain import Point, Terrain
 from soter.workspace import Box, Workspace
 from tests.rta.doubles import At

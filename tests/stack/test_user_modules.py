@@ -20,7 +20,7 @@ from soter.runner import RunResult, run_mission
 from soter.runner.user_rules import UserRules
 from soter.sdk import TruthReport, Waypoint
 from soter.stack.battery import GoHome
-from soter.stack.recovery import OwnRule
+from soter.stack.own_rules import OwnRule
 from soter.stack.user_modules import CertifiedController, ModuleKit
 from tests.project.source import ROOT
 from tests.rta.doubles import At, FakeNode, module
