@@ -239,10 +239,13 @@ class RobotSupervisor:
                 elif module.mode is Mode.SC:
                     module.observe(situation)
             except Exception as failure:
-                logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
+                cause = f"decision module failed: {failure!r}"
+                if module.cause != cause:
+                    # Once, and not at every look: it may go on failing for as long as the run lasts.
+                    logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
                 if module.mode is Mode.AC:
                     fired.append(module)
-                module.force(now_s, f"decision module failed: {failure!r}")
+                module.force(now_s, cause)
             self._look_at(module)
             if driver is None and module.mode is Mode.SC:
                 driver = module

@@ -206,11 +206,15 @@ def test_a_decision_module_that_fails_takes_control(value: float | Exception) ->
     assert rig.driver() is None
 
 
-def test_a_decision_module_that_fails_says_how() -> None:
+def test_a_decision_module_that_fails_says_how_and_once(caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig("a")
     rig.start()
-    rig.rules["a"].value = ZeroDivisionError("oh")
-    rig.tick()
+    for failure in ("oh", "no"):
+        caplog.clear()
+        rig.rules["a"].value = ZeroDivisionError(failure)
+        rig.tick(50)
+        assert [record.levelname for record in caplog.records] == ["ERROR"]
+        assert f"ZeroDivisionError('{failure}')" in rig.robot.modules[0].cause
     assert "ZeroDivisionError('oh')" in rig.watch.records[-1].cause
 
 
