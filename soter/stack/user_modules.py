@@ -105,8 +105,12 @@ class ModuleKit:
 
         Args:
             choose: returns the place.
-            speed_m_s: how fast at most, or None for the robot's own.
+            speed_m_s: how fast at most, above 0, or None for the robot's own.
+
+        Raises:
+            ValueError: the speed is no speed to drive at: it is seen here, before anything moves.
         """
+        Waypoint(0.0, 0.0, speed_m_s=speed_m_s).check()
         return GoTo(self, choose, speed_m_s)
 
 

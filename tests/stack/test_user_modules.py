@@ -361,3 +361,12 @@ def test_a_rule_that_cannot_be_judged_counts_as_broken_and_the_run_goes_on(
     rules = judged([0.0, 0.0, 0.0], module("odd", phi_safe=Odd()))
     assert rules.counts() == {"odd": 2}, "once for each robot"
     assert [record.getMessage() for record in caplog.records] == ["the rule of 'odd' cannot be judged"]
+
+
+@pytest.mark.parametrize("limit", ["0", "-0.1", "nan", "inf", "1e-400"])
+def test_a_speed_that_nobody_can_drive_at_is_refused_before_anything_moves(tmp_path: Path, limit: str) -> None:
+    text = ZONE.read_text().replace("limit_m_s = 0.1", f"limit_m_s = {limit}")
+    path = tmp_path / "zone.toml"
+    path.write_text(text.replace("../surveillance.xml", str(ROOT / "examples" / "surveillance.xml")))
+    with pytest.raises(ConfigError, match="speed_m_s is"):
+        run_mission(load_mission(path))
