@@ -1,0 +1,47 @@
+"""One run of a store, to be made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from soter.campaign.job import Job
+from soter.campaign.plan import Campaign, load_campaign
+from soter.campaign.store import Row, Store
+from soter.errors import ConfigError
+
+
+def find(store: Store, name: str) -> Row:
+    """Return the run of an id, or of the beginning of one.
+
+    Raises:
+        ConfigError: there is none, or more than one.
+    """
+    found = [each for each in sorted(store.ids()) if each.startswith(name)]
+    if len(found) != 1:
+        raise ConfigError(f"it is '{name}', of which there are {len(found)} in {store.path}, allowed: one", key="ID")
+    return next(store.rows(run=found[0]))
+
+
+def campaign_of(store: Store) -> Campaign:
+    """Return the campaign of a store.
+
+    Raises:
+        ConfigError: its file is gone or wrong.
+    """
+    return load_campaign(Path(store.about()["path"]))
+
+
+def job_of(store: Store, row: Row) -> Job:
+    """Return the job of a run.
+
+    Raises:
+        ConfigError: the store's campaign is gone, or something that its runs depend on has changed.
+    """
+    campaign, sources = campaign_of(store), store.about()["sources"]
+    if campaign.sources != sources:
+        raise ConfigError(
+            f"it was made of other sources ({sources}; now {campaign.sources}): the code, a mission or a library has "
+            "changed since, and it would be another run",
+            source=str(store.path),
+        )
+    return campaign.job(campaign.parts[row.part], row.number, dict(row.settings), row.axes)

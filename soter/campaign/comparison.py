@@ -1,0 +1,78 @@
+"""Two settings, or two campaigns, compared: run by run of the same seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Final
+
+from soter.campaign.conditions import figure
+from soter.campaign.intervals import median
+from soter.campaign.store import Row
+
+FIGURES: Final = (
+    "violations", "min_margin", "ac_share", "disengagements_total", "targets_reached", "longest_stall_s",
+    "no_progress_s",
+)  # fmt: skip
+"""What is compared."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A figure of two sides, paired.
+
+    Attributes:
+        figure: its name.
+        pairs: how many pairs have it.
+        left: its mean on the left.
+        right: its mean on the right.
+        middle: the median of right minus left; None below 6 pairs.
+        low: the lower end of its exact interval at 95 %; None below 6 pairs.
+        high: the upper end.
+    """
+
+    figure: str
+    pairs: int
+    left: float
+    right: float
+    middle: float | None
+    low: float | None
+    high: float | None
+
+    @property
+    def shown(self) -> bool:
+        """Whether the interval leaves 0 out."""
+        return self.low is not None and self.high is not None and not self.low <= 0.0 <= self.high
+
+
+def select(rows: Iterable[Row], wanted: Mapping[str, str]) -> list[Row]:
+    """Return the runs of which axes (or `part`) have the wanted names."""
+    return [
+        row for row in rows
+        if all((row.part if axis == "part" else row.axes.get(axis)) == name for axis, name in wanted.items())
+    ]  # fmt: skip
+
+
+def pairs(left: Sequence[Row], right: Sequence[Row], apart: Iterable[str]) -> list[tuple[Row, Row]]:
+    """Return runs of the left and of the right that have the same seed and agree on all axes but those apart."""
+
+    def key(row: Row) -> tuple[object, ...]:
+        axes = {"part": row.part, **row.axes}
+        return row.seed, *sorted((axis, name) for axis, name in axes.items() if axis not in apart)
+
+    by_key = {key(row): row for row in right}
+    return [(row, by_key[key(row)]) for row in left if key(row) in by_key]
+
+
+def compare(paired: Sequence[tuple[Row, Row]]) -> list[Difference]:
+    """Return how figures differ, of those that some pairs have."""
+    found = []
+    for name in FIGURES:
+        both = [(a, b) for one, other in paired if (a := figure(one, name)) is not None
+                and (b := figure(other, name)) is not None]  # fmt: skip
+        if both:
+            enclosed = median([b - a for a, b in both]) or (None, None, None)
+            means = fmean(a for a, _ in both), fmean(b for _, b in both)
+            found.append(Difference(name, len(both), *means, *enclosed))
+    return found

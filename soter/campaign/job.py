@@ -1,0 +1,244 @@
+"""One run of a campaign: what is run, the command that repeats it, and what became of it."""
+
+from __future__ import annotations
+
+import faulthandler
+import hashlib
+import json
+import logging
+import os
+import shlex
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from multiprocessing import parent_process
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from soter.config import MissionFile, load_mission
+from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
+from soter.runner import Run, run_mission
+from soter.runner.toml_text import inline
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
+OPTIONS: Final = {
+    "backend": "--backend",
+    "engine": "--engine",
+    "targets": "--targets",
+    "robots": "--robots",
+    "planner": "--planner",
+    "ac": "--ac",
+    "seed": "--seed",
+    "duration_s": "--duration",
+}
+"""Keys that have an option of `soter run`; all others are given by `--set`. `engine` is an option of the backend."""
+
+HOST: Final = (
+    "wall_s", "real_time_factor", "dm_tick_us", "missed_ticks", "tick_late_ms", "peer_age_ms", "peer_tick_us",
+)  # fmt: skip
+"""Figures of a result that the host has a say in: two runs of one job may differ in these, and in nothing else."""
+
+JUDGED: Final = "second_judge"
+"""The key of a result that holds what the second judge says; see `soter.campaign.random.running`."""
+
+LATE_S: Final = 30.0
+"""What a run gets beyond its limit before its process is ended: it may hang where it cannot be asked to stop."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run.
+
+    Attributes:
+        part: the part of the campaign that it belongs to.
+        number: its place among the runs of that part, from 0.
+        mission: the mission file; empty for a drawn configuration.
+        settings: value by dotted key of the mission file, and `engine`; of a drawn configuration `seed` and `engine`
+            are what it is drawn from.
+        axes: what tells it from other runs of its part, as texts, by axis; the seed is not among them.
+        accept_unproved: whether what cannot be proved is run.
+        limit_s: host time that it may take; None for any.
+        judged: whether a second judge judges it; drawn configurations always are.
+        folder: where it is run, so that paths and classes of the user's own are found; empty for where the process is.
+        sources: a hash over all that its outcome may depend on besides; see `soter.campaign.sources`.
+    """
+
+    part: str
+    number: int
+    mission: str
+    settings: Mapping[str, Any]
+    axes: Mapping[str, str]
+    accept_unproved: bool = False
+    limit_s: float | None = None
+    judged: bool = False
+    folder: str = ""
+    sources: str = ""
+
+    @property
+    def id(self) -> str:
+        """What names the run in its store: the same for the same part, mission and settings."""
+        whole = json.dumps([self.part, self.mission, dict(self.settings), self.accept_unproved], sort_keys=True)
+        return hashlib.sha256(whole.encode()).hexdigest()[:12]
+
+    @property
+    def seed(self) -> int:
+        """From which everything random is drawn; 0 where only the mission file says."""
+        return int(self.settings.get("seed", 0))
+
+    @property
+    def command(self) -> str:
+        """The command line that repeats it."""
+        if not self.mission:
+            return f"soter campaign draw {self.seed} --engine {self.settings.get('engine', 'kinematic')}"
+        words = ["soter", "run", self.mission]
+        for key, option in OPTIONS.items():
+            if key in self.settings:
+                words += [option, str(self.settings[key])]
+        for key, value in self.settings.items():
+            if key not in OPTIONS:
+                words += ["--set", f"{key}={inline(value)}"]
+        words += ["--accept-unproved"] if self.accept_unproved else []
+        return shlex.join([*words, "--no-record"])
+
+    def load(self) -> MissionFile:
+        """Return the mission with its settings.
+
+        Raises:
+            ConfigError: the mission, its workspace or a setting is not allowed.
+        """
+        overrides = {key: value for key, value in self.settings.items() if key != "engine"}
+        mission = load_mission(self.mission, overrides)
+        if "engine" in self.settings:
+            # A backend may be named by its class, which has dots in it.
+            overrides[f'backends."{mission.backend}".engine'] = self.settings["engine"]
+            mission = load_mission(self.mission, overrides)
+        return mission
+
+
+@dataclass
+class Done:
+    """What became of a run.
+
+    Attributes:
+        status: `done`; `refused`: it is bad input, or a module is ill-formed or not proved; `failed`: it did not get
+            to its end; `stopped`: it was told to stop, and is not kept.
+        failure: why it was refused or failed, in a line.
+        trace: the traceback of what nobody expected; empty otherwise.
+        result: `RunResult` without what the host has a say in; None where nothing was run.
+        host: the rest of it.
+        findings: what a second judge says must not be; only of drawn configurations.
+    """
+
+    status: str
+    failure: str = ""
+    trace: str = ""
+    result: dict[str, Any] | None = None
+    host: dict[str, Any] = field(default_factory=dict)
+    findings: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, run: Run) -> Done:
+        """Return what became of a run that ended by itself."""
+        figures = run.result.model_dump(mode="json")
+        host = {key: figures.pop(key) for key in HOST}
+        # The job has it; a configuration that is drawn is in a folder that is gone by now.
+        del figures["mission"]
+        failed = run.result.status != "completed"
+        return cls("failed" if failed else "done", run.result.failure, "", figures, host)
+
+
+def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) -> Done:
+    """Run a job here, in the main thread. Whatever goes wrong is part of what is returned.
+
+    Args:
+        job: what.
+        stop: asked at every tick whether to end early.
+        record: where to record it, or None.
+    """
+    ends_s = time.monotonic() + (job.limit_s or float("inf"))
+    late = f"no end after {job.limit_s or 0.0:g} s of the host's time"
+
+    def ending() -> bool:
+        return stop() or time.monotonic() > ends_s
+
+    if "" not in sys.path:
+        # Classes of the user's own are found as `soter run` here would find them.
+        sys.path.insert(0, "")
+    try:
+        done = (
+            _judged(job, ending, record)
+            if job.judged or not job.mission
+            else Done.of(run_mission(job.load(), stop=ending, accept_unproved=job.accept_unproved, record=record))
+        )
+    except (ConfigError, BackendError, IllFormedModule) as refusal:
+        return Done("refused", str(refusal))
+    except RunFailed as failure:
+        return Done("failed", str(failure))
+    except Exception as failure:  # noqa: BLE001 - it is recorded, and must not stop the others
+        return Done("failed", f"{type(failure).__name__}: {failure}", traceback.format_exc())
+    if done.result is not None and done.result["status"] == "interrupted":
+        return Done("stopped") if stop() else Done("failed", late)
+    return done
+
+
+def _judged(job: Job, stop: Callable[[], bool], record: Path | None) -> Done:
+    from soter.campaign.random.running import run_drawn, run_judged
+
+    if job.mission:
+        run, judgement = run_judged(Path(job.mission), job.settings.get("duration_s"), stop, record)
+    else:
+        run, judgement = run_drawn(job.settings, stop, record)
+    done = Done.of(run)
+    assert done.result is not None
+    # Through JSON, so that a result that was kept and one that was not are equal.
+    done.result[JUDGED] = json.loads(json.dumps(asdict(judgement)))
+    done.findings = judgement.findings
+    return done
+
+
+# --- in a worker -------------------------------------------------------------------------------------------------
+
+_stop: Event | None = None
+
+
+def begin(stop: Event) -> None:
+    """Prepare a worker process: Ctrl-C is the first process's business, which sets `stop`; with it the worker dies."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    logging.disable(logging.CRITICAL)
+    first = parent_process()
+    if first is not None:
+        threading.Thread(target=_die_with, args=(first.sentinel,), daemon=True).start()
+
+
+def _die_with(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
+
+
+def work(job: Job) -> Done:
+    """Run a job in a worker.
+
+    Raises:
+        ConfigError: this worker has other sources than the one that planned the campaign.
+    """
+    from soter.campaign.sources import code_hash
+
+    if job.sources and job.sources != code_hash():
+        raise ConfigError(f"this worker has other sources: {code_hash()}, allowed: {job.sources}")
+    if job.folder:
+        os.chdir(job.folder)
+    if job.limit_s is not None:
+        faulthandler.dump_traceback_later(job.limit_s + LATE_S, exit=True)
+    try:
+        return carry_out(job, (lambda: False) if _stop is None else _stop.is_set)
+    finally:
+        faulthandler.cancel_dump_traceback_later()

@@ -1,0 +1,130 @@
+"""Draws who the advanced controllers are, and what they are told."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+from typing import Any, Final
+
+import shapely  # type: ignore[import-untyped]
+from shapely import LineString, Point
+
+from soter.campaign.random.configuration import Tables
+from soter.campaign.random.figures import Figures
+from soter.campaign.random.modules import Rta
+from soter.campaign.random.room import Room
+from soter.controllers import ADVERSARIES
+
+VISIT: Final = "soter.campaign.random.attackers:Visit"
+TARGETS: Final = ("grid", "uniform", "hostile")
+_PLACES: Final = 10
+
+
+def draw_ac(rng: Random, room: Room, figures: Figures, rta: Rta, nasty: bool) -> Tables:
+    """Return the keys of a mission that say who drives, where to, and with which planner."""
+    chance = rng.random()
+    if chance < 0.45:
+        return _mission(rng)
+    tables: Tables = _mission(rng) if rng.random() < 0.1 else {}
+    if chance < 0.6:
+        places, stay_s = _places(rng, room, figures, rta), round(rng.choice((0.0, rng.uniform(0.0, 400.0))), 1)
+        visit: dict[str, Any] = {"places": places, "stay_s": stay_s}
+        if len(room.robots) > 1 and rng.random() < 0.4:
+            # One stands where another has to charge.
+            parked, owner = rng.sample(range(len(room.robots)), 2)
+            at = [round(value, 4) for value in room.stations[owner].centre]
+            visit["parked"] = {str(room.robots[parked].id): at}
+        return {**tables, "ac": VISIT, "controllers": {"Visit": visit}}
+    name = rng.choice([*ADVERSARIES])
+    options = _OPTIONS.get(name, lambda _: {})(rng)
+    if nasty and rng.random() < 0.4:
+        options["facts"] = {
+            "v_max_m_s": round(rng.uniform(0.05, 0.4), 2),
+            "brake_m_s2": round(rng.uniform(0.3, 3.0), 2),
+            "latency_s": round(rng.uniform(0.0, 0.3), 3),
+        }
+    tables["ac"] = f"adversary:{name}"
+    if options:
+        tables["adversaries"] = {name: options}
+    return tables
+
+
+def _mission(rng: Random) -> Tables:
+    tables: Tables = {"targets": rng.choice(TARGETS)}
+    if rng.random() < 0.2:
+        tables["mission"] = {"use": "surveillance"}
+    if rng.random() < 0.1:
+        tables["ac"] = "mission"
+    if rng.random() < 0.4:
+        tables["target_timeout_s"] = round(rng.uniform(20.0, 300.0), 1)
+    # Quick ones, in this process; now and then one that looks around boxes, in a process of its own.
+    tables["planner"] = "ompl-rrtconnect" if rng.random() < 0.05 else "straight-line"
+    if rng.random() < 0.3:
+        options: dict[str, Any] = {"clearance_m": round(rng.uniform(0.0, 0.3), 3)}
+        if tables["planner"] != "straight-line":
+            options |= {"range_m": round(rng.uniform(0.2, 2.0), 2), "checks": rng.randint(500, 5000)}
+        tables["planners"] = {tables["planner"]: options}
+    return tables
+
+
+def _places(rng: Random, room: Room, figures: Figures, rta: Rta) -> list[list[float]]:
+    """Return a chain of places, each in sight of the one before: stations of others, or as far in as an AC may be."""
+    if rng.random() < 0.35:
+        centres = [[round(value, 4) for value in station.centre] for station in room.stations]
+        rng.shuffle(centres)
+        return centres
+    fence_m = figures.reach_m(rta.geofence_delta_s)
+    inside = shapely.box(0.0, 0.0, room.width, room.depth).buffer(-fence_m, join_style="mitre")
+    keep_m = figures.promise.body_radius_m + rta.obstacle_safe_m + rta.obstacle_reach_m
+    boxes = [shapely.box(box.low_x, box.low_y, box.high_x, box.high_y).buffer(keep_m) for box in room.boxes]
+    allowed = inside.difference(shapely.union_all(boxes))
+    start = rng.choice(room.robots)
+    chain = [(start.x, start.y)]
+    for _ in range(_PLACES):
+        tried = [(rng.uniform(0.0, room.width), rng.uniform(0.0, room.depth)) for _ in range(40)]
+        seen = [at for at in tried if allowed.covers(Point(at)) and allowed.covers(LineString([chain[-1], at]))]
+        if seen:
+            # Away from where it has been: down corridors and into corners.
+            chain.append(max(seen, key=lambda at: min(math.dist(at, other) for other in chain)))
+    return [[round(x, 3), round(y, 3)] for x, y in chain]
+
+
+def _random(rng: Random) -> dict[str, Any]:
+    return {"most_s": round(rng.uniform(0.5, 20.0), 1), "beyond_m": round(rng.uniform(0.1, 2.0), 1)}
+
+
+def _hugging(rng: Random) -> dict[str, Any]:
+    return {"spare_m": round(rng.uniform(-0.05, 0.1), 3), "speed_m_s": round(rng.uniform(0.03, 0.22), 3)}
+
+
+def _chase(rng: Random) -> dict[str, Any]:
+    return {"dart": round(rng.random(), 2), "reverse_m": round(rng.uniform(0.05, 1.0), 2)}
+
+
+def _pincer(rng: Random) -> dict[str, Any]:
+    return {"turn_s": round(rng.uniform(5.0, 300.0), 1)}
+
+
+def _search(rng: Random) -> dict[str, Any]:
+    # Its cost grows with every sequence; a few do.
+    return {
+        "candidates": rng.randint(2, 12),
+        "ahead_s": round(rng.uniform(1.0, 4.0), 1),
+        "wait_s": round(rng.uniform(0.1, 1.0), 2),
+    }
+
+
+def _flood(rng: Random) -> dict[str, Any]:
+    # Without threads, so that runs repeat; few enough to be quick.
+    return {"commands": rng.randint(1, 20), "threads": 0}
+
+
+_OPTIONS: Final = {
+    "random": _random,
+    "boundary-hugging": _hugging,
+    "chase": _chase,
+    "pincer": _pincer,
+    "search": _search,
+    "flood": _flood,
+}
+"""By adversary: its own options, where it has any; `flood` and `search` always, the others as they come."""

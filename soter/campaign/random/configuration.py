@@ -1,0 +1,49 @@
+"""A configuration: the tables of a mission file and the room that it names; to and from a folder."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from soter.campaign.random.room import Room
+from soter.runner.toml_text import toml
+
+MISSION_FILE: Final = "mission.toml"
+WORKSPACE_FILE: Final = "workspace.xml"
+
+Tables = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What one run is made from.
+
+    Attributes:
+        tables: the mission file, without `workspace`.
+        room: the workspace file.
+    """
+
+    tables: Tables
+    room: Room
+
+    def write(self, folder: Path, note: str = "") -> Path:
+        """Write both files into a folder, which is made; return the mission file.
+
+        Args:
+            folder: where.
+            note: goes to the top of the mission file, as a comment.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / WORKSPACE_FILE).write_text(self.room.xml(), encoding="utf-8")
+        mission = folder / MISSION_FILE
+        comment = "".join(f"# {line}\n" for line in note.splitlines())
+        mission.write_text(comment + toml({"workspace": WORKSPACE_FILE, **self.tables}), encoding="utf-8")
+        return mission
+
+    @classmethod
+    def read(cls, mission: Path) -> Configuration:
+        """Read a mission file and the workspace that it names."""
+        tables = tomllib.loads(mission.read_text(encoding="utf-8"))
+        return cls(tables, Room.read(mission.parent / tables.pop("workspace")))

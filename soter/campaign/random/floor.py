@@ -1,0 +1,160 @@
+"""Draws rooms: their size, and the boxes in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+from typing import Final
+
+from soter.campaign.random.room import Patch
+
+LEAST_M: Final = 1.0
+MOST_M: Final = 12.0
+WALL_M: Final = (0.08, 0.4)
+"""How thick walls are."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A room without robots: metres from the origin, and its boxes; `style` names how it was drawn."""
+
+    style: str
+    width: float
+    depth: float
+    boxes: tuple[Patch, ...] = ()
+
+
+def draw_floor(rng: Random, nasty: bool) -> Floor:
+    """Return a room of 1 to 12 m, turned and mirrored as it comes."""
+    width = math.exp(rng.uniform(math.log(LEAST_M), math.log(MOST_M)))
+    if not nasty:
+        width = max(width, rng.uniform(1.3, 3.0))
+    depth = min(MOST_M, max(LEAST_M, width * math.exp(rng.uniform(-0.6, 0.6))))
+    width, depth = round(width, 2), round(depth, 2)
+    styles = [name for name, (least_m, _) in STYLES.items() if min(width, depth) >= least_m]
+    style = rng.choice(styles)
+    boxes = STYLES[style][1](rng, width, depth, nasty)
+    if rng.random() < 0.5:
+        width, depth = depth, width
+        boxes = [Patch(box.low_y, box.low_x, box.high_y, box.high_x) for box in boxes]
+    if rng.random() < 0.5:
+        boxes = [Patch(width - box.high_x, box.low_y, width - box.low_x, box.high_y) for box in boxes]
+    return Floor(style, width, depth, tuple(_kept(box, width, depth) for box in boxes if _solid(box, width, depth)))
+
+
+def _kept(box: Patch, width: float, depth: float) -> Patch:
+    """Return what of a box is in the room, to the millimetre."""
+    return Patch(
+        round(max(0.0, box.low_x), 3), round(max(0.0, box.low_y), 3),
+        round(min(width, box.high_x), 3), round(min(depth, box.high_y), 3),
+    )  # fmt: skip
+
+
+def _solid(box: Patch, width: float, depth: float) -> bool:
+    kept = _kept(box, width, depth)
+    return min(kept.high_x - kept.low_x, kept.high_y - kept.low_y) >= 0.02
+
+
+def _gap(rng: Random, nasty: bool) -> float:
+    """Return how wide a way is: comfortable, or about as wide as a robot and what it keeps off boxes."""
+    if nasty:
+        return rng.choice((rng.uniform(0.22, 1.0), rng.uniform(0.3, 0.6)))
+    return rng.uniform(0.6, 1.6)
+
+
+def _open(_rng: Random, _width: float, _depth: float, _nasty: bool) -> list[Patch]:
+    return []
+
+
+def _boxes(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    found = []
+    for _ in range(rng.randint(1, 8 if nasty else 5)):
+        x, y = rng.uniform(0.0, width), rng.uniform(0.0, depth)
+        most = 0.35 * min(width, depth)
+        found.append(Patch(x, y, x + rng.uniform(0.1, most), y + rng.uniform(0.1, most)))
+    return found
+
+
+def _pillars(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    side, pitch = rng.uniform(0.1, 0.5), _gap(rng, nasty)
+    pitch += side
+    return [
+        Patch(x * pitch - side, y * pitch - side, x * pitch, y * pitch)
+        for x in range(1, int(width / pitch) + 1)
+        for y in range(1, int(depth / pitch) + 1)
+    ][:40]
+
+
+def _corridor(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    gap = min(_gap(rng, nasty), 0.8 * depth)
+    low = rng.uniform(0.1, depth - gap - 0.05)
+    begin, end = rng.uniform(0.2, 0.45) * width, rng.uniform(0.6, 1.0) * width
+    return [Patch(begin, 0.0, end, low), Patch(begin, low + gap, end, depth)]
+
+
+def _doorway(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    at, thick = rng.uniform(0.35, 0.65) * width, rng.uniform(*WALL_M)
+    return _wall_with_door(rng, at, thick, 0.0, depth, nasty)
+
+
+def _wall_with_door(rng: Random, at: float, thick: float, low: float, high: float, nasty: bool) -> list[Patch]:
+    """Return a wall along y, at an x, with a gap in it."""
+    gap = min(_gap(rng, nasty), 0.8 * (high - low))
+    door = rng.uniform(low, high - gap)
+    return [Patch(at, low, at + thick, door), Patch(at, door + gap, at + thick, high)]
+
+
+def _l_shape(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    """A bay, a corridor out of it, and a turn."""
+    gap, bay = min(_gap(rng, nasty), 0.3 * min(width, depth)), rng.uniform(0.3, 0.45) * width
+    low = rng.uniform(0.0, 0.3) * depth
+    right = width - rng.uniform(0.0, 0.15) * width
+    return [
+        Patch(bay, 0.0, width, low),
+        Patch(bay, low + gap, right - gap, depth),
+        Patch(right, low, width, depth),
+    ]
+
+
+def _gaps(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    """A row of boxes with ways between them."""
+    low, high = sorted((rng.uniform(0.1, 0.5) * depth, rng.uniform(0.5, 0.9) * depth))
+    found: list[Patch] = []
+    x = rng.uniform(0.0, 0.3) * width
+    while x < 0.9 * width and len(found) < 6:
+        wide = rng.uniform(0.15, 0.3) * width
+        found.append(Patch(x, low, x + wide, high))
+        x += wide + _gap(rng, nasty)
+    return found
+
+
+def _rooms(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    """Rooms in a row, some of them cut in two, joined by doors."""
+    count = rng.randint(2, 3)
+    found = []
+    for index in range(1, count):
+        thick = rng.uniform(*WALL_M)
+        found += _wall_with_door(rng, width * index / count - thick / 2.0, thick, 0.0, depth, nasty)
+    for index in range(count):
+        if rng.random() < 0.4:
+            low, high = width * index / count, width * (index + 1) / count
+            walls = _wall_with_door(rng, rng.uniform(0.4, 0.6) * depth, rng.uniform(*WALL_M), low, high, nasty)
+            found += [Patch(wall.low_y, wall.low_x, wall.high_y, wall.high_x) for wall in walls]
+    return found
+
+
+Boxes = Callable[[Random, float, float, bool], list[Patch]]
+
+STYLES: Final[dict[str, tuple[float, Boxes]]] = {
+    "open": (0.0, _open),
+    "boxes": (1.5, _boxes),
+    "pillars": (2.0, _pillars),
+    "corridor": (1.8, _corridor),
+    "doorway": (1.8, _doorway),
+    "l-shape": (2.5, _l_shape),
+    "gaps": (2.0, _gaps),
+    "rooms": (3.5, _rooms),
+}
+"""By style: how many metres a room needs for it at least, and its boxes."""

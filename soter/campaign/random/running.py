@@ -1,0 +1,159 @@
+"""Runs a mission with a witness, and has it judged a second time, by geometry that shares nothing with SOTER's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from soter.campaign.random.configuration import Configuration
+from soter.campaign.random.drawing import draw
+from soter.campaign.random.judge import Breach, Limits, Ways, judge
+from soter.campaign.random.room import Room
+from soter.campaign.random.witness import WATCHED, witnesses
+from soter.config import MissionFile, load_mission
+from soter.registry import load_backend
+from soter.runner import Run, run_mission
+from soter.runner.specs import read_options
+from soter.scratch import Scratch
+
+STUCK_S: Final = 300.0
+"""A robot in SC for longer than this, without charging, is stuck."""
+
+_MOVED_M: Final = 0.05
+_FULL: Final = 1.0 - 1e-9
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the second judge says of a run. All of it is plain enough for JSON.
+
+    Attributes:
+        truth: violations by the simulator's judge, of the rules that are promised.
+        judged: by the independent judge.
+        breaches: the first of them.
+        in_sc_s: longest time in SC without charging, by robot; robots whose AC failed for good are left out.
+        never_moved: robots that stayed where they started although their AC did not fail.
+    """
+
+    truth: Mapping[str, int]
+    judged: Mapping[str, int]
+    breaches: tuple[Mapping[str, Any], ...] = ()
+    in_sc_s: Mapping[str, float] = field(default_factory=dict)
+    never_moved: tuple[int, ...] = ()
+
+    @property
+    def findings(self) -> list[str]:
+        """What must not be: rules that were broken, judges that disagree, robots that are stuck."""
+        broken = [rule for rule in (*self.truth, *self.judged) if self.truth.get(rule) or self.judged.get(rule)]
+        split = [
+            f"judges disagree on {rule}" for rule in broken if not (self.truth.get(rule) and self.judged.get(rule))
+        ]
+        stuck = ["stuck"] if any(time_s > STUCK_S for time_s in self.in_sc_s.values()) else []
+        return list(dict.fromkeys([*broken, *split, *stuck]))
+
+
+def run_drawn(
+    settings: Mapping[str, Any], stop: Callable[[], bool], record: Path | None = None
+) -> tuple[Run, Judgement]:
+    """Run the configuration of a seed; see `run_judged`.
+
+    Args:
+        settings: `seed`, and where they are given `engine` and `duration_s`.
+        stop: asked at every tick whether to end early.
+        record: where to record it, or None.
+    """
+    with closing(Scratch("drawn")) as scratch:
+        mission = draw(settings["seed"], settings.get("engine", "kinematic")).write(scratch.path)
+        return run_judged(mission, settings.get("duration_s"), stop, record)
+
+
+def run_judged(
+    mission_file: Path, duration_s: float | None, stop: Callable[[], bool], record: Path | None = None
+) -> tuple[Run, Judgement]:
+    """Run a mission file with a witness.
+
+    Args:
+        mission_file: as SOTER takes it, on a simulated backend in process.
+        duration_s: in place of its own.
+        stop: asked at every tick whether to end early.
+        record: where to record it, or None.
+
+    Raises:
+        ConfigError: it is bad input, or a module is not proved.
+        BackendError: the backend cannot be opened.
+        IllFormedModule: a module cannot keep its promise.
+    """
+    mission = load_mission(mission_file)
+    backend = mission.backend
+    overrides: dict[str, object] = {"backend": WATCHED[backend], "duration_s": duration_s}
+    if backend in mission.backends:
+        overrides["backends"] = {**mission.backends, WATCHED[backend]: mission.backends[backend]}
+    mission = load_mission(mission_file, overrides)
+    run = run_mission(mission, stop=stop, record=record)
+    return run, _judged(Configuration.read(mission_file).room, mission, run)
+
+
+def _judged(room: Room, mission: MissionFile, run: Run) -> Judgement:
+    result, witness = run.result, witnesses[-1]
+    ways = Ways(witness.ids, *witness.seen(result.duration_s))
+    kept = [index for index, start in enumerate(room.robots) if start.id in ways.ids]
+    room = Room(
+        room.width, room.depth, tuple(room.robots[index] for index in kept),
+        tuple(room.stations[index] for index in kept), room.boxes,
+    )  # fmt: skip
+    backend = load_backend(mission.backend)
+    promised = backend.promises(read_options(backend, mission, mission.read_workspace()))
+    limits = Limits.of(mission.rta.model_dump(), promised.body_radius_m)
+    breaches = judge(room, limits, ways)
+    return Judgement(
+        truth={rule: (result.violations or {}).get(rule, 0) for rule in limits.rules},
+        judged={rule: sum(breach.rule == rule for breach in breaches) for rule in limits.rules},
+        breaches=tuple(asdict(breach) for breach in _first(breaches)),
+        in_sc_s=_in_sc_s(room, run, ways),
+        never_moved=tuple(
+            robot_id
+            for index, robot_id in enumerate(ways.ids)
+            if robot_id not in result.failed_robots
+            and max(np.ptp(ways.x[:, index]), np.ptp(ways.y[:, index])) < _MOVED_M
+        ),
+    )
+
+
+def _first(breaches: list[Breach]) -> list[Breach]:
+    """Return the first breach of every rule."""
+    found: dict[str, Breach] = {}
+    for breach in breaches:
+        found.setdefault(breach.rule, breach)
+    return [*found.values()]
+
+
+def _in_sc_s(room: Room, run: Run, ways: Ways) -> dict[str, float]:
+    """Return by robot the longest time in SC in which it was not charging; only while its AC lives."""
+    on_station = ways.on_station(room.stations)
+    period_s = ways.times[1] - ways.times[0] if len(ways.times) > 1 else 1.0
+    found = {}
+    for index, robot_id in enumerate(ways.ids):
+        if robot_id in run.result.failed_robots:
+            continue
+        track = run.tracks.tracks[robot_id]
+        times = np.frombuffer(track.time_s)
+        at = np.minimum((times / period_s + 0.5).astype(int), len(ways.times) - 1)
+        before = np.maximum(at - 1, 0)
+        charge = ways.charge[:, index]
+        charging = on_station[at, index] & (charge[at] >= charge[before]) & (charge[before] < _FULL)
+        waits = (np.frombuffer(track.driver, dtype=np.int8) != 0) & ~charging
+        longest_s = since_s = 0.0
+        going_on = False
+        for time_s, waiting in zip(times, waits, strict=True):
+            if waiting and not going_on:
+                since_s = time_s
+            going_on = bool(waiting)
+            if going_on:
+                longest_s = max(longest_s, time_s - since_s)
+        found[str(robot_id)] = round(float(longest_s), 1)
+    return found

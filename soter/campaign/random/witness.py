@@ -1,0 +1,106 @@
+"""The simulated backends, watched: where robots really are and what their batteries really hold, at every period.
+
+What is watched is what moves: nothing is asked of the stack, of what robots report, or of the simulator's judge.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soter.adapters.pybullet import (
+    KinematicBackend,
+    KinematicConfig,
+    PyBulletBackend,
+    PyBulletConfig,
+    SimulatedFleet,
+)
+from soter.campaign.random.robots import NAME as FIGURED
+from soter.campaign.random.robots import Figured
+from soter.sdk import RobotSpec
+from soter_sim import Engine
+
+WATCHED: Final = {
+    "pybullet": "soter.campaign.random.witness:WatchedPyBullet",
+    "kinematic": "soter.campaign.random.witness:WatchedKinematic",
+    FIGURED: "soter.campaign.random.witness:WatchedFigured",
+}
+"""By backend, the same backend with a witness."""
+
+Series = NDArray[np.float64]
+
+
+class Witness:
+    """An engine that notes what another one does; `soter_sim.Engine`.
+
+    Attributes:
+        ids: the robots.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine: Final = engine
+        self.bodies, self.period_s, self.record = engine.bodies, engine.period_s, engine.record
+        self.ids: Final = engine.bodies.ids
+        self._done = 0
+        self._noted = array("d")
+        self._note()
+
+    def run(self, until_period: int) -> None:
+        for period in range(self._done + 1, until_period + 1):
+            self._engine.run(period)
+            self._done = period
+            self._note()
+
+    def velocity(self, index: int) -> tuple[float, float]:
+        return self._engine.velocity(index)
+
+    def close(self) -> None:
+        self._engine.close()
+
+    def _note(self) -> None:
+        bodies = self.bodies
+        self._noted.extend(bodies.x)
+        self._noted.extend(bodies.y)
+        self._noted.extend(bodies.charge)
+
+    def seen(self, until_s: float) -> tuple[Series, Series, Series, Series]:
+        """Return times, and by time and robot metres east, metres north and charges, up to a time."""
+        count = int(until_s / self.period_s + 1e-6) + 1
+        found = np.frombuffer(self._noted).reshape(-1, 3, len(self.ids))[:count]
+        return np.arange(len(found), dtype=np.float64) * self.period_s, found[:, 0], found[:, 1], found[:, 2]
+
+
+witnesses: Final[list[Witness]] = []
+"""One for each world that was opened in this process, the last one last."""
+
+
+def _watched(fleet: SimulatedFleet) -> SimulatedFleet:
+    witness = Witness(fleet.world.engine)
+    fleet.world.engine = witness
+    witnesses.append(witness)
+    return fleet
+
+
+class WatchedPyBullet(PyBulletBackend):
+    """The backend `pybullet`."""
+
+    def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
+        return _watched(super().open(config, robots))
+
+
+class WatchedKinematic(KinematicBackend):
+    """The backend `kinematic`."""
+
+    def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
+        return _watched(super().open(config, robots))
+
+
+class WatchedFigured(Figured):
+    """The robots with figures of their own."""
+
+    def open(self, config: Any, robots: Sequence[RobotSpec]) -> SimulatedFleet:
+        return _watched(super().open(config, robots))

@@ -1,0 +1,101 @@
+"""Looks for the worst: CMA-ES over declared ranges, one run a candidate."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any, Final
+
+import cma
+import numpy as np
+
+from soter.campaign.conditions import figure
+from soter.campaign.job import Job
+from soter.campaign.plan import SEED, Campaign, PartTable, flat
+from soter.campaign.store import Row, Store
+
+_BEGIN_SPREAD: Final = 0.3
+_NOTHING: Final = 1e9
+"""What a candidate is worth that was refused or failed: nothing is learnt of it but to keep away."""
+
+
+class Searched:
+    """The runs of a search, a generation at a time; `soter.campaign.session.Source`.
+
+    What it asks for follows from its seed and from what was found, so that a search that is carried on asks for the
+    same again. Where the optimiser has converged it begins anew elsewhere, with twice as many candidates.
+    """
+
+    def __init__(self, campaign: Campaign, part: PartTable) -> None:
+        assert part.search is not None
+        self.planned = part.search.runs
+        self._campaign, self._part, self._search = campaign, part, part.search
+        self._random: Final = np.random.RandomState(self._search.seed)
+        self._seeds: Final = list(part.all_seeds())
+        self._optimiser: Any = None
+        self._restarts = 0
+        self._asked: deque[Job] = deque()
+        self._generation: list[Any] = []
+        self._found: Final[dict[int, float]] = {}
+        self._first = self._number = 0
+        self._ended = False
+
+    def next(self) -> Job | None:
+        if not self._asked and not self._ended and self._first == self._number:
+            self._ask()
+        return self._asked.popleft() if self._asked and not self._ended else None
+
+    def tell(self, row: Row) -> None:
+        found = figure(row, self._search.minimise)
+        self._found[row.number] = _NOTHING if found is None else found
+        self._learn()
+
+    def _learn(self) -> None:
+        """Learn of a generation as far as it is finished from its beginning on; of a whole one, ask the next time."""
+        numbers = range(self._first, self._number)
+        below = -math.inf if self._search.below is None else self._search.below
+        for number in numbers:
+            if number not in self._found:
+                return
+            if self._found[number] < below:
+                self._ended, self.planned = True, number + 1
+                return
+        if self._search.by == "cma" and self._number < self._search.runs:
+            self._optimiser.tell(self._generation, [self._found[number] for number in numbers])
+        self._first = self._number
+
+    def end(self, store: Store) -> None:
+        if self._ended:
+            store.leave_out(self._part.name, self.planned)
+
+    def _ask(self) -> None:
+        """Ask for the next generation."""
+        left = self._search.runs - self._number
+        if not left:
+            return
+        if self._search.by == "random":
+            self._generation = [self._random.rand(len(self._search.over))]
+        else:
+            if self._optimiser is None or self._optimiser.stop():
+                self._optimiser = self._begin()
+                self._restarts += 1
+            self._generation = self._optimiser.ask()
+            if len(self._generation) > left:
+                # Nothing is learnt of a part of a generation; the runs that are left are still worth a look.
+                self._generation = self._generation[:left]
+        for place in self._generation:
+            settings = {**flat(self._part.set), SEED: self._seeds[self._number % len(self._seeds)]}
+            for (key, values), part in zip(self._search.over.items(), place, strict=True):
+                settings[key] = values.at(float(part))
+            settings |= self._campaign.overrides
+            self._asked.append(self._campaign.job(self._part, self._number, settings, {}))
+            self._number += 1
+
+    def _begin(self) -> Any:
+        dimensions = len(self._search.over)
+        place = [0.5] * dimensions if not self._restarts else self._random.rand(dimensions)
+        options = {
+            "bounds": [0.0, 1.0], "randn": self._random.randn, "seed": math.nan, "verbose": -9,
+            "popsize": (4 + int(3 * math.log(dimensions))) * 2**self._restarts,
+        }  # fmt: skip
+        return cma.CMAEvolutionStrategy(place, _BEGIN_SPREAD, options)

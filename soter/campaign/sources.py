@@ -1,0 +1,52 @@
+"""A hash over what the outcome of a run may depend on, so that runs of different sources are not taken for one."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+_PACKAGES: Final = ("soter", "soter_sim")
+_SUFFIXES: Final = {".py", ".urdf", ".xml"}
+_NO_SAY: Final = ("cli/", "report/", "live/", "conformance/", "campaign/report/")
+"""Folders of SOTER that have no say in what a run becomes."""
+
+_LIBRARIES: Final = ("numpy", "ompl", "pybullet")
+
+
+@cache
+def code_hash() -> str:
+    """Return a hash over SOTER and the libraries that move robots and plan for them."""
+    digest = hashlib.sha256()
+    for package in _PACKAGES:
+        root = Path(str(files(package)))
+        for path in sorted(root.rglob("*")):
+            name = path.relative_to(root).as_posix()
+            if path.suffix in _SUFFIXES and not name.startswith(_NO_SAY):
+                digest.update(f"{name}\0".encode())
+                digest.update(path.read_bytes())
+    for library in _LIBRARIES:
+        digest.update(f"{library}=={_version(library)}\0".encode())
+    return digest.hexdigest()[:16]
+
+
+def sources_hash(missions: Iterable[Path]) -> str:
+    """Return the same with missions, and with the workspaces and classes of the user's own beside them."""
+    digest = hashlib.sha256(code_hash().encode())
+    given = {mission.resolve() for mission in missions}
+    beside = {path for mission in given for kind in ("*.py", "*.xml") for path in mission.parent.glob(kind)}
+    for path in sorted(given | beside):
+        digest.update(f"{path.name}\0".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "missing"

@@ -1,0 +1,170 @@
+"""What came out of a campaign: its runs by part and setting, rates with exact intervals, and its judgement."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Final
+
+from soter.campaign.conditions import Condition, Judged, figure
+from soter.campaign.intervals import poisson
+from soter.campaign.plan import Campaign, PartTable
+from soter.campaign.store import Row, Store
+from soter.sdk import RULES
+
+NO_VIOLATION: Final = Condition.parse("violations == 0")
+"""What is required of a part that requires nothing."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Events per robot-hour, with the exact interval at 95 %."""
+
+    count: int
+    per_hour: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, count: int, hours: float) -> Rate:
+        """Return the rate of so many events in so many robot-hours."""
+        return cls(count, count / hours if hours else 0.0, *poisson(count, hours))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The least, the middle and the greatest of some values: quantiles 0, 0.05, 0.5, 0.95 and 1, and the mean."""
+
+    quantiles: tuple[float, float, float, float, float]
+    mean: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Spread | None:
+        """Return the spread of values; None where there are none."""
+        if not values:
+            return None
+        ordered = sorted(values)
+        at = [ordered[round(part * (len(ordered) - 1))] for part in (0.0, 0.05, 0.5, 0.95, 1.0)]
+        return cls((at[0], at[1], at[2], at[3], at[4]), fmean(ordered))
+
+    @property
+    def least(self) -> float:
+        """The least value."""
+        return self.quantiles[0]
+
+    @property
+    def most(self) -> float:
+        """The greatest value."""
+        return self.quantiles[-1]
+
+
+@dataclass(frozen=True)
+class Group:
+    """The runs of a part with one setting, over their seeds.
+
+    Attributes:
+        part: the part.
+        axes: the setting.
+        rows: all runs.
+    """
+
+    part: str
+    axes: Mapping[str, str]
+    rows: tuple[Row, ...]
+
+    @property
+    def name(self) -> str:
+        """The setting, in words."""
+        return ", ".join(f"{axis.rpartition('.')[2]} {name}" for axis, name in self.axes.items()) or "-"
+
+    @property
+    def done(self) -> list[Row]:
+        """Those that got to their end."""
+        return [row for row in self.rows if row.status == "done"]
+
+    @property
+    def robot_hours(self) -> float:
+        """Simulated, of all robots together."""
+        return sum(row.robot_hours for row in self.rows)
+
+    def status(self, name: str) -> int:
+        """Return how many runs have a status."""
+        return sum(row.status == name for row in self.rows)
+
+    def rate(self, name: str) -> Rate | None:
+        """Return how often something is counted per robot-hour; None where it is not known of a run."""
+        counts = [figure(row, name) for row in self.rows if row.result]
+        known = [count for count in counts if count is not None]
+        return Rate.of(round(sum(known)), self.robot_hours) if known and len(known) == len(counts) else None
+
+    def spread(self, name: str) -> Spread | None:
+        """Return a figure over the runs that have it."""
+        return Spread.of([value for row in self.rows if (value := figure(row, name)) is not None])
+
+    def rules(self) -> list[str]:
+        """Return the rules that the truth of these runs judges."""
+        named = [rule for row in self.rows for rule in row.violations or {}]
+        return [*RULES, *sorted(set(named) - set(RULES))] if named else []
+
+    def counts(self, name: str) -> Counter[str]:
+        """Return a table of counts of the results, such as `disengagements`, added up."""
+        return sum((Counter(row.result.get(name) or {}) for row in self.rows), Counter())
+
+
+def groups(rows: Iterable[Row]) -> list[Group]:
+    """Return runs by part and setting, in the order in which these come first."""
+    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[Row]] = {}
+    for row in rows:
+        found.setdefault((row.part, tuple(row.axes.items())), []).append(row)
+    return [Group(part, dict(axes), tuple(each)) for (part, axes), each in found.items()]
+
+
+def judge(campaign: Campaign, store: Store) -> dict[str, list[Judged]]:
+    """Return, by part, what is required of it and whether it holds."""
+    return {name: _judged(part, [*store.rows(part=name)], store) for name, part in campaign.parts.items()}
+
+
+def _judged(part: PartTable, rows: Sequence[Row], store: Store) -> list[Judged]:
+    finished = [row for row in rows if row.status != "failed"]
+    found = [condition.judge(_asked(condition, finished)) for condition in part.require or (NO_VIOLATION,)]
+    failed, refused = (sum(row.status == status for row in rows) for status in ("failed", "refused"))
+    if failed:
+        found.append(Judged("no run fails", f"{failed} of {len(rows)} failed", holds=False))
+    if refused and not part.may_refuse:
+        found.append(Judged("no run is refused", f"{refused} of {len(rows)} were refused", holds=False))
+    if part.repeats:
+        found.append(_repeated(part, rows, store))
+    if part.until is not None:
+        from soter.campaign.session import Look
+
+        look = Look(part.until)
+        shown = any(look.at(row) for row in rows)
+        found.append(Judged(part.until.text, f"{'shown' if shown else 'not shown'} by {len(rows)} runs", shown))
+    return found
+
+
+def _asked(condition: Condition, rows: Sequence[Row]) -> Sequence[Row]:
+    return rows if condition.figure == "accepted" else [row for row in rows if row.status == "done"]
+
+
+def _repeated(part: PartTable, rows: Sequence[Row], store: Store) -> Judged:
+    def key(row: Row) -> str:
+        return f"{row.mission} {sorted(row.settings.items())}"
+
+    first = {key(row): row.trace_sha256 for row in store.rows(part=part.repeats)}
+    same = sum(first.get(key(row)) == row.trace_sha256 != "" for row in rows)
+    holds = bool(rows) and same == len(rows)
+    return Judged(f"the same runs as those of {part.repeats}, bit for bit", f"{same} of {len(rows)} runs", holds)
+
+
+def kind_of_refusal(failure: str) -> str:
+    """Return what refusals have in common: the module and the condition, or the message without numbers and names."""
+    condition = re.search(r"\bP\d\w?\b", failure)
+    module = re.search(r"\bmodule '([^']*)'", failure)
+    if condition and module:
+        return f"{module[1]} {condition[0]}"
+    text = re.sub(r"\(line \d+\)|'[^']*'|[-+]?\d[\d.e+-]*", "#", failure.splitlines()[-1])
+    return re.sub(r"\s+", " ", re.sub(r"/\S+", "", text))[:70].strip()

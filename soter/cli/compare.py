@@ -1,0 +1,49 @@
+"""`soter compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from soter.cli.exits import Force, guard
+
+EXAMPLES = """Examples:
+
+  soter compare before.mcap after.mcap
+
+  soter compare before.mcap after.mcap -o beside.html
+
+Exit codes:
+
+  0  the page is written
+
+  2  one of them is no recording, or damaged; or the page cannot be written
+"""
+
+
+def compare(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="A.mcap B.mcap ...", help="The recordings.", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="PAGE.html", help="Where the page goes.")
+    ] = Path("compare.html"),
+    force: Force = False,
+) -> None:  # fmt: skip
+    """Make a page of recordings side by side: their figures, and replays that play in step."""
+    with guard():
+        from soter.campaign.report.beside import make_beside
+        from soter.cli.console import make_console
+        from soter.cli.outputs import Output, refuse_clashes
+        from soter.errors import ConfigError
+        from soter.record.reader import Recording
+
+        if len(recordings) < 2:
+            raise ConfigError("it names one recording, allowed: two or more; `soter report` makes a page of one")
+        refuse_clashes({"--output": output}, recordings, force=force)
+        page = Output(output, "--output")
+        data = make_beside([Recording(path) for path in recordings]).encode()
+        page.write(data)
+        make_console().print(f"page: {output} ({len(data) / 1e6:.1f} MB)", soft_wrap=True)
