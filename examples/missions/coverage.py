@@ -1,0 +1,62 @@
+"""Robots that sweep all free ground between them, as one mows a lawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from soter import Mission, Robot
+
+Place = tuple[float, float]
+
+
+class Coverage(Mission):
+    """The ground is cut into lanes from west to east; whoever is free sweeps the one that begins nearest to it."""
+
+    class Options(Mission.Options):
+        """What `[mission]` may say.
+
+        Attributes:
+            lane_m: distance between two lanes.
+            margin_m: distance that a body keeps from fence and boxes.
+        """
+
+        lane_m: float = Field(default=0.5, ge=0.1)
+        margin_m: float = Field(default=0.25, ge=0.0)
+
+    options: Options
+    lanes: list[tuple[Place, Place]] | None = None
+
+    async def run(self, robot: Robot) -> None:
+        if self.lanes is None:
+            self.lanes = list(self._lanes(robot))
+        lanes, swept = self.lanes, 0
+        await robot.until(lambda: robot.state is not None)
+        while lanes and (state := robot.state) is not None:
+            here = (state.x_m, state.y_m)
+            lane = min(lanes, key=lambda ends: min(math.dist(here, end) for end in ends))
+            lanes.remove(lane)
+            for end in sorted(lane, key=lambda place: math.dist(here, place)):
+                arrived = await robot.go_to(*end)
+                if not arrived:
+                    self.log(f"robot {robot.id}, lane at y = {end[1]:g}: {arrived.why}")
+            swept += 1
+        self.log(f"robot {robot.id} has swept {swept} lanes")
+
+    def _lanes(self, robot: Robot) -> Iterator[tuple[Place, Place]]:
+        """Yield both ends of every lane that is free all along."""
+        room, step_m = robot.workspace, 0.05
+        inset_m = self.options.margin_m + robot.body_radius_m
+        for row in range(math.floor((room.depth_m - 2.0 * inset_m) / self.options.lane_m) + 1):
+            y, begin, last = inset_m + row * self.options.lane_m, None, 0.0
+            columns = math.floor((room.width_m - 2.0 * inset_m) / step_m)
+            for x in [inset_m + column * step_m for column in range(columns + 1)] + [math.inf]:
+                free = room.clearance_m(min(x, room.width_m), y, robot.body_radius_m) >= self.options.margin_m
+                if free and math.isfinite(x):
+                    begin = x if begin is None else begin
+                    last = x
+                elif begin is not None:
+                    yield (begin, y), (last, y)
+                    begin = None

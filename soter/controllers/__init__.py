@@ -1,0 +1,21 @@
+"""Advanced controllers in place of a mission's machines: users' own, and adversaries. None of them is trusted."""
+
+from soter.controllers.base import Arena, Controller, ControllerOptions
+from soter.controllers.names import ADVERSARIES, MISSION, PREFIX, build, controller_class
+from soter.controllers.tracking import VelocityTracker
+from soter.controllers.velocity import VelocityController
+from soter.onboard.velocity import Velocity
+
+__all__ = [
+    "ADVERSARIES",
+    "MISSION",
+    "PREFIX",
+    "Arena",
+    "Controller",
+    "ControllerOptions",
+    "Velocity",
+    "VelocityController",
+    "VelocityTracker",
+    "build",
+    "controller_class",
+]

@@ -1,0 +1,5 @@
+"""Controllers that want harm: they drive all robots, through their ports, at the edges of the rules."""
+
+from soter.controllers.adversaries.base import Adversary, AdversaryOptions, RobotFacts
+
+__all__ = ["Adversary", "AdversaryOptions", "RobotFacts"]

@@ -1,0 +1,117 @@
+"""What adversaries have in common, and the nearest edges of what must not happen."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Annotated, ClassVar, Final, NamedTuple
+
+from pydantic import BaseModel, Field
+
+from soter.controllers.base import Arena, Controller, ControllerOptions
+from soter.sdk import RobotState, Waypoint
+
+BEYOND_M: Final = 1.0
+"""How far beyond an edge an attack aims, so that the robot does not slow down before it."""
+
+Positive = Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
+
+
+class RobotFacts(ControllerOptions):
+    """What an adversary takes for granted about the robots; wrong numbers make it a weaker one.
+
+    Attributes:
+        v_max_m_s: their top speed.
+        brake_m_s2: how fast they brake.
+        latency_s: their declared latency.
+    """
+
+    v_max_m_s: Positive = 0.22
+    brake_m_s2: Positive = 1.0
+    latency_s: Annotated[float, Field(ge=0.0, le=60.0, allow_inf_nan=False)] = 0.05
+
+    def reach_m(self, delta_s: float, robots: int = 1) -> float:
+        """Return the margin at which a module with this Delta takes a robot, when `robots` of them close in."""
+        stop_m = self.v_max_m_s**2 / (2.0 * self.brake_m_s2)
+        return robots * (self.v_max_m_s * (2.0 * delta_s + self.latency_s) + stop_m)
+
+
+class AdversaryOptions(ControllerOptions):
+    """What every adversary can be told; an adversary's own model adds its options.
+
+    Attributes:
+        facts: what it takes for granted about the robots.
+    """
+
+    facts: RobotFacts = RobotFacts()
+
+
+class Adversary(Controller, ABC):
+    """A controller of all robots at once that does its worst. It knows what the safety modules promise."""
+
+    Options: ClassVar[type[BaseModel]] = AdversaryOptions
+    options: AdversaryOptions
+    fleet = True
+
+    @abstractmethod
+    def act(self, now_s: float, tick: int) -> None: ...
+
+
+def towards(own: RobotState, x_m: float, y_m: float, speed_m_s: float | None = None) -> Waypoint:
+    """Return a goal `BEYOND_M` behind a place, on a straight line from where the robot is."""
+    dx, dy = x_m - own.x_m, y_m - own.y_m
+    length = (dx * dx + dy * dy) ** 0.5
+    if length > 0.0:
+        x_m, y_m = x_m + BEYOND_M * dx / length, y_m + BEYOND_M * dy / length
+    return Waypoint(x_m, y_m, 0.0, None, speed_m_s, 0.005, 600.0)
+
+
+RULES: Final = ("geofence", "obstacle", "collision")
+
+
+class Edge(NamedTuple):
+    """A place where a rule would be broken, and how far a robot is from that.
+
+    Attributes:
+        margin_m: the rule's margin where the robot is.
+        x_m: where to drive to break it, east.
+        y_m: the same, north.
+    """
+
+    margin_m: float
+    x_m: float
+    y_m: float
+
+
+def nearest_edge(arena: Arena, own: RobotState, rule: str) -> Edge | None:
+    """Return the nearest place where a robot would break a rule; None where there is none, as without boxes."""
+    if rule == "geofence":
+        return _fence(arena, own)
+    return _box(arena, own) if rule == "obstacle" else _robot(arena, own)
+
+
+def _fence(arena: Arena, own: RobotState) -> Edge:
+    width_m, depth_m = arena.terrain.width_m, arena.terrain.depth_m
+    return min(
+        Edge(own.x_m, 0.0, own.y_m),
+        Edge(width_m - own.x_m, width_m, own.y_m),
+        Edge(own.y_m, own.x_m, 0.0),
+        Edge(depth_m - own.y_m, own.x_m, depth_m),
+    )
+
+
+def _box(arena: Arena, own: RobotState) -> Edge | None:
+    edges = []
+    for box in arena.terrain.boxes:
+        x_m = min(max(own.x_m, box.low_x_m), box.high_x_m)
+        y_m = min(max(own.y_m, box.low_y_m), box.high_y_m)
+        edges.append(Edge(math.hypot(x_m - own.x_m, y_m - own.y_m) - arena.terrain.body_radius_m, x_m, y_m))
+    return min(edges, default=None)
+
+
+def _robot(arena: Arena, own: RobotState) -> Edge | None:
+    peers = arena.peers_of(own.robot_id)
+    if not peers:
+        return None
+    peer, least_m = peers[0], arena.rta.collision.phi_safe_m
+    return Edge(math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) - least_m, peer.x_m, peer.y_m)

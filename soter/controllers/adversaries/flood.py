@@ -1,0 +1,85 @@
+"""More commands than anybody can take, from several threads."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from soter.controllers.adversaries.base import Adversary, AdversaryOptions
+from soter.controllers.base import Arena
+from soter.sdk import Waypoint
+
+_BURST = 100
+_PAUSE_S = 0.001
+
+
+class FloodOptions(AdversaryOptions):
+    """How much.
+
+    Attributes:
+        commands: for each robot at each tick.
+        threads: further ones that send all the time; with any, what comes last is for the host to say.
+    """
+
+    commands: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
+    threads: Annotated[int, Field(ge=0, le=64)] = 2
+
+
+class Flood(Adversary):
+    """Thousands of goals a tick for every robot, in all directions; the last one is a random place beyond the fence."""
+
+    Options = FloodOptions
+    options: FloodOptions
+
+    def __init__(self, options: FloodOptions) -> None:
+        super().__init__(options)
+        self._stop = threading.Event()
+        self._threads: list[threading.Thread] = []
+
+    def begin(self, arena: Arena) -> None:
+        super().begin(arena)
+        self._random = arena.random("flood")
+        self._goal: dict[int, Waypoint] = {}
+        terrain = arena.terrain
+        self._corners = [
+            Waypoint(x_m, y_m) for x_m in (-1.0, terrain.width_m + 1.0) for y_m in (-1.0, terrain.depth_m + 1.0)
+        ]
+        self._threads = [
+            threading.Thread(target=self._send, args=(index,), name=f"flood-{index}", daemon=True)
+            for index in range(self.options.threads)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def act(self, now_s: float, tick: int) -> None:
+        """Flood every port."""
+        random, terrain, corners = self._random, self.arena.terrain, self._corners
+        for robot_id, port in self.arena.ports.items():
+            if tick % 100 == 0 or robot_id not in self._goal:
+                x_m = random.uniform(-1.0, terrain.width_m + 1.0)
+                self._goal[robot_id] = Waypoint(x_m, random.uniform(-1.0, terrain.depth_m + 1.0))
+            for count in range(self.options.commands - 1):
+                port.goto(corners[count & 3])
+            port.goto(self._goal[robot_id])
+
+    @property
+    def incidents(self) -> Sequence[str]:
+        """Threads send when the host lets them."""
+        return [f"{len(self._threads)} threads sent commands when the host let them"] if self.options.threads else []
+
+    def close(self) -> None:
+        """End the threads."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _send(self, index: int) -> None:
+        ports = list(self.arena.ports.values())
+        count = index
+        while not self._stop.wait(_PAUSE_S):
+            for _ in range(_BURST):
+                count += 1
+                ports[count % len(ports)].goto(self._corners[(count >> 3) & 3])

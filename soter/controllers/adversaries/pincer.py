@@ -1,0 +1,85 @@
+"""One robot is brought to an edge, the others drive it against that."""
+
+from __future__ import annotations
+
+import math
+
+from soter.controllers.adversaries.base import Adversary, AdversaryOptions, Positive, towards
+from soter.controllers.base import Arena
+from soter.sdk import Waypoint
+from soter.stack.terrain import Point
+
+_MOVED_M = 0.02
+
+
+class PincerOptions(AdversaryOptions):
+    """How it takes turns.
+
+    Attributes:
+        turn_s: after so long another robot is the prey, at another place.
+    """
+
+    turn_s: Positive = 30.0
+
+
+class Pincer(Adversary):
+    """The prey waits where its geofence or obstacle module is about to take it; the others come from inside.
+
+    What the prey's collision module then does, it does with its back to an edge, in a corner at times.
+    """
+
+    Options = PincerOptions
+    options: PincerOptions
+
+    def begin(self, arena: Arena) -> None:
+        super().begin(arena)
+        self._random = arena.random("pincer")
+        self._ids = sorted(arena.ports)
+        self._until_s = -math.inf
+        self._turn = -1
+        self._place: Point = (0.0, 0.0)
+        self._asked: dict[int, Point] = {}
+
+    def act(self, now_s: float, tick: int) -> None:
+        """Send the prey to its place and everybody else to the prey."""
+        if now_s >= self._until_s:
+            self._until_s = now_s + self.options.turn_s
+            self._turn += 1
+            self._place = self._edge()
+            self._asked.clear()
+        prey_id = self._ids[self._turn % len(self._ids)]
+        prey = self.arena.ports[prey_id].state
+        for robot_id, port in self.arena.ports.items():
+            own = port.state
+            if own is None or prey is None or not port.engaged:
+                self._asked.pop(robot_id, None)
+                continue
+            goal = self._place if robot_id == prey_id else (prey.x_m, prey.y_m)
+            if math.dist(goal, self._asked.get(robot_id, (math.inf, math.inf))) <= _MOVED_M:
+                continue
+            self._asked[robot_id] = goal
+            port.goto(Waypoint(*goal, 0.0, None, None, 0.01, 600.0) if robot_id == prey_id else towards(own, *goal))
+
+    def _edge(self) -> Point:
+        """Return a place at an edge where an AC may just be: at the fence, in one of its corners, or beside a box."""
+        random, arena, facts = self._random, self.arena, self.options.facts
+        terrain = arena.terrain
+        width_m, depth_m = terrain.width_m, terrain.depth_m
+        inset_m = facts.reach_m(arena.rta.geofence.delta_s) + 0.005
+        low_high_x, low_high_y = (inset_m, width_m - inset_m), (inset_m, depth_m - inset_m)
+        kind = random.randrange(3)
+        if kind == 0 or (kind == 1 and not terrain.boxes):
+            return random.choice(low_high_x), random.choice(low_high_y)
+        if kind == 1:
+            box = random.choice(terrain.boxes)
+            off_m = terrain.body_radius_m + facts.reach_m(arena.rta.obstacle.delta_s) + 0.005
+            x_m, y_m = random.uniform(box.low_x_m, box.high_x_m), random.uniform(box.low_y_m, box.high_y_m)
+            if random.random() < 0.5:
+                x_m = random.choice((box.low_x_m - off_m, box.high_x_m + off_m))
+            else:
+                y_m = random.choice((box.low_y_m - off_m, box.high_y_m + off_m))
+        elif random.random() < 0.5:
+            x_m, y_m = random.choice(low_high_x), random.uniform(*low_high_y)
+        else:
+            x_m, y_m = random.uniform(*low_high_x), random.choice(low_high_y)
+        return min(max(x_m, inset_m), width_m - inset_m), min(max(y_m, inset_m), depth_m - inset_m)

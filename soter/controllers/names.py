@@ -1,0 +1,108 @@
+"""Controllers by name: `adversary:NAME` for a built-in adversary, `file.py:Class` or `module:Class` for any other."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Collection, Mapping
+from typing import Final
+
+from pydantic import BaseModel
+
+from soter.config import MissionFile, validate_options
+from soter.config_tables import SURVEILLANCE
+from soter.controllers.base import Controller
+from soter.errors import ConfigError, nearest
+from soter.loading import described, file_of, load_named
+
+MISSION: Final = "mission"
+"""What a mission's `ac` says when its own machines are the ACs."""
+
+PREFIX: Final = "adversary:"
+
+ADVERSARIES: Final[Mapping[str, str]] = {
+    "random": "soter.controllers.adversaries.random_goals:RandomGoals",
+    "fastest-to-boundary": "soter.controllers.adversaries.hugging:FastestToBoundary",
+    "boundary-hugging": "soter.controllers.adversaries.hugging:BoundaryHugging",
+    "chase": "soter.controllers.adversaries.chase:Chase",
+    "pincer": "soter.controllers.adversaries.pincer:Pincer",
+    "search": "soter.controllers.adversaries.search:Search",
+    "flood": "soter.controllers.adversaries.flood:Flood",
+    "nan": "soter.controllers.adversaries.nonsense:Nonsense",
+    "frozen": "soter.controllers.adversaries.nonsense:Frozen",
+    "raises": "soter.controllers.adversaries.nonsense:Raises",
+}
+"""The adversaries of this distribution."""
+
+
+def controller_class(mission: MissionFile) -> type[Controller]:
+    """Import and return the class that a mission's `ac` names; it is not `MISSION`.
+
+    Raises:
+        ConfigError: there is none of that name, or what is there is no controller.
+    """
+    name, does = mission.ac, mission.mission.use
+
+    def refused(message: str) -> ConfigError:
+        return mission.refusal("ac", message)
+
+    # The command line may put a controller in place of the mission of a file.
+    given = {key[0] for key in mission.overridden}
+    if does != SURVEILLANCE and not ("ac" in given and "mission" not in given):
+        raise refused(f"it is '{name}', but mission '{does}' commands the robots itself; allowed with it: '{MISSION}'")
+    target = ADVERSARIES.get(name.removeprefix(PREFIX), "") if name.startswith(PREFIX) else name
+    if ":" not in target and file_of(target) is None:
+        known = [MISSION, *(PREFIX + each for each in ADVERSARIES)]
+        listed = (
+            f"{nearest(name, known)}; known are {', '.join(known)}, or a class as 'file.py:Class' or 'module:Class'"
+        )
+        raise refused(f"unknown AC '{name}'{listed}")
+    found = load_named(target, refused, Controller)
+    if not (isinstance(found, type) and issubclass(found, Controller)):
+        raise refused(f"it is '{name}', which is {found!r}, allowed: a subclass of soter.Controller")
+    if inspect.isabstract(found):
+        missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
+        raise refused(f"it is '{name}', which does not define {missing}")
+    if found.step is Controller.step and found.act is Controller.act:
+        raise refused(f"it is '{name}', which defines neither step nor act")
+    model: object = found.Options
+    if not (isinstance(model, type) and issubclass(model, BaseModel)) or model.model_config.get("extra") != "forbid":
+        allowed = 'a pydantic model that refuses unknown keys, as class Options(BaseModel, extra="forbid") does'
+        raise refused(f"it is '{name}', whose Options is {model!r}, allowed: {allowed}")
+    return found
+
+
+def build(mission: MissionFile, robot_ids: Collection[int]) -> dict[tuple[int, ...], Controller]:
+    """Return the controllers that a mission's `ac` names, with the options of its table, by the robots that each has.
+
+    The options of an adversary stand in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
+
+    Raises:
+        ConfigError: see `controller_class`; an option is unknown or not allowed; a table is for no class that there
+            is; or one cannot be made.
+    """
+    found, name = controller_class(mission), mission.ac
+    for other in mission.adversaries:
+        if other not in ADVERSARIES:
+            known = f"allowed: {', '.join(ADVERSARIES)}; the options of other classes stand in [controllers.CLASS]"
+            raise mission.refusal(
+                f"adversaries.{_quoted(other)}", f"there is none{nearest(other, [*ADVERSARIES])}; {known}"
+            )
+    group, table, tables = "controllers", found.__name__, mission.controllers
+    if name.startswith(PREFIX):
+        group, table, tables = "adversaries", name.removeprefix(PREFIX), mission.adversaries
+    elif table not in tables and (close := nearest(table, [*tables])):
+        raise mission.refusal(group, f"there is no table for '{table}'{close}; an empty one will do")
+    options = validate_options(
+        found.Options, tables.get(table, {}), mission.source, f"{group}.{table}", overridden=mission.overridden
+    )
+    parts = [tuple(robot_ids)] if found.fleet else [(robot_id,) for robot_id in robot_ids]
+    try:
+        return {part: found(options) for part in parts}
+    except Exception as failure:  # foreign code
+        cause = described(failure, file_of(name))
+        raise mission.refusal("ac", f"it is '{name}', which cannot be made: {cause}") from failure
+
+
+def _quoted(table: str) -> str:
+    """Return a table's name as it stands in a dotted key; that of a class has dots in it."""
+    return f'"{table}"' if "." in table or ":" in table else table

@@ -1,0 +1,114 @@
+"""Velocities for robots that are told where to go: each becomes a goal a short way ahead."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from soter.onboard.velocity import Velocity
+from soter.sdk import Capabilities, RobotState, Waypoint
+
+LEAD_RAD: Final = 0.15
+"""A robot that drives is sent at most so far aside: by more, it would stop and turn in place first."""
+
+START_RAD: Final = 0.015
+"""The same of a robot that begins to drive: by more, it would turn in place and not begin."""
+
+TURN_RAD: Final = 1.0
+"""The same of a robot that turns in place."""
+
+_AHEAD_M: Final = 0.04
+_BEYOND_M: Final = 0.01
+_RESTS_M_S: Final = 0.01
+_PAUSE_S: Final = 0.5
+_RADIUS_M: Final = 0.005
+
+
+class VelocityTracker:
+    """Turns the velocities that are asked of one robot into goals, one at a time, for its go-to-goal control.
+
+    The goal is always where the robot will be before it could stop: as far ahead as it gets until the next goal acts,
+    and brakes. So a robot whose controller falls silent stops within `ahead_m`, without being told to. Where it lies
+    aside, the robot steers; the turn rates that were asked for are added up, and what the robot has not turned yet is
+    made up for, as long as it is little.
+
+    What a robot with `soter.onboard.drive` on board tracks (the simulated ones, those on ROS 2 and Zenoh, and those of
+    the example adapters):
+
+    - speed, forwards, up to its top speed; and backwards where it promises `reverses`, else it stands;
+    - turn rate while it drives, up to 0.75 rad/s, or 0.6 and 0.4 with a latency of 0.05 and 0.15 s; the heading lags by
+      a sixth of a second. What is asked for beyond that is not made up for later;
+    - turn rate in place, up to its own.
+
+    All of it comes later by `delay_s` at most (a tick, the robot's latency, its samples' age and its control period),
+    for which the robot goes on as before: it is as far off as the change of velocity times that. Accelerations are the
+    robot's own. A change between forwards and backwards, or between driving and turning in place, takes a stop.
+    Sideways nothing can be asked. Other vehicles steer as they do, within the same goals. One whose autopilot takes no
+    heading to arrive with, as MAVLink rovers without SOTER's gate, refuses to turn in place and to drive backwards:
+    those goals come back as rejected, and it stops where the goal before lay.
+
+    Args:
+        robot: what the robot promises.
+        tick_s: how often it is given a goal.
+
+    Attributes:
+        delay_s: from a sample to the moment when the robot acts on what is made of it, at most.
+    """
+
+    def __init__(self, robot: Capabilities, tick_s: float) -> None:
+        self.delay_s: Final = tick_s + robot.latency_s + robot.sample_age_s + robot.setpoint_period_s
+        self._robot: Final = robot
+        self._tick_s: Final = tick_s
+        self._told_s = -math.inf
+        self._heading_rad = 0.0
+        self._stops_at: tuple[float, float] | None = None
+
+    def ahead_m(self, speed_m_s: float) -> float:
+        """Return how far ahead the goal of a robot at this speed is."""
+        return speed_m_s * (self._tick_s + self.delay_s) + speed_m_s**2 / (2.0 * self._robot.brake_m_s2) + _AHEAD_M
+
+    def goal(self, own: RobotState, asked: Velocity, now_s: float) -> Waypoint:
+        """Return where to send the robot now, with a cap on its speed.
+
+        Args:
+            own: its latest sample.
+            asked: finite.
+            now_s: fleet time of the tick.
+        """
+        robot = self._robot
+        speed_m_s = max(-robot.v_max_m_s if robot.reverses else 0.0, min(robot.v_max_m_s, asked.forward_m_s))
+        turn_rad_s = max(-robot.yaw_rate_max_rad_s, min(robot.yaw_rate_max_rad_s, asked.turn_rad_s))
+        drives = abs(speed_m_s) > _RESTS_M_S
+        moves_m_s = own.vx_m_s * math.cos(own.heading_rad) + own.vy_m_s * math.sin(own.heading_rad)
+        rests = abs(moves_m_s) <= _RESTS_M_S
+        # What it did since its sample it has done.
+        x_m, y_m, heading_rad = _on(own.x_m, own.y_m, own.heading_rad, moves_m_s, own.yaw_rate_rad_s, own.age_s(now_s))
+        passed_s, self._told_s = now_s - self._told_s, now_s
+        if passed_s > _PAUSE_S or not (drives or turn_rad_s):
+            self._heading_rad, passed_s = heading_rad, self._tick_s
+        # What is left to turn is kept short, so that a robot that falls behind does not turn on for long.
+        most_rad = TURN_RAD if not drives else START_RAD if rests else LEAD_RAD
+        left_rad = math.remainder(self._heading_rad + turn_rad_s * passed_s - heading_rad, math.tau)
+        self._heading_rad = wanted_rad = heading_rad + max(-most_rad, min(most_rad, left_rad))
+        if drives:
+            self._stops_at = None
+            way_m = math.copysign(self.ahead_m(abs(speed_m_s)), speed_m_s)
+            x_m, y_m = x_m + way_m * math.cos(wanted_rad), y_m + way_m * math.sin(wanted_rad)
+            # A leg that ends with the heading that it has now is driven backwards.
+            return Waypoint(x_m, y_m, 0.0, wanted_rad if speed_m_s < 0.0 else None, abs(speed_m_s), _RADIUS_M)
+        if rests:
+            self._stops_at = x_m, y_m
+        elif self._stops_at is None:
+            # Where it comes to rest if it is told to now: it would turn back to a place before that.
+            stop_s = robot.latency_s + abs(moves_m_s) / (2.0 * robot.brake_m_s2) + _BEYOND_M / abs(moves_m_s)
+            self._stops_at = _on(x_m, y_m, heading_rad, moves_m_s, own.yaw_rate_rad_s, stop_s)[:2]
+        aligned = turn_rad_s or moves_m_s < -_RESTS_M_S
+        return Waypoint(*self._stops_at, 0.0, wanted_rad if aligned else None, None, _RADIUS_M)
+
+
+def _on(
+    x_m: float, y_m: float, heading_rad: float, speed_m_s: float, turn_rad_s: float, seconds: float
+) -> tuple[float, float, float]:
+    """Return where a robot is, and its heading, if it goes on for so long as it does."""
+    middle_rad, way_m = heading_rad + 0.5 * turn_rad_s * seconds, speed_m_s * seconds
+    return x_m + way_m * math.cos(middle_rad), y_m + way_m * math.sin(middle_rad), heading_rad + turn_rad_s * seconds

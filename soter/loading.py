@@ -1,0 +1,119 @@
+"""Classes and functions of users' own, by name: `file.py:Name`, `file.py`, or `package.module:Name`."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+from soter.errors import ConfigError, nearest
+
+_FILE: Final = re.compile(r"(?P<file>.+\.py)(:(?P<name>\w+))?", re.DOTALL)
+
+Refused = Callable[[str], ConfigError]
+"""Makes the error of a message, with the key and the place that the name came from."""
+
+
+def file_of(target: str) -> Path | None:
+    """Return the file that a name names; None for a name of another form."""
+    found = _FILE.fullmatch(target)
+    return None if found is None else Path(found["file"])
+
+
+def seen_from(folder: Path, target: str) -> str:
+    """Return a name; the file that it names, if it names one, is one relative to that folder."""
+    file = file_of(target)
+    return target if file is None else target.replace(str(file), str(folder / file), 1)
+
+
+def load_named(target: str, refused: Refused, base: type | None = None) -> object:
+    """Import what a name names.
+
+    A file becomes a module under a name of its own, and its folder a place to import from, as when Python runs it.
+
+    Args:
+        target: `file.py:Name`, `package.module:Name`, or, with a base, `file.py` for the one class of that base in it.
+            A file is relative to the present folder.
+        refused: makes the error.
+        base: what the class is to be a subclass of, for `file.py` alone.
+
+    Raises:
+        ConfigError: the name has no such form, there is no such file or module, importing it fails, or it lacks that.
+    """
+    found = _FILE.fullmatch(target)
+    if found is not None:
+        module, name = _from_file(Path(found["file"]), target, refused), found["name"]
+        if name is None:
+            return _only_class(module, base, target, refused)
+    else:
+        module_name, _, name = target.partition(":")
+        if not (name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
+            raise refused(f"it is '{target}', allowed: a name as 'package.module:name' or 'file.py:name'")
+        module = _imported(module_name, target, refused)
+    value: object = getattr(module, name, None)
+    if value is None:
+        raise refused(f"it is '{target}', but there is no '{name}' in it{nearest(name, list(vars(module)))}")
+    return value
+
+
+def _from_file(path: Path, target: str, refused: Refused) -> ModuleType:
+    path = path.absolute()
+    name = f"soter_file_{re.sub(r'[^a-zA-Z0-9]', '_', str(path))}"
+    loaded = sys.modules.get(name)
+    if loaded is not None:
+        return loaded
+    spec = importlib.util.spec_from_file_location(name, path)
+    if not path.is_file() or spec is None or spec.loader is None:
+        raise refused(f"it is '{target}', but there is no file '{path}'")
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    module = importlib.util.module_from_spec(spec)
+    # Dataclasses and annotations look their module up by name.
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as failure:  # foreign code may fail in any way while it is imported
+        del sys.modules[name]
+        raise refused(f"it is '{target}', but importing it failed: {described(failure, path)}") from failure
+    return module
+
+
+def _imported(name: str, target: str, refused: Refused) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as failure:
+        raise refused(
+            f"it is '{target}', but there is no module '{failure.name}'; check its spelling, and that it can be "
+            "imported from the folder that this runs in"
+        ) from failure
+    except Exception as failure:  # foreign code
+        raise refused(f"it is '{target}', but importing '{name}' failed: {failure!r}") from failure
+
+
+def _only_class(module: ModuleType, base: type | None, target: str, refused: Refused) -> type:
+    own = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and value.__module__ == module.__name__ and base is not None
+        if issubclass(value, base)
+    ]
+    if len(own) == 1:
+        return own[0]
+    kind = "class" if base is None else f"subclass of soter.{base.__name__}"
+    names = f": {', '.join(each.__name__ for each in own)}; say which, as '{target}:{own[0].__name__}'" if own else ""
+    raise refused(f"it is '{target}', which has {len(own) or 'no'} {kind}{'es' if len(own) > 1 else ''}{names}")
+
+
+def described(failure: BaseException, path: Path | None) -> str:
+    """Return an exception in words, with the last line of a file that it came through, if it did."""
+    line = f"{type(failure).__name__}: {failure}"
+    if isinstance(failure, SyntaxError):
+        return line
+    inside = [each for each in traceback.extract_tb(failure.__traceback__) if path and each.filename == str(path)]
+    return f"{line} ({path.name}, line {inside[-1].lineno})" if inside and path else line

@@ -1,0 +1,62 @@
+"""Missions by name: a shipped one, or a class as `file.py:Class`, `file.py` or `module:Class`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Final
+
+from soter.config import MissionFile, validate_options
+from soter.config_tables import SURVEILLANCE
+from soter.errors import ConfigError, nearest
+from soter.loading import described, file_of, load_named
+from soter.missions.mission import Mission
+
+BUILT_IN: Final[Mapping[str, str]] = {SURVEILLANCE: "soter.missions.surveillance:Surveillance"}
+"""The missions of this distribution."""
+
+
+def mission_class(file: MissionFile) -> type[Mission]:
+    """Import and return the class of the mission that a mission file names.
+
+    Raises:
+        ConfigError: there is none of that name, or what is there is no mission.
+    """
+    name = file.mission.use
+
+    def refused(message: str) -> ConfigError:
+        return file.refusal("mission", message)
+
+    if name not in BUILT_IN and ":" not in name and file_of(name) is None:
+        known = ", ".join(BUILT_IN)
+        raise refused(
+            f"there is no mission '{name}'{nearest(name, list(BUILT_IN))}; there is {known}, or a class as "
+            "'file.py:Class' or 'module:Class'"
+        )
+    found = load_named(BUILT_IN.get(name, name), refused, Mission)
+    if not (isinstance(found, type) and issubclass(found, Mission)):
+        raise refused(f"'{name}' is {found!r}, allowed: a subclass of soter.Mission")
+    if found.begin is Mission.begin and not inspect.iscoroutinefunction(found.run):
+        raise refused(f"`run` of '{name}' is no coroutine; write it as `async def run(self, robot)`, without `yield`")
+    if found.begin is Mission.begin and found.run is Mission.run:
+        raise refused(f"'{name}' does nothing; give it an `async def run(self, robot)`, or `begin` for machines")
+    model: object = found.Options
+    if not (isinstance(model, type) and issubclass(model, Mission.Options)):
+        raise refused(f"`Options` of '{name}' is no subclass of soter.Mission.Options")
+    return found
+
+
+def make_mission(file: MissionFile) -> Mission:
+    """Return the mission that a mission file names, with the options of its table.
+
+    Raises:
+        ConfigError: see `mission_class`; an option is unknown or not allowed, or the class cannot be made of them.
+    """
+    found = mission_class(file)
+    options = validate_options(found.Options, file.options, file.source, "mission", overridden=file.overridden)
+    try:
+        return found(options)
+    except Exception as failure:  # foreign code
+        raise file.refusal(
+            "mission", f"'{file.mission.use}' failed: {described(failure, file_of(file.mission.use))}"
+        ) from failure

@@ -1,0 +1,126 @@
+"""Watch over robots whose AC is somebody else's node: SOTER judges, and takes a robot over only to run its SC.
+
+Nothing here knows ROS: the robots come opened, and what is to be told goes to whoever tells it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Final, Protocol
+
+from soter.config import MissionFile
+from soter.rta import Mode, Report, Request, RobotSupervisor, SwitchRecord
+from soter.sdk import Fleet, Waypoint
+from soter.stack.actuator import RobotActuator
+from soter.stack.assembly import SafetySide, assemble
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+AC: Final = "AC"
+
+_ANYWHERE: Final = Waypoint(0.0, 0.0)
+
+
+class Telling(Protocol):
+    """Who is told what goes on. Called in the thread that judges: it must not wait."""
+
+    def tick(self, robot_id: int, driver: str, cause: str, margins: Mapping[str, float]) -> None:
+        """A robot was judged.
+
+        Args:
+            robot_id: which.
+            driver: the safety module whose safe controller drives it, or "AC".
+            cause: why, in words; empty for the AC.
+            margins: by module, as it saw it last, in the module's unit.
+        """
+
+    def switched(self, robot_id: int, before: str, after: str, module: str, cause: str) -> None:
+        """A robot changed hands, or the module that drives it.
+
+        Args:
+            robot_id: which.
+            before: who drove it: a safety module, or "AC".
+            after: who drives it now.
+            module: the one that caused it.
+            cause: in words.
+        """
+
+
+class Watcher:
+    """The safety side of a mission without the mission.
+
+    Args:
+        mission: its `rta` and `battery` tables.
+        workspace: fence, boxes, chargers.
+        fleet: its robots, ready.
+        telling: told of everything.
+
+    Attributes:
+        disengagements: by robot, how often SOTER took it over.
+        late_ticks: how many ticks came later than the robots' jitter allows.
+
+    Raises:
+        IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
+    """
+
+    def __init__(self, mission: MissionFile, workspace: Workspace, fleet: Fleet, telling: Telling) -> None:
+        self._fleet: Final = fleet
+        self._telling: Final = telling
+        self._tick_s: Final = mission.base_tick_s
+        self._jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
+        self.disengagements: Final = {robot.id: 0 for robot in fleet.robots}
+        self.late_ticks = 0
+        self._safety: Final[SafetySide] = assemble(
+            mission,
+            workspace,
+            fleet.robots,
+            _ignore,
+            [self],
+            tap=lambda _id, actuator: _Elsewhere(actuator.robot, actuator.port),
+        )
+
+    def run(self, stop: Callable[[], bool], duration_s: float | None = None) -> None:
+        """Judge at every tick until told to stop, or for so long.
+
+        Args:
+            stop: asked at every tick.
+            duration_s: in fleet time; None for as long as it takes.
+        """
+        clock, supervisor, ports = self._fleet.clock, self._safety.supervisor, self._safety.ports.values()
+        began_s, tick = clock.now(), 0
+        while not stop() and (duration_s is None or tick * self._tick_s < duration_s):
+            now_s = clock.now()
+            self.late_ticks += now_s - (began_s + tick * self._tick_s) > self._jitter_s
+            for port in ports:
+                if port.engaged:
+                    # Wherever it is that its AC goes: a robot that may drive is not expected to rest.
+                    port.goto(_ANYWHERE)
+            supervisor.tick(now_s)
+            for robot in supervisor.robots.values():
+                driver, cause = (AC, "") if robot.driver is None else (robot.driver.name, robot.driver.cause)
+                margins = {module.name: module.margin for module in robot.modules}
+                self._telling.tick(robot.robot_id, driver, cause, margins)
+            tick += 1
+            clock.sleep_until(began_s + tick * self._tick_s)
+
+    def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
+        """Pass a change of hands on; see `soter.rta.Watch`."""
+        before, after = record.before or AC, record.after or AC
+        self.disengagements[record.robot_id] += before == AC != after
+        if before != after:
+            logger.info("robot %d: %s -> %s (%s: %s)", record.robot_id, before, after, record.module, record.cause)
+            self._telling.switched(record.robot_id, before, after, record.module, record.cause)
+
+
+class _Elsewhere(RobotActuator):
+    """A robot whose AC commands it past SOTER: what is sent in the AC's name goes nowhere."""
+
+    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Mode) -> None:
+        if not isinstance(command, Request):
+            super().drive(command, mode)
+
+
+def _ignore(_report: Report) -> None:
+    """Nobody asks for anything through a port."""

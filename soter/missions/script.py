@@ -1,0 +1,211 @@
+"""Scripts: one coroutine a robot, driven by a machine of its own, and the handle that it commands its robot through."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from soter.errors import RunFailed, SoterError
+from soter.loading import described
+from soter.machine import Event, Goto, Machine, MachineRef, Next, State
+from soter.missions.stage import Stage
+from soter.sdk import RobotState, Waypoint
+from soter.stack.away import AwayKit, robot_agent
+from soter.stack.events import TRIES, Outcome, TargetEnded, VisitTarget
+from soter.stack.kit import RobotPort
+from soter.workspace import Workspace
+
+LONGEST_S: Final = 1e6
+"""Time that a goal may be given, as in mission files."""
+
+MOST_TRIES: Final = 1000
+
+
+class ScriptFailed(SoterError):
+    """A script raised an exception, which is the cause of this one; its robot has no AC from then on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """How a goal ended. True where the robot has reached it.
+
+    Attributes:
+        outcome: reached, unsafe (geofence or obstacle took the robot), blocked (too many tries), or timed out.
+        module: the safety module that took the robot over and so ended it; empty for any other end.
+        reason: why it did, or why no path led there, in words.
+    """
+
+    outcome: Outcome
+    module: str = ""
+    reason: str = ""
+
+    def __bool__(self) -> bool:
+        return self.outcome is Outcome.REACHED
+
+    @property
+    def why(self) -> str:
+        """The end in words: reached, timed out, taken over by a module, or refused."""
+        if self.outcome in {Outcome.REACHED, Outcome.TIMED_OUT}:
+            return "reached" if self else "timed out"
+        return f"taken over by {self.module}" if self.module else f"refused: {self.reason}"
+
+
+class Peer:
+    """What a script sees of a robot: where it is, and whether its AC has control."""
+
+    def __init__(self, robot_id: int, port: RobotPort | None) -> None:
+        self.id: Final = robot_id
+        self._port: Final = port
+
+    @property
+    def state(self) -> RobotState | None:
+        """The latest sample: place and heading in the workspace's frame, speed, charge; None while there is none."""
+        return None if self._port is None else self._port.state
+
+    @property
+    def engaged(self) -> bool:
+        """Whether the AC has control; False while a safety module drives the robot."""
+        return self._port is not None and self._port.engaged
+
+
+class Robot(Peer):
+    """One robot, as the script that runs for it sees and commands it; see `soter.Mission.run`.
+
+    It has the rights of an AC: what it asks for moves the robot while no safety module drives it. Every call that is
+    awaited takes a tick at least, belongs to this robot's own script, and waits in fleet time.
+
+    Attributes:
+        id: of the robot.
+        peers: the other robots, by id.
+        workspace: fence, boxes, chargers.
+        body_radius_m: of the robot.
+        random: random numbers that depend on the run's seed and the robot alone.
+    """
+
+    def __init__(self, script: RobotScript, robot_id: int, stage: Stage, agent: MachineRef) -> None:
+        super().__init__(robot_id, stage.ports.get(robot_id))
+        self.peers: Final[Mapping[int, Peer]] = {
+            other: Peer(other, port) for other, port in stage.ports.items() if other != robot_id
+        }
+        self.workspace: Final[Workspace] = stage.workspace
+        self.body_radius_m: Final = stage.body_radius_m[robot_id]
+        self.random: Final = random.Random(f"mission/{stage.seed}/{robot_id}")
+        self._script: Final = script
+        self._stage: Final = stage
+        self._agent: Final = agent
+
+    def now(self) -> float:
+        """Return the fleet time in seconds."""
+        return self._script.now()
+
+    async def go_to(self, x_m: float, y_m: float, *, timeout_s: float | None = None, tries: int = TRIES) -> Arrival:
+        """Drive to a place, by a path of the mission's planner, and return how that ended.
+
+        While a safety module drives the robot this waits; then it goes on, unless geofence or obstacle had to step in.
+
+        Args:
+            x_m: where, east in the workspace's frame.
+            y_m: the same, north.
+            timeout_s: time with the AC in control after which it is given up; None for `target_timeout_s`.
+            tries: how often a module may take the robot on the way, or a path come to nothing, before it is given up.
+
+        Raises:
+            ValueError: no place, time or number of tries.
+        """
+        Waypoint(x_m, y_m).check()
+        if timeout_s is not None and not 0.0 < timeout_s <= LONGEST_S:
+            raise ValueError(f"timeout_s is {timeout_s}, allowed: above 0, at most {LONGEST_S:g}")
+        if not 1 <= tries <= MOST_TRIES:
+            raise ValueError(f"tries is {tries}, allowed: from 1 to {MOST_TRIES}")
+        return await self._script.visit(self._agent, (float(x_m), float(y_m)), timeout_s, int(tries))
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait for so long, at least a tick."""
+        await self._script.sleep(duration_s)
+
+    async def until(self, condition: Callable[[], bool], *, timeout_s: float = math.inf) -> bool:
+        """Wait until a condition holds, such as one on what another robot's script has noted; asked at every tick.
+
+        Returns:
+            Whether it holds; False when the time is up.
+        """
+        end_s = self.now() + timeout_s
+        while not condition():
+            if not self.now() < end_s:
+                return False
+            await self._script.sleep(0.0)
+        return True
+
+
+class Wake(Event):
+    """A script's own timer."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """What a script's machine is told.
+
+    Attributes:
+        run: the coroutine function.
+        robot_id: whom it is for.
+        stage: where it plays.
+        target_ids: numbers targets, those of all robots of the mission.
+        on_end: to be called when the script has ended.
+    """
+
+    run: Callable[[Robot], Coroutine[object, object, None]]
+    robot_id: int
+    stage: Stage
+    target_ids: Iterator[int]
+    on_end: Callable[[], None]
+
+
+class RobotScript(Machine):
+    """Stands over a robot agent as a task planner does, and has its script for a handler."""
+
+    Running: State[Script] = State(start=True)
+    Ended: State[None] = State()
+
+    script: Script
+
+    @Running.entry
+    async def _run(self, script: Script) -> Next:
+        self.script, stage, robot_id = script, script.stage, script.robot_id
+        kit = stage.kits[robot_id]
+        if not isinstance(kit, AwayKit):
+            kit.subscribe(robot_id, self.ref, ())
+        agent = self.create(robot_agent(kit), (kit, self.ref), name=f"RobotAgent {robot_id}")
+        # Nothing of the script runs before the first tick, from which on one that never awaits is noticed.
+        await self.sleep(0.0)
+        try:
+            await script.run(Robot(self, robot_id, stage, agent))
+        except RunFailed:
+            raise
+        except Exception as failure:
+            file = Path(script.run.__code__.co_filename) if hasattr(script.run, "__code__") else None
+            raise ScriptFailed(described(failure, file)) from failure
+        script.on_end()
+        return Goto(self.Ended)
+
+    async def visit(
+        self, agent: MachineRef, place: tuple[float, float], timeout_s: float | None, tries: int
+    ) -> Arrival:
+        """Have the robot agent visit a place; see `Robot.go_to`."""
+        stage, robot_id, target_id = self.script.stage, self.script.robot_id, next(self.script.target_ids)
+        began_s = self.now()
+        self.send(agent, VisitTarget(target_id, place, timeout_s, tries))
+        stage.on_target(robot_id, target_id, place)
+        ended = await self.receive(TargetEnded, match=lambda e: e.target_id == target_id)
+        stage.on_ended(robot_id, target_id, ended.outcome)
+        if self.now() <= began_s:
+            await self.sleep(0.0)
+        return Arrival(ended.outcome, ended.module, ended.reason)
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait; see `Robot.sleep`."""
+        self.after(max(duration_s, self.script.stage.tick_s), Wake())
+        await self.receive(Wake)

@@ -1,0 +1,154 @@
+"""The surveillance mission: every robot visits target after target, drawn from a set, until the time is up."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from soter.config_tables import DEFAULT_TARGETS
+from soter.config_tables import Targets as TargetSet
+from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
+from soter.missions.mission import Mission
+from soter.missions.stage import Stage
+from soter.stack.away import AwayKit, robot_agent
+from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
+from soter.stack.kit import RobotKit
+from soter.workspace import Workspace
+
+OUTSIDE_M: Final = 1.0
+"""How far outside the fence hostile targets lie, at most."""
+
+_APART_M: Final = 0.5
+
+
+def grid_places(workspace: Workspace, body_radius_m: float) -> list[Place]:
+    """Return the integer points, fence included, on which a body can stand: most of them lie on the fence."""
+    return [
+        (float(x), float(y))
+        for x in range(math.floor(workspace.width_m) + 1)
+        for y in range(math.floor(workspace.depth_m) + 1)
+        if workspace.clearance_m(x, y, body_radius_m) >= 0.0
+    ]
+
+
+class Targets:
+    """Draws targets, for every robot from a stream of random numbers of its own.
+
+    Args:
+        workspace: fence and boxes.
+        body_radius_m: of the robots, by id.
+        name: `grid`, `uniform` (anywhere inside the fence where a body can stand) or `hostile` (anywhere up to
+            `OUTSIDE_M` outside the fence, boxes included).
+        seed: of the run.
+    """
+
+    def __init__(self, workspace: Workspace, body_radius_m: Mapping[int, float], name: str, seed: int) -> None:
+        self._workspace: Final = workspace
+        self._body_radius_m: Final = body_radius_m
+        self._seed: Final = seed
+        self._streams: dict[int, random.Random] = {}
+        self._last: dict[int, Place] = {}
+        # Robots that are as large share their points.
+        self._grids: Final = {
+            radius_m: grid_places(workspace, radius_m) if name == "grid" else []
+            for radius_m in set(body_radius_m.values())
+        }
+        draws: dict[str, Callable[[random.Random, float], Place]] = {
+            "grid": lambda stream, radius_m: stream.choice(self._grids[radius_m]),
+            "uniform": self._uniform,
+            "hostile": self._hostile,
+        }
+        self._draw: Final = draws[name]
+
+    def next(self, robot_id: int) -> Place:
+        """Return the next target of a robot, not the one it comes from."""
+        stream = self._streams.setdefault(robot_id, random.Random(f"targets/{self._seed}/{robot_id}"))
+        last, radius_m = self._last.get(robot_id), self._body_radius_m[robot_id]
+        place = self._draw(stream, radius_m)
+        while last is not None and math.dist(place, last) < _APART_M:
+            place = self._draw(stream, radius_m)
+        self._last[robot_id] = place
+        return place
+
+    def _uniform(self, stream: random.Random, radius_m: float) -> Place:
+        while True:
+            x, y = stream.uniform(0.0, self._workspace.width_m), stream.uniform(0.0, self._workspace.depth_m)
+            if self._workspace.clearance_m(x, y, radius_m) >= 0.0:
+                return x, y
+
+    def _hostile(self, stream: random.Random, radius_m: float) -> Place:
+        return (
+            stream.uniform(-OUTSIDE_M, self._workspace.width_m + OUTSIDE_M),
+            stream.uniform(-OUTSIDE_M, self._workspace.depth_m + OUTSIDE_M),
+        )
+
+
+@dataclass(frozen=True)
+class Tasks:
+    """What the task planner plans.
+
+    Attributes:
+        kits: of every robot: those of this process with all that their machines need, those of others without.
+        next_target: where a robot goes next; called with its id.
+        on_target: told of every target given: robot, target id, place.
+        on_ended: told of every target that ended: robot, target id, outcome.
+    """
+
+    kits: Mapping[int, RobotKit | AwayKit]
+    next_target: Callable[[int], Place]
+    on_target: Callable[[int, int, Place], None]
+    on_ended: Callable[[int, int, Outcome], None]
+
+
+class TaskPlanner(Machine):
+    """Creates a robot agent for every robot, tells them of each other, and gives each that is done the next target."""
+
+    Starting: State[Tasks] = State(start=True)
+    Running: State[None] = State()
+
+    tasks: Tasks
+
+    @Starting.entry
+    def _start(self, tasks: Tasks) -> Next:
+        self.tasks = tasks
+        self.last_target_id = 0
+        self.agents: dict[int, MachineRef] = {}
+        for robot_id, kit in tasks.kits.items():
+            agent = self.create(robot_agent(kit), (kit, self.ref), name=f"RobotAgent {robot_id}")
+            for other_id, other in self.agents.items():
+                self.send(other, RobotJoined(robot_id, agent))
+                self.send(agent, RobotJoined(other_id, other))
+            self.agents[robot_id] = agent
+        for robot_id in self.agents:
+            self._assign(robot_id)
+        return Goto(self.Running)
+
+    @Running.on(TargetEnded)
+    def _ended(self, e: TargetEnded) -> Next:
+        self.tasks.on_ended(e.robot_id, e.target_id, e.outcome)
+        self._assign(e.robot_id)
+        return Stay()
+
+    def _assign(self, robot_id: int) -> None:
+        self.last_target_id += 1
+        place = self.tasks.next_target(robot_id)
+        self.tasks.on_target(robot_id, self.last_target_id, place)
+        self.send(self.agents[robot_id], VisitTarget(self.last_target_id, place))
+
+
+class Surveillance(Mission):
+    """Machines: a task planner over robot agents, with targets from a set."""
+
+    class Options(Mission.Options):
+        """The set that targets are drawn from; see `Targets`."""
+
+        targets: TargetSet = DEFAULT_TARGETS
+
+    options: Options
+
+    def begin(self, stage: Stage) -> None:
+        targets = Targets(stage.workspace, stage.body_radius_m, self.options.targets, stage.seed)
+        stage.create(TaskPlanner, Tasks(stage.kits, targets.next, stage.on_target, stage.on_ended), "TaskPlanner")

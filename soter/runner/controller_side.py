@@ -1,0 +1,123 @@
+"""Controllers in place of the mission's machines: one for each robot, or one for all of them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from soter.config import MissionFile
+from soter.controllers import Arena, Controller, build
+from soter.rta import Report
+from soter.runner.ac_side import Scene
+from soter.workspace import Workspace
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass
+class _Driver:
+    """A controller, and what has come of it.
+
+    Attributes:
+        controller: untrusted; everything of it is called by `ControllerSide._attempt`.
+        robot_ids: its robots.
+        incidents: how many of its incidents are known.
+    """
+
+    controller: Controller
+    robot_ids: tuple[int, ...]
+    incidents: int = 0
+
+    @property
+    def name(self) -> str:
+        """What it is called in messages."""
+        return type(self.controller).__name__
+
+    @property
+    def handler(self) -> str:
+        """What runs at a tick, in messages."""
+        return f"{self.name}.{'step' if type(self.controller).act is Controller.act else 'act'}"
+
+
+class ControllerSide:
+    """An `AcSide` with controllers behind it. No planner, no machines, no targets.
+
+    A controller that fails costs its own robots their AC, and nothing else.
+
+    Args:
+        mission: its `ac` names the controller.
+        workspace: with the robots.
+
+    Raises:
+        ConfigError: no such controller, or options that it does not allow.
+    """
+
+    paths_replaced = 0
+    done = False
+
+    def __init__(self, mission: MissionFile, workspace: Workspace) -> None:
+        self._mission: Final = mission
+        made = build(mission, [place.id for place in workspace.robots])
+        self._drivers: Final = [_Driver(controller, robot_ids) for robot_ids, controller in made.items()]
+        self._driver_of: Final = {robot_id: driver for driver in self._drivers for robot_id in driver.robot_ids}
+        self._tick = 0
+        self.failures: dict[int | None, str] = {}
+        self.incidents: list[str] = []
+        self.current_handler: str | None = None
+
+    def ready(self) -> None:
+        """Nothing runs elsewhere."""
+
+    def start(self, scene: Scene) -> None:
+        """Give every controller its ports."""
+        mission = self._mission
+        for driver in self._drivers:
+            ids = driver.robot_ids
+            # A controller of a fleet knows one body: the largest.
+            terrain = max((scene.rooms[each].terrain for each in ids), key=lambda each: each.body_radius_m)
+            arena = Arena(
+                terrain, {each: scene.ports[each] for each in ids}, {**scene.ports, **scene.peers},
+                {each: scene.capabilities[each] for each in ids}, mission.rta, mission.base_tick_s, mission.seed,
+            )  # fmt: skip
+            self._attempt(driver, partial(driver.controller.begin, arena))
+
+    def hear(self, report: Report) -> None:
+        """Pass on what a port reports."""
+        driver = self._driver_of[report.robot_id]
+        self._attempt(driver, partial(driver.controller.hear, report))
+
+    def run(self, now_s: float) -> None:
+        """Let every controller act."""
+        tick, self._tick = self._tick, self._tick + 1
+        for driver in self._drivers:
+            self.current_handler = driver.handler
+            self._attempt(driver, partial(self._act, driver, now_s, tick))
+        self.current_handler = None
+
+    def close(self) -> None:
+        """End what the controllers started."""
+        for driver in self._drivers:
+            try:
+                driver.controller.close()
+            except Exception:
+                logger.exception("%s could not be closed", driver.name)
+
+    def _act(self, driver: _Driver, now_s: float, tick: int) -> None:
+        driver.controller.act(now_s, tick)
+        found = driver.controller.incidents
+        self.incidents += found[driver.incidents :]
+        driver.incidents = len(found)
+
+    def _attempt(self, driver: _Driver, call: Callable[[], None]) -> None:
+        """Call a controller, unless it has failed already."""
+        if driver.robot_ids[0] in self.failures:
+            return
+        try:
+            call()
+        except Exception as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
+            cause = f"{driver.name} failed: {failure!r}"
+            logger.error("robots %s: %s", ", ".join(map(str, driver.robot_ids)), cause)
+            self.failures.update(dict.fromkeys(driver.robot_ids, cause))

@@ -1,0 +1,280 @@
+"""Missions of users: scripts and machines, what they are told, what becomes of failures, and how they are named."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from soter.config import MissionFile, load_mission
+from soter.errors import ConfigError
+from soter.missions import ROOM, make_mission
+from soter.record.reader import Recording
+from soter.runner import Run, run_mission
+from tests.missions import scripts
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ZMQ = "soter_zmq.adapter:ZmqBackend"
+PATROL = """\
+from soter import Mission, Robot
+
+class Patrol(Mission):
+    async def run(self, robot: Robot) -> None:      # one for each robot
+        while True:
+            for point in [(1, 1), (4, 1), (4, 4), (1, 4)]:
+                arrived = await robot.go_to(*point, timeout_s=60)
+                if not arrived:
+                    self.log(f"robot {robot.id}: {arrived.why}")
+"""
+BOTH = pytest.mark.parametrize("backend", ["kinematic", pytest.param("pybullet", marks=pytest.mark.pybullet)])
+
+
+@pytest.fixture(autouse=True)
+def _nothing_seen() -> Iterator[None]:
+    scripts.ARRIVALS.clear()
+    scripts.SEEN.clear()
+    yield
+    scripts.UsesOther.handles.clear()
+
+
+def told(name: str, options: dict[str, Any] | None = None, file: Path = ROOM, **overrides: Any) -> MissionFile:
+    """Return a short mission of `tests.missions.scripts`, or of any other name with a colon or a dot in it."""
+    use = name if ":" in name or "." in name else f"tests.missions.scripts:{name}"
+    given = {"battery.initial": [1.0, 1.0], "duration_s": 10.0, **overrides}
+    return load_mission(file, {**given, "mission": {"use": use, **(options or {})}})
+
+
+def ran(name: str, options: dict[str, Any] | None = None, **overrides: Any) -> Run:
+    return run_mission(told(name, options, **overrides))
+
+
+# --- scripts ---------------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_a_patrol_in_a_file_of_its_own_runs_on_any_backend(backend: str, tmp_path: Path) -> None:
+    (tmp_path / "patrol.py").write_text(PATROL)
+    result = ran(str(tmp_path / "patrol.py"), backend=backend, duration_s=40.0).result
+    assert (result.status, result.violated, result.failed_robots) == ("completed", False, {})
+    assert result.targets_reached >= 4
+    assert result.does == str(tmp_path / "patrol.py")
+
+
+def test_a_file_is_relative_to_the_mission_file(tmp_path: Path) -> None:
+    (tmp_path / "patrol.py").write_text(PATROL)
+    file = tmp_path / "mission.toml"
+    file.write_text(
+        f'mission = "patrol.py:Patrol"\n{ROOM.read_text()}'.replace("room.xml", str(ROOM.parent / "room.xml"))
+    )
+    assert run_mission(load_mission(file, {"duration_s": 1.0})).result.status == "completed"
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    one, same, other = (ran("Wanders", duration_s=30.0, seed=seed).result for seed in (1, 1, 2))
+    assert one.deterministic
+    assert one.trace_sha256 == same.trace_sha256 != other.trace_sha256
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"place": [2, 2]}, "reached"),
+        ({"place": [4, 1], "timeout_s": 0.5}, "timed out"),
+        ({"place": [0.5, 5.5]}, "taken over by geofence"),
+        ({"place": [4, 4], "tries": 1}, "taken over by collision"),
+    ],
+)
+def test_a_script_is_told_why_a_goal_has_ended(options: dict[str, Any], why: str) -> None:
+    run = ran("Ends", options, duration_s=60.0)
+    ((robot_id, arrived),) = scripts.ARRIVALS
+    assert (robot_id, arrived.why, bool(arrived)) == (1, why, why == "reached")
+    assert not run.result.violated
+    assert run.result.duration_s < 60.0, "the run ends with the scripts"
+
+
+def test_a_place_that_no_path_leads_to_is_refused() -> None:
+    ran("Ends", {"place": [2.0, 2.0]}, planner="tests.runner.bad_planners:Raises")
+    ((_, arrived),) = scripts.ARRIVALS
+    assert arrived.why.startswith("refused: ")
+    assert (arrived.module, bool(arrived)) == ("", False)
+
+
+def test_robots_wait_for_each_other_in_fleet_time() -> None:
+    result = ran("Meets").result
+    assert scripts.SEEN == [False, (1, 3.05), True, (2, 3.05)]
+    assert result.duration_s == pytest.approx(3.1)
+
+
+def test_scripts_see_themselves_the_others_and_the_room_and_are_heard(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        run_mission(told("Looks"), record=tmp_path / "run.mcap")
+    assert sorted(scripts.SEEN) == [
+        (1, pytest.approx(1.0, abs=0.01), 2, pytest.approx(4.0, abs=0.01), True, 5.0),
+        (2, pytest.approx(4.0, abs=0.01), 1, pytest.approx(1.0, abs=0.01), True, 5.0),
+    ]
+    assert "robot 1 has looked" in caplog.messages
+    events = [each for tick in Recording(tmp_path / "run.mcap").ticks() for each in tick.events]
+    said = [getattr(each, "detail", "") for each in events if getattr(each, "event", "") == "log"]
+    assert sorted(said) == ["robot 1 has looked", "robot 2 has looked"]
+
+
+# --- machines --------------------------------------------------------------------------------------------------
+
+
+def test_a_mission_may_bring_a_task_planner_of_its_own() -> None:
+    result = ran("Shuttle", duration_s=200.0).result
+    assert (result.status, result.violated, result.failed_robots) == ("completed", False, {})
+    assert result.targets_reached >= 5
+    assert result.duration_s < 200.0, "it has said that it is done"
+
+
+def test_a_mission_may_bring_planner_and_executor_of_its_own() -> None:
+    result = ran("Straight", duration_s=40.0).result
+    assert (result.status, result.violated, result.failed_robots) == ("completed", False, {})
+    assert {robot_id for robot_id, status in scripts.SEEN if status == "reached"} == {1, 2}
+
+
+# --- failures --------------------------------------------------------------------------------------------------
+
+
+def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other() -> None:
+    result = ran("Raises", duration_s=20.0).result
+    assert (result.status, result.violated) == ("completed", False)
+    assert set(result.failed_robots) == {1}
+    assert "RuntimeError: out of ideas (scripts.py, line " in result.failed_robots[1]
+    assert result.targets_reached >= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("AwaitsAnything", "RuntimeError: no running event loop"),
+        ("GoesNowhere", "ValueError: "),
+        ("UsesOther", "after() of UsesOther 2"),
+    ],
+)
+def test_what_a_script_may_not_do_is_named(name: str, words: str) -> None:
+    result = ran(name, duration_s=3.0).result
+    assert result.status == "completed"
+    assert words in result.failed_robots[1]
+    assert set(scripts.SEEN) <= {4}
+
+
+def test_a_script_that_does_not_let_go_costs_no_result(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        run = run_mission(told("NeverLetsGo", duration_s=1.0), record=tmp_path / "run.mcap")
+    assert (run.result.status, run.result.failed_robots) == ("completed", {})
+    assert run.recording is not None
+    assert not run.recording.failure
+    assert any("NeverLetsGo" in line for line in caplog.messages)
+
+
+def test_a_script_that_never_awaits_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("soter.runner.watchdog.LIMIT_S", 0.3)
+    result = ran("AwaitsNothing").result
+    assert result.status == "failed"
+    assert "AwaitsNothing 1" in result.failure
+
+
+def test_a_mission_that_cannot_begin_leaves_its_robots_to_their_safe_controllers() -> None:
+    result = ran("CannotBegin", duration_s=1.0).result
+    assert (result.status, set(result.failed_robots)) == ("failed", {1, 2})
+    assert "no stage" in result.failure
+
+
+def test_in_a_process_of_its_own_it_is_the_same(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        result = ran("Raises", backend=ZMQ, duration_s=3.0).result
+    assert set(result.failed_robots) == {1}
+    assert "RuntimeError: out of ideas (scripts.py, line " in result.failed_robots[1]
+
+
+# --- names -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("nowhere.py", "no file"),
+        ("broken.py", "NameError"),
+        ("broken2.py", "SyntaxError"),
+        ("empty.py", "no subclass of soter.Mission"),
+        ("two.py", "One, Two"),
+        ("two.py:Tow", "did you mean 'Two'"),
+        ("tests.missions.script:Ends", "no module 'tests.missions.script'"),
+        ("surveilance.", "surveillance"),
+        ("NoMission", "allowed: a subclass of soter.Mission"),
+        ("CannotBeMade", "RuntimeError: not today"),
+        ("Plain", "async def run"),
+        ("Nothing", "does nothing"),
+        ("WrongOptions", "Mission.Options"),
+    ],
+)
+def test_what_is_wrong_with_a_name_is_said_before_anything_moves(name: str, words: str, tmp_path: Path) -> None:
+    two = "from soter import Mission\nclass One(Mission): ...\nclass Two(Mission): ...\n"
+    for file, text in {"broken": "x", "broken2": "def", "empty": "import soter", "two": two}.items():
+        (tmp_path / f"{file}.py").write_text(text)
+    name = str(tmp_path / name) if ".py" in name else name
+    with pytest.raises(ConfigError) as caught:
+        make_mission(told(name))
+    assert words in str(caught.value)
+    assert caught.value.key == "mission"
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [({"place": [1, 2], "speed": 3}, "mission.speed"), ({}, "mission.place"), ({"place": [1, "x"]}, "mission.place.1")],
+)
+def test_options_that_are_not_allowed_are_named(options: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        make_mission(told("Ends", options))
+    assert key in str(caught.value)
+
+
+def test_targets_are_for_missions_that_have_them() -> None:
+    assert load_mission(ROOM, {"targets": "hostile"}).targets_from == "hostile"
+    assert load_mission(ROOM, {"mission.targets": "uniform"}).targets_from == "uniform"
+    with pytest.raises(ConfigError, match="targets"):
+        load_mission(ROOM, {"mission.targets": "uniform", "targets": "grid"})
+    other = load_mission(EXAMPLES / "surveillance.toml", {"mission": "tests.missions.scripts:Wanders"})
+    assert (other.options, other.targets_from) == ({}, ""), "the file's were those of its mission"
+    with pytest.raises(ConfigError, match=r"mission\.targets"):
+        make_mission(told("Wanders", targets="grid"))
+
+
+def test_files_that_name_the_app_are_understood(tmp_path: Path) -> None:
+    file = tmp_path / "old.toml"
+    file.write_text(f'app = "surveillance"\nworkspace = "{ROOM.parent / "room.xml"}"\n')
+    assert load_mission(file).mission.use == "surveillance"
+    file.write_text(f'mission = "surveillance"\n{file.read_text()}')
+    with pytest.raises(ConfigError, match="app"):
+        load_mission(file)
+
+
+# --- examples --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.ompl
+@BOTH
+@pytest.mark.parametrize(
+    ("name", "overrides", "reached"),
+    [("waypoints", {"mission.rounds": 1}, 8), ("delivery", {}, 12), ("coverage", {"mission.lane_m": 1.0}, 16)],
+)
+def test_the_examples_do_what_they_say(
+    name: str, overrides: dict[str, Any], reached: int, backend: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = EXAMPLES / "missions" / f"{name}.toml"
+    with caplog.at_level(logging.WARNING):
+        result = run_mission(load_mission(file, {"backend": backend, **overrides})).result
+    assert (result.status, result.violated, result.failed_robots) == ("completed", False, {})
+    assert result.targets_reached >= reached
+    assert result.duration_s < 300.0
+    assert len(file.with_suffix(".py").read_text().splitlines()) < 80
+    if name == "delivery":
+        assert sum("delivered" in line for line in caplog.messages) == 6
+        assert any("leaves its load" in line for line in caplog.messages)
