@@ -1,4 +1,4 @@
-"""What a world knows of its robots' bodies, and the numbers that all of them share."""
+"""What a world knows of its robots' bodies: how large they are, what they can do, and how they are now."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from soter.onboard.drive import DriveLimits
 from soter.sdk.values import RobotSpec
 
 BODY_RADIUS_M: Final = 0.105
-"""A robot is a disc of this radius around its position."""
+"""A robot of which nothing else is asked is a disc of this radius around its position."""
 
 LIMITS: Final = DriveLimits()
-"""What every robot of a world can do: a TurtleBot3 Burger."""
+"""What such a robot can do: a TurtleBot3 Burger."""
 
 Control = Callable[[float, float, float, float, float, float], tuple[float, float]]
 """A robot's side of the world, called once each control period with now_s, x_m, y_m, heading_rad, v_m_s and
@@ -25,16 +25,30 @@ def stand_still(*_state: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
+def built(spec: RobotSpec, otherwise: DriveLimits) -> DriveLimits:
+    """Return what a robot can do: what it is to promise, and `otherwise` where it promises nothing."""
+    promised = spec.promised
+    if promised is None:
+        return otherwise
+    accel_m_s2 = otherwise.accel_m_s2 if promised.accel_m_s2 is None else promised.accel_m_s2
+    return DriveLimits(
+        promised.v_max_m_s, promised.yaw_rate_max_rad_s, accel_m_s2, promised.brake_m_s2, otherwise.yaw_accel_rad_s2
+    )
+
+
 class Bodies:
     """The robots' states, one list for each quantity, indexed by the order of the specs.
 
     The engine alone writes them, in place; everybody else may keep references to the lists and read.
 
     Args:
-        specs: which robots, where, and with what charge.
+        specs: which robots, where, with what charge, and what they are to promise.
+        otherwise: what a robot can do that promises nothing.
 
     Attributes:
         ids: the robots' numbers.
+        radius: of the discs that they are, in metres; it does not change.
+        limits: what they can do; it does not change.
         x: metres east.
         y: metres north.
         heading: radians in (-pi, pi].
@@ -55,13 +69,15 @@ class Bodies:
         "heading",
         "idle_per_s",
         "ids",
+        "limits",
+        "radius",
         "v",
         "x",
         "y",
         "yaw_rate",
     )
 
-    def __init__(self, specs: Sequence[RobotSpec]) -> None:
+    def __init__(self, specs: Sequence[RobotSpec], otherwise: DriveLimits = LIMITS) -> None:
         if not specs:
             raise ValueError("a world without robots, allowed: one or more")
         self.ids = tuple(spec.id for spec in specs)
@@ -77,6 +93,8 @@ class Bodies:
                     f"robot {spec.id} has a battery of {spec.drive_s} s driving, {spec.idle_s} s idle and "
                     f"{spec.charge_s} s to charge, allowed: above 0, idle at least as long as driving"
                 )
+        self.radius = tuple(BODY_RADIUS_M if spec.promised is None else spec.promised.body_radius_m for spec in specs)
+        self.limits = tuple(built(spec, otherwise) for spec in specs)
         self.x = [float(spec.x_m) for spec in specs]
         self.y = [float(spec.y_m) for spec in specs]
         self.heading = [float(spec.heading_rad) for spec in specs]

@@ -32,7 +32,6 @@ from soter.onboard.program import Ending
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter.workspace_xml import read_workspace
-from soter_sim.bodies import LIMITS
 from soter_sim.program import make_parser, read_world, serve
 from soter_sim.real_time import RealTimeWorld
 from soter_sim.world import World
@@ -41,7 +40,7 @@ PERIOD_S: Final = 0.02
 """A robot controls itself, and reports, once in this time."""
 
 LEASE_S: Final = 0.15
-"""A robot begins to brake no later than this after its lease was renewed."""
+"""A robot of which nothing else is asked begins to brake no later than this after its lease was renewed."""
 
 _BOOT_APART_S: Final = 1000.0
 """Robots have been on for different times, so that nobody can mistake one's clock for another's."""
@@ -57,18 +56,20 @@ class CommandedVehicle:
     Args:
         world: where it lives.
         robot_id: its number.
+        lease_s: it begins to brake no later than this after its lease was renewed.
 
     Attributes:
         gate: decides what moves it.
     """
 
-    def __init__(self, world: World, robot_id: int) -> None:
+    def __init__(self, world: World, robot_id: int, lease_s: float = LEASE_S) -> None:
         # What passes is driven for one period more.
-        self.gate = GoalGate(LEASE_S - PERIOD_S)
+        self._lives_s: Final = lease_s - PERIOD_S
+        self.gate = GoalGate(self._lives_s)
         self._world: Final = world
         self._id: Final = robot_id
         self._index: Final = world.index(robot_id)
-        self._drive: Final = Drive(LIMITS, world.period_s)
+        self._drive: Final = Drive(world.bodies.limits[self._index], world.period_s)
         self._booted_s = -_BOOT_APART_S * robot_id
         world.set_control(robot_id, self._control)
 
@@ -102,7 +103,7 @@ class CommandedVehicle:
 
     def restart(self) -> None:
         """Switch the robot's computer off and on: nothing is left of what it was told, and its clock begins at 0."""
-        self.gate, self._booted_s = GoalGate(LEASE_S - PERIOD_S), self._world.now_s
+        self.gate, self._booted_s = GoalGate(self._lives_s), self._world.now_s
 
     def _clock_s(self, world_s: float) -> float:
         return world_s - self._booted_s
@@ -132,7 +133,10 @@ class CommandedFace(RealTimeWorld):
         self, workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits, truth_port: int = 0
     ) -> None:
         super().__init__(workspace, robots, limits, PERIOD_S, truth_port)
-        self.vehicles: Final = {spec.id: CommandedVehicle(self.world, spec.id) for spec in robots}
+        self.vehicles: Final = {
+            spec.id: CommandedVehicle(self.world, spec.id, LEASE_S if spec.promised is None else spec.promised.lease_s)
+            for spec in robots
+        }
         self._control: Final = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._control.setblocking(False)
         self._control.bind(("127.0.0.1", 0))

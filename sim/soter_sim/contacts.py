@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Final
 
-from soter_sim.bodies import BODY_RADIUS_M, Bodies
+from soter_sim.bodies import Bodies
 from soter_sim.judge import Judge, Stops
 from soter_sim.sweep import enter_disc, meet_box
-
-_CONTACT_M: Final = 2.0 * BODY_RADIUS_M
 
 
 class Contacts:
@@ -37,13 +34,14 @@ class Contacts:
         """
         judge = self._judge
         x, y, to_x, to_y = self._bodies.x, self._bodies.y, self._to_x, self._to_y
+        radius = self._bodies.radius
         box_times: dict[int, float] = {}
         for i, due in enumerate(judge.box_due):
             if due <= step:
                 dx, dy = to_x[i] - x[i], to_y[i] - y[i]
                 if dx != 0.0 or dy != 0.0:
                     at = min(
-                        (meet_box(x[i], y[i], dx, dy, box, BODY_RADIUS_M) for box in judge.boxes.near(x[i], y[i])),
+                        (meet_box(x[i], y[i], dx, dy, box, radius[i]) for box in judge.boxes.near(x[i], y[i])),
                         default=inf,
                     )
                     if at <= 1.0:
@@ -100,7 +98,8 @@ class Contacts:
     def _meet(self, i: int, j: int, now: float, stops: Stops) -> float:
         """Return at which part of the step, from `now` on, two robots meet; infinite if they do not."""
         rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
-        return now + enter_disc(rx, ry, jx - ix, jy - iy, _CONTACT_M)
+        radius = self._bodies.radius
+        return now + enter_disc(rx, ry, jx - ix, jy - iy, radius[i] + radius[j])
 
     def _who_stops(self, i: int, j: int, now: float, stops: Stops) -> tuple[int, ...]:
         """Return those of two robots that meet which move towards the other."""

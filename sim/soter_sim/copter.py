@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from math import cos, hypot, isfinite, pi, sin
 from typing import Final, NamedTuple
 
+from soter.onboard.drive import DriveLimits
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
@@ -31,6 +32,9 @@ CLIMB_MAX_M_S: Final = 0.5
 
 YAW_RATE_MAX_RAD_S: Final = 1.5
 """No copter turns faster."""
+
+LIMITS: Final = DriveLimits(V_MAX_M_S, YAW_RATE_MAX_RAD_S, ACCEL_M_S2, ACCEL_M_S2)
+"""What a copter can do of which nothing else is asked; it changes its speed at its braking rate, in any direction."""
 
 SINK_M_S: Final = 0.3
 """A copter whose battery is empty comes down at this rate, and goes nowhere else."""
@@ -97,9 +101,10 @@ class CopterEngine:
         limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
         step_s: float = STEP_S,
     ) -> None:
-        self.bodies = Bodies(specs)
+        self.bodies = Bodies(specs, LIMITS)
         self.period_s = step_s
-        self._judge = Judge(workspace, self.bodies, step_s, V_MAX_M_S, limits)
+        fastest_m_s = max(each.v_max_m_s for each in self.bodies.limits)
+        self._judge = Judge(workspace, self.bodies, step_s, fastest_m_s, limits)
         self.record = self._judge.record
         count = len(specs)
         self.z = [0.0] * count
@@ -139,15 +144,15 @@ class CopterEngine:
 
     def _fly(self, i: int, now_s: float) -> None:
         """Ask the pilot, and work out where one step takes the copter."""
-        bodies, step_s = self.bodies, self.period_s
-        east, north, up, turn = _clamped(self.pilots[i](now_s, self.flight(i)))
+        bodies, step_s, limits = self.bodies, self.period_s, self.bodies.limits[i]
+        east, north, up, turn = _clamped(self.pilots[i](now_s, self.flight(i)), limits)
         if bodies.charge[i] <= 0.0:
             east, north, up, turn = 0.0, 0.0, -SINK_M_S, 0.0
         z_m = self.z[i]
         if z_m <= 0.0 and up <= 0.0:
             # Legs on the ground: it neither slides nor turns.
             east = north = up = turn = 0.0
-        most_m_s = ACCEL_M_S2 * step_s
+        most_m_s = limits.brake_m_s2 * step_s
         was_east, was_north, was_up = self._east[i], self._north[i], self._up[i]
         change_m_s = hypot(east - was_east, north - was_north)
         part = min(1.0, most_m_s / change_m_s) if change_m_s > 0.0 else 1.0
@@ -185,17 +190,17 @@ class CopterEngine:
         least["battery"] = min(least["battery"], bodies.charge[i])
 
 
-def _clamped(wanted: Wanted) -> Wanted:
+def _clamped(wanted: Wanted, limits: DriveLimits) -> Wanted:
     """Return what a copter can do of what is wanted; rest, for what is no number."""
     if not all(map(isfinite, wanted)):
         return _HOVER
     east, north, up, turn = wanted
-    speed_m_s = hypot(east, north)
-    if speed_m_s > V_MAX_M_S:
-        east, north = east * V_MAX_M_S / speed_m_s, north * V_MAX_M_S / speed_m_s
+    speed_m_s, v_max_m_s, yaw_rate_max_rad_s = hypot(east, north), limits.v_max_m_s, limits.yaw_rate_max_rad_s
+    if speed_m_s > v_max_m_s:
+        east, north = east * v_max_m_s / speed_m_s, north * v_max_m_s / speed_m_s
     return (
         east,
         north,
         min(max(up, -CLIMB_MAX_M_S), CLIMB_MAX_M_S),
-        min(max(turn, -YAW_RATE_MAX_RAD_S), YAW_RATE_MAX_RAD_S),
+        min(max(turn, -yaw_rate_max_rad_s), yaw_rate_max_rad_s),
     )

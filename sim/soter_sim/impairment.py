@@ -9,7 +9,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Final, NamedTuple
 
-from soter_sim.bodies import LIMITS, Control
+from soter.onboard.drive import DriveLimits
+from soter_sim.bodies import Control
 
 TRACK_M: Final = 0.14
 """Distance between the two wheels."""
@@ -31,13 +32,14 @@ class Impairment(NamedTuple):
     alive: bool = True
 
 
-def impaired(control: Control, impairment: Impairment, period_s: float) -> Control:
+def impaired(control: Control, impairment: Impairment, period_s: float, limits: DriveLimits) -> Control:
     """Return the control of an impaired vehicle.
 
     Args:
         control: what steers it.
         impairment: what is wrong with it.
         period_s: the control period.
+        limits: what it could do before.
 
     Raises:
         ValueError: a part is not between 0 and 1.
@@ -46,7 +48,7 @@ def impaired(control: Control, impairment: Impairment, period_s: float) -> Contr
     for name, part in (("left", left), ("right", right), ("brake", brake)):
         if not 0.0 <= part <= 1.0:
             raise ValueError(f"{name} is {part}, allowed: 0 to 1")
-    slower = brake * LIMITS.brake_m_s2 * period_s
+    slower = brake * limits.brake_m_s2 * period_s
 
     def steered(
         now_s: float, x_m: float, y_m: float, heading_rad: float, v_m_s: float, yaw_rate_rad_s: float
@@ -54,8 +56,8 @@ def impaired(control: Control, impairment: Impairment, period_s: float) -> Contr
         v_to = w_to = 0.0
         if alive:
             v_to, w_to = control(now_s, x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s)
-            v_to = _limited(v_to, LIMITS.v_max_m_s)
-            w_to = _limited(w_to, LIMITS.yaw_rate_max_rad_s)
+            v_to = _limited(v_to, limits.v_max_m_s)
+            w_to = _limited(w_to, limits.yaw_rate_max_rad_s)
         if left != 1.0 or right != 1.0:
             half = 0.5 * TRACK_M * w_to
             on_left, on_right = left * (v_to - half), right * (v_to + half)

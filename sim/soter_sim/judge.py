@@ -12,7 +12,7 @@ from typing import Final
 
 from soter.sdk.values import RuleLimits
 from soter.workspace import Workspace
-from soter_sim.bodies import BODY_RADIUS_M, Bodies
+from soter_sim.bodies import Bodies
 from soter_sim.boxes import NEAR_M, Boxes
 from soter_sim.sweep import (
     BoxEdges,
@@ -27,8 +27,6 @@ from soter_sim.truth import FENCE_TOLERANCE_M, PENETRATION_M, TOUCH_M, Record
 REBUILD_STEPS: Final = 32
 """The list of pairs that are near enough to be judged is made anew after so many steps."""
 
-_CONTACT_M: Final = 2.0 * BODY_RADIUS_M
-
 Stops = dict[int, float]
 """By robot, the part of the step after which it was stopped by what it ran into."""
 
@@ -40,12 +38,14 @@ class Pair:
         i: the first robot's index.
         j: the second's, larger.
         due: the step in which to judge them next.
+        apart_m: nearer than this they are in collision.
+        contact_m: nearer than this their bodies overlap.
     """
 
-    __slots__ = ("due", "i", "j")
+    __slots__ = ("apart_m", "contact_m", "due", "i", "j")
 
-    def __init__(self, i: int, j: int, due: int) -> None:
-        self.i, self.j, self.due = i, j, due
+    def __init__(self, i: int, j: int, due: int, apart_m: float, contact_m: float) -> None:
+        self.i, self.j, self.due, self.apart_m, self.contact_m = i, j, due, apart_m, contact_m
 
 
 class Judge:
@@ -75,11 +75,11 @@ class Judge:
         self._step_s = step_s
         # A hair more than the longest chord, so that rounding cannot make a look come late.
         self._reach_m = speed_m_s * step_s * (1.0 + 1e-9)
-        radius_m = max(limits.body_radius_m, BODY_RADIUS_M)
-        self._apart_m = max(limits.separation_m, 2.0 * radius_m)
-        # Centres keep so far from boxes, and bodies, which are as large as the simulated ones, so far.
-        self._keep_m = radius_m + limits.clearance_m
-        self._clear_m = self._keep_m - BODY_RADIUS_M
+        self._radius = bodies.radius
+        self._separation_m = limits.separation_m
+        # Centres keep so far from boxes, and bodies so far.
+        self._keep = [radius_m + limits.clearance_m for radius_m in bodies.radius]
+        self._clear = [keep_m - radius_m for keep_m, radius_m in zip(self._keep, bodies.radius, strict=True)]
         self._fence = (0.0, 0.0, workspace.width_m, workspace.depth_m)
         self.boxes = Boxes(workspace.boxes)
         self._chargers = Boxes(place.charger for place in workspace.robots)
@@ -149,7 +149,7 @@ class Judge:
 
     def _look_at_place(self, index: int, step: int, x1: float, y1: float, stops: Stops | None) -> None:
         x0, y0 = self._x[index], self._y[index]
-        reach = self._reach_m
+        reach, keep_m = self._reach_m, self._keep[index]
         least = self.record.min_margin
         _, _, width, depth = self._fence
         margin = min(x1, width - x1, y1, depth - y1)
@@ -161,13 +161,13 @@ class Judge:
 
         # Far boxes may be left out only while they cannot hold the least clearance.
         care = max(least["obstacle"], TOUCH_M)
-        boxes = self.boxes.all if care + self._keep_m + reach > NEAR_M else self.boxes.near(x1, y1)
+        boxes = self.boxes.all if care + keep_m + reach > NEAR_M else self.boxes.near(x1, y1)
         near = inf if boxes is self.boxes.all else NEAR_M
         for box in boxes:
             gap = point_to_box(x1, y1, box)
             if gap < near:
                 near = gap
-        clearance = near - self._keep_m
+        clearance = near - keep_m
         if clearance - reach < care or self._touches_box[index]:
             self._look_at_boxes(index, step, x0, y0, x1 - x0, y1 - y0, boxes, clearance)
             care = max(least["obstacle"], TOUCH_M)
@@ -207,15 +207,16 @@ class Judge:
         self, index: int, step: int, x0: float, y0: float, dx: float, dy: float,
         boxes: tuple[BoxEdges, ...], clearance: float,
     ) -> None:  # fmt: skip
-        swept = min((chord_to_box(x0, y0, dx, dy, box) for box in boxes), default=inf) - self._keep_m
+        swept = min((chord_to_box(x0, y0, dx, dy, box) for box in boxes), default=inf) - self._keep[index]
+        clear_m = self._clear[index]
         least, robots = self.record.min_margin, (self._ids[index],)
         if swept < least["obstacle"]:
             least["obstacle"] = swept
-        if swept + self._clear_m < -PENETRATION_M:
+        if swept + clear_m < -PENETRATION_M:
             self.hit_box(index, step * self._step_s)
-        if swept < 0.0 < self._clear_m:
+        if swept < 0.0 < clear_m:
             self.record.begin("obstacle", robots, step * self._step_s)
-        if self._touches_box[index] and clearance + self._clear_m > TOUCH_M:
+        if self._touches_box[index] and clearance + clear_m > TOUCH_M:
             self._touches_box[index] = False
         if clearance >= 0.0 and not self._touches_box[index]:
             self.record.end("obstacle", robots, (step + 1) * self._step_s)
@@ -225,9 +226,9 @@ class Judge:
         self._rebuild = step + REBUILD_STEPS
         if self._count < 2:
             return
-        reach = 2.0 * self._reach_m
-        wanted = self._apart_m + max(self.record.min_margin["collision"], 0.0)
-        near = wanted + REBUILD_STEPS * reach
+        reach, radius, separation_m = 2.0 * self._reach_m, self._radius, self._separation_m
+        spare_m = max(self.record.min_margin["collision"], 0.0)
+        near = max(separation_m, 2.0 * max(radius)) + spare_m + REBUILD_STEPS * reach
         near_sq = near * near
         order = sorted(range(self._count), key=x.__getitem__)
         pairs: list[Pair] = []
@@ -241,21 +242,23 @@ class Judge:
                 dy = y[second] - y_first
                 distance_sq = dx * dx + dy * dy
                 if distance_sq <= near_sq:
-                    due = step + int(max(sqrt(distance_sq) - wanted, 0.0) / reach)
-                    pairs.append(Pair(first, second, due) if first < second else Pair(second, first, due))
+                    contact_m = radius[first] + radius[second]
+                    apart_m = max(separation_m, contact_m)
+                    due = step + int(max(sqrt(distance_sq) - (apart_m + spare_m), 0.0) / reach)
+                    pairs.append(Pair(min(first, second), max(first, second), due, apart_m, contact_m))
         # Sorted, so that what is found in one step is found in the same order whatever the robots' places.
         pairs.sort(key=lambda pair: (pair.i, pair.j))
         self.pairs = pairs
 
     def _look_at_pair(self, pair: Pair, step: int, to_x: list[float], to_y: list[float], stops: Stops | None) -> None:
-        i, j = pair.i, pair.j
+        i, j, apart_m = pair.i, pair.j, pair.apart_m
         x, y = self._x, self._y
         rx, ry = x[j] - x[i], y[j] - y[i]
         end_x, end_y = to_x[j] - to_x[i], to_y[j] - to_y[i]
         least = self.record.min_margin
         if stops is None or (i not in stops and j not in stops):
             nearest = nearest_to_origin(rx, ry, end_x - rx, end_y - ry)
-            if nearest < self._apart_m or self.record.open:
+            if nearest < apart_m or self.record.open:
                 self._look_at_piece(pair, step, 0.0, 1.0, rx, ry, end_x, end_y)
         else:
             nearest = inf
@@ -271,15 +274,15 @@ class Judge:
                 nearest = min(nearest, nearest_to_origin(was_x, was_y, now_x - was_x, now_y - was_y))
                 self._look_at_piece(pair, step, was, at, was_x, was_y, now_x, now_y)
                 was, was_x, was_y = at, now_x, now_y
-        margin = nearest - self._apart_m
+        margin = nearest - apart_m
         if margin < least["collision"]:
             least["collision"] = margin
         distance = sqrt(end_x * end_x + end_y * end_y)
-        if self._touching and (i, j) in self._touching and distance > _CONTACT_M + 2.0 * TOUCH_M:
+        if self._touching and (i, j) in self._touching and distance > pair.contact_m + 2.0 * TOUCH_M:
             self._touching.discard((i, j))
-            if distance >= self._apart_m:
+            if distance >= apart_m:
                 self.record.end("collision", (self._ids[i], self._ids[j]), (step + 1) * self._step_s)
-        slack = max(distance - self._apart_m - max(least["collision"], 0.0), 0.0)
+        slack = max(distance - apart_m - max(least["collision"], 0.0), 0.0)
         pair.due = step + 1 + int(slack / (2.0 * self._reach_m))
 
     def _look_at_piece(
@@ -288,7 +291,7 @@ class Judge:
         """Note when, between two parts of a step, a pair comes into collision and out of it."""
         robots = (self._ids[pair.i], self._ids[pair.j])
         at_s, step_s = step * self._step_s, self._step_s
-        inside = inside_disc(rx, ry, end_x - rx, end_y - ry, self._apart_m)
+        inside = inside_disc(rx, ry, end_x - rx, end_y - ry, pair.apart_m)
         if inside is None:
             if (pair.i, pair.j) not in self._touching:
                 self.record.end("collision", robots, at_s + since * step_s)
@@ -313,11 +316,12 @@ class Judge:
             least["geofence"] = min(least["geofence"], margin)
             if margin < -FENCE_TOLERANCE_M:
                 self.record.begin("geofence", robots, 0.0)
-            near = min((point_to_box(here_x, here_y, box) for box in self.boxes.all), default=inf) - self._keep_m
+            clear_m = self._clear[index]
+            near = min((point_to_box(here_x, here_y, box) for box in self.boxes.all), default=inf) - self._keep[index]
             least["obstacle"] = min(least["obstacle"], near)
-            if near + self._clear_m < -PENETRATION_M:
+            if near + clear_m < -PENETRATION_M:
                 self.hit_box(index, 0.0)
-            if near < 0.0 < self._clear_m:
+            if near < 0.0 < clear_m:
                 self.record.begin("obstacle", robots, 0.0)
             self.on_charger[index] = any(point_to_box(here_x, here_y, patch) <= 0.0 for patch in self._chargers.all)
             least["battery"] = min(least["battery"], bodies.charge[index])
@@ -325,9 +329,11 @@ class Judge:
                 self.flat(index, 0.0)
             for other in range(index):
                 distance = sqrt((x[other] - here_x) ** 2 + (y[other] - here_y) ** 2)
-                least["collision"] = min(least["collision"], distance - self._apart_m)
-                if distance < self._apart_m:
+                contact_m = self._radius[other] + self._radius[index]
+                apart_m = max(self._separation_m, contact_m)
+                least["collision"] = min(least["collision"], distance - apart_m)
+                if distance < apart_m:
                     self.record.begin("collision", (self._ids[other], self._ids[index]), 0.0)
-                if distance < _CONTACT_M - PENETRATION_M:
+                if distance < contact_m - PENETRATION_M:
                     self.hit_robot(other, index, 0.0)
         self._find_pairs(0, x, y)

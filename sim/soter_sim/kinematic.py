@@ -17,7 +17,7 @@ from typing import Final
 
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
-from soter_sim.bodies import LIMITS, Bodies
+from soter_sim.bodies import Bodies
 from soter_sim.contacts import Contacts
 from soter_sim.judge import Judge
 
@@ -44,7 +44,8 @@ class KinematicEngine:
     ) -> None:
         self.bodies = Bodies(specs)
         self.period_s = step_s
-        self._judge = Judge(workspace, self.bodies, step_s, LIMITS.v_max_m_s, limits)
+        fastest_m_s = max(each.v_max_m_s for each in self.bodies.limits)
+        self._judge = Judge(workspace, self.bodies, step_s, fastest_m_s, limits)
         self.record = self._judge.record
         self._done = 0
         self._to_x = [*self.bodies.x]
@@ -56,25 +57,30 @@ class KinematicEngine:
         x, y, heading, v, yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.v, bodies.yaw_rate
         charge, control, on_charger = bodies.charge, bodies.control, judge.on_charger
         to_x, to_y = self._to_x, self._to_y
-        indices = range(len(x))
         least_charge = self.record.min_margin["battery"]
 
         step_s = self.period_s
-        v_max, w_max = LIMITS.v_max_m_s, LIMITS.yaw_rate_max_rad_s
-        dv_max, dw_max = LIMITS.accel_m_s2 * step_s, LIMITS.yaw_accel_rad_s2 * step_s
         half_s = 0.5 * step_s
-        # While the speed changes by d at the rate a, the robot falls behind its new speed by d |d| / 2a.
-        ramp_v, ramp_w = 0.5 / LIMITS.accel_m_s2, 0.5 / LIMITS.yaw_accel_rad_s2
         idle = [per_s * step_s for per_s in bodies.idle_per_s]
         busy = [drive - rest for drive, rest in zip(bodies.drive_per_s, bodies.idle_per_s, strict=True)]
-        busy_v = [per_s / v_max for per_s in busy]
-        busy_w = [per_s / w_max for per_s in busy]
+        busy_v = [per_s / own.v_max_m_s for per_s, own in zip(busy, bodies.limits, strict=True)]
+        busy_w = [per_s / own.yaw_rate_max_rad_s for per_s, own in zip(busy, bodies.limits, strict=True)]
+        # What each robot can do: top speeds, and by how much speeds change in a step. While a speed changes by d at the
+        # rate a, the robot falls behind its new speed by d |d| / 2a.
+        each = [
+            (
+                i, own.v_max_m_s, own.yaw_rate_max_rad_s, own.accel_m_s2 * step_s, 0.5 / own.accel_m_s2,
+                own.brake_m_s2 * step_s, 0.5 / own.brake_m_s2, own.brake_m_s2 != own.accel_m_s2,
+                own.yaw_accel_rad_s2 * step_s, 0.5 / own.yaw_accel_rad_s2,
+            )
+            for i, own in enumerate(bodies.limits)
+        ]  # fmt: skip
         gain = [per_s * step_s for per_s in bodies.charge_per_s]
         two_pi = 2.0 * pi
 
         for step in range(self._done, until_period):
             now_s = step * step_s
-            for i in indices:
+            for i, v_max, w_max, dv_up, ramp_up, dv_down, ramp_down, uneven, dw_max, ramp_w in each:
                 v_is = v[i]
                 w_is = yaw_rate[i]
                 angle = heading[i]
@@ -91,15 +97,24 @@ class KinematicEngine:
                 change = v_to - v_is
                 if change == 0.0:
                     length = v_is * step_s
-                elif change > dv_max:
-                    v[i] = v_to = v_is + dv_max
-                    length = (v_is + v_to) * half_s
-                elif change < -dv_max:
-                    v[i] = v_to = v_is - dv_max
-                    length = (v_is + v_to) * half_s
                 else:
-                    v[i] = v_to
-                    length = v_to * step_s - change * (change if change > 0.0 else -change) * ramp_v
+                    if change * v_is >= 0.0:
+                        dv_max, ramp_v = dv_up, ramp_up
+                    else:
+                        dv_max, ramp_v = dv_down, ramp_down
+                        if uneven and v_to * v_is < 0.0:
+                            # Rest first: it brakes at one rate, and speeds up at the other.
+                            v_to = 0.0
+                            change = -v_is
+                    if change > dv_max:
+                        v[i] = v_to = v_is + dv_max
+                        length = (v_is + v_to) * half_s
+                    elif change < -dv_max:
+                        v[i] = v_to = v_is - dv_max
+                        length = (v_is + v_to) * half_s
+                    else:
+                        v[i] = v_to
+                        length = v_to * step_s - change * (change if change > 0.0 else -change) * ramp_v
                 change = w_to - w_is
                 if change == 0.0:
                     turn = w_is * step_s

@@ -16,7 +16,7 @@ from typing import Final
 from soter.errors import BackendError
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter.workspace import Workspace
-from soter_sim.bodies import BODY_RADIUS_M, LIMITS, Bodies
+from soter_sim.bodies import BODY_RADIUS_M, Bodies
 from soter_sim.judge import Judge
 
 
@@ -48,11 +48,12 @@ _WHEEL_AT_M: Final = 0.07
 _WHEELS: Final = (0, 1)
 _ALL_LINKS: Final = (-1, 0, 1)
 _MOTOR_N_M: Final = 10.0
-# A robot does 0.22001 m/s when told 0.22. With this it stays below.
-_TOP_SPEED_M_S: Final = 0.9995 * LIMITS.v_max_m_s
+# A robot does 0.22001 m/s when told 0.22. With this part of its top speed it stays below.
+_TOP_SPEED: Final = 0.9995
 # Motors lag behind their target by about a step; they still stop within the promised distance.
-_BRAKE_M_S2: Final = 1.06 * LIMITS.brake_m_s2
-# Faster than any robot is, also after a shove by another one.
+_BRAKE: Final = 1.06
+# So many times its top speed no robot has, also after a shove by another one, which is as fast, and never less.
+_BOUND: Final = 2.0
 _BOUND_M_S: Final = 0.5
 
 
@@ -78,11 +79,15 @@ class PyBulletEngine:
     ) -> None:
         self.bodies = Bodies(specs)
         self.period_s = PERIOD_S
-        self._judge = Judge(workspace, self.bodies, _STEP_S, _BOUND_M_S, limits)
+        fastest_m_s = max(each.v_max_m_s for each in self.bodies.limits)
+        self._bound_m_s = max(_BOUND_M_S, _BOUND * fastest_m_s)
+        self._judge = Judge(workspace, self.bodies, _STEP_S, self._bound_m_s, limits)
         self.record = self._judge.record
         self._done = 0
         count = len(specs)
         self._to_x, self._to_y = [*self.bodies.x], [*self.bodies.y]
+        # The model is a robot of the usual radius; larger ones are the same, enlarged.
+        self._scale = [radius_m / BODY_RADIUS_M for radius_m in self.bodies.radius]
         self._v_target, self._w_target = [0.0] * count, [0.0] * count
         self._east, self._north = [0.0] * count, [0.0] * count
         self._client = bullet.connect(bullet.DIRECT)
@@ -90,7 +95,7 @@ class PyBulletEngine:
             raise BackendError("PyBullet cannot open another world in this process: too many are open; close some")
         try:
             self._boxes = self._build(workspace)
-            self._robots = [self._put(spec) for spec in specs]
+            self._robots = [self._put(spec, scale) for spec, scale in zip(specs, self._scale, strict=True)]
         except BaseException:
             self.close()
             raise
@@ -150,13 +155,14 @@ class PyBulletEngine:
             boxes.add(body)
         return frozenset(boxes)
 
-    def _put(self, spec: RobotSpec) -> int:
+    def _put(self, spec: RobotSpec, scale: float) -> int:
         """Put a robot on the ground, its motors braked; return its body's id."""
         client = self._client
         with as_file(files("soter_sim") / "data" / "burger.urdf") as model:
             robot = bullet.loadURDF(
                 str(model),
-                basePosition=(spec.x_m, spec.y_m, _WHEEL_RADIUS_M),
+                basePosition=(spec.x_m, spec.y_m, scale * _WHEEL_RADIUS_M),
+                globalScaling=scale,
                 baseOrientation=(0.0, 0.0, sin(spec.heading_rad / 2), cos(spec.heading_rad / 2)),
                 physicsClientId=client,
             )
@@ -191,8 +197,8 @@ class PyBulletEngine:
         ramps = []
         for i, control in enumerate(bodies.control):
             v_to, w_to = control(now_s, bodies.x[i], bodies.y[i], bodies.heading[i], bodies.v[i], bodies.yaw_rate[i])
-            v_to = _clamped(v_to, _TOP_SPEED_M_S)
-            w_to = _clamped(w_to, LIMITS.yaw_rate_max_rad_s)
+            v_to = _clamped(v_to, _TOP_SPEED * bodies.limits[i].v_max_m_s)
+            w_to = _clamped(w_to, bodies.limits[i].yaw_rate_max_rad_s)
             if bodies.charge[i] <= 0.0:
                 v_to = w_to = 0.0
             v_is, w_is = self._v_target[i], self._w_target[i]
@@ -204,7 +210,7 @@ class PyBulletEngine:
 
     def _use_charge(self, i: int, now_s: float, v: float, yaw_rate: float) -> None:
         """Charge, or use charge, for one period in which the wheels turn for these speeds."""
-        bodies, judge = self.bodies, self._judge
+        bodies, judge, limits = self.bodies, self._judge, self.bodies.limits[i]
         charge, on_charger = bodies.charge, judge.on_charger[i]
         left = charge[i]
         if on_charger and v == 0.0 and yaw_rate == 0.0:
@@ -212,7 +218,7 @@ class PyBulletEngine:
                 judge.charged(i, now_s)
             charge[i] = min(left + bodies.charge_per_s[i] * PERIOD_S, 1.0)
         elif left > 0.0:
-            effort = max(v / LIMITS.v_max_m_s, yaw_rate / LIMITS.yaw_rate_max_rad_s)
+            effort = max(v / limits.v_max_m_s, yaw_rate / limits.yaw_rate_max_rad_s)
             idle = bodies.idle_per_s[i]
             use = (idle + (bodies.drive_per_s[i] - idle) * effort) * PERIOD_S
             if left <= use:
@@ -230,16 +236,16 @@ class PyBulletEngine:
         if v_is == v_to and w_is == w_to:
             return
         # Speeding up is slower than braking, which also covers the first part of a reversal.
-        speeds_up = (v_to - v_is) * v_is >= 0.0
-        v = _moved(v_is, v_to, (LIMITS.accel_m_s2 if speeds_up else _BRAKE_M_S2) * _STEP_S)
-        w = _moved(w_is, w_to, LIMITS.yaw_accel_rad_s2 * _STEP_S)
+        speeds_up, limits = (v_to - v_is) * v_is >= 0.0, self.bodies.limits[i]
+        v = _moved(v_is, v_to, (limits.accel_m_s2 if speeds_up else _BRAKE * limits.brake_m_s2) * _STEP_S)
+        w = _moved(w_is, w_to, limits.yaw_accel_rad_s2 * _STEP_S)
         self._v_target[i], self._w_target[i] = v, w
-        turning = w * _WHEEL_AT_M
+        turning, wheel_m = w * _WHEEL_AT_M * self._scale[i], _WHEEL_RADIUS_M * self._scale[i]
         bullet.setJointMotorControlArray(
             self._robots[i],
             _WHEELS,
             bullet.VELOCITY_CONTROL,
-            targetVelocities=((v - turning) / _WHEEL_RADIUS_M, (v + turning) / _WHEEL_RADIUS_M),
+            targetVelocities=((v - turning) / wheel_m, (v + turning) / wheel_m),
             forces=(_MOTOR_N_M, _MOTOR_N_M),
             physicsClientId=self._client,
         )
@@ -281,7 +287,8 @@ class PyBulletEngine:
 
     def _near(self, i: int, j: int) -> bool:
         dx, dy = self._to_x[j] - self._to_x[i], self._to_y[j] - self._to_y[i]
-        reach = 2.0 * (BODY_RADIUS_M + _BOUND_M_S * _STEP_S)
+        radius = self.bodies.radius
+        reach = radius[i] + radius[j] + 2.0 * self._bound_m_s * _STEP_S
         return dx * dx + dy * dy < reach * reach
 
 

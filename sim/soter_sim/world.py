@@ -110,7 +110,7 @@ class World:
         index = self.index(robot_id)
         control = self._controls[index]
         if impairment != Impairment():
-            control = impaired(control, impairment, self.period_s)
+            control = impaired(control, impairment, self.period_s, self.bodies.limits[index])
         self.bodies.control[index] = control
 
     def advance(self, until_s: float) -> None:

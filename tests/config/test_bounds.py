@@ -13,7 +13,7 @@ import pytest
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.errors import BackendError, ConfigError, IllFormedModule
 from soter.runner import run_mission
 from tests.project.source import ROOT
@@ -49,7 +49,7 @@ def _found(annotation: Any, bounds: list[Any], key: str) -> Iterator[tuple[str, 
         yield from _found(get_args(annotation)[0], [], f"{key}.0")
 
 
-NUMBERS = {key: (kind, bounds) for key, kind, bounds in numbers(Mission)}
+NUMBERS = {key: (kind, bounds) for key, kind, bounds in numbers(MissionFile)}
 
 
 def limits(key: str) -> tuple[float, float]:
@@ -69,7 +69,7 @@ def limits(key: str) -> tuple[float, float]:
 
 
 def test_the_numbers_are_found() -> None:
-    assert {"base_tick_s", "seed", "robots", "battery.initial.1", "rta.collision.delta_s"} <= set(NUMBERS)
+    assert {"base_tick_s", "seed", "robots.count", "battery.initial.1", "rta.collision.delta_s"} <= set(NUMBERS)
     assert len(NUMBERS) > 30
 
 
@@ -84,7 +84,7 @@ def _over(turns: Iterator[int]) -> bool:
     return next(turns) >= TICKS
 
 
-def loaded(key: str, value: object) -> Mission:
+def loaded(key: str, value: object) -> MissionFile:
     given = next((more for prefix, more in WITH.items() if key.startswith(prefix)), {})
     return load_mission(MISSION, {**QUICK, **given, key: value})
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from soter.config import Mission, draw_charge, load_mission, parse_mission, validate_options
+from soter.config import MissionFile, draw_charge, load_mission, parse_mission, validate_options
 from soter.config_tables import MODULES
 from soter.errors import ConfigError
 
@@ -21,7 +21,7 @@ CHEAP = (
 )
 
 
-def mission(text: str = "", overrides: dict[str, object] | None = None) -> Mission:
+def mission(text: str = "", overrides: dict[str, object] | None = None) -> MissionFile:
     return parse_mission((HEAD + text).encode(), "m.toml", overrides)
 
 
@@ -33,8 +33,8 @@ def error(text: str, overrides: dict[str, object] | None = None) -> str:
 
 def test_defaults_are_those_of_the_design() -> None:
     made = mission()
-    assert made.app == "surveillance"
-    assert (made.backend, made.planner, made.targets, made.robots) == ("pybullet", "ompl-bitstar", "grid", None)
+    assert (made.mission.use, made.options, made.targets_from) == ("surveillance", {}, "grid")
+    assert (made.backend, made.planner, made.robots.count) == ("pybullet", "ompl-bitstar", None)
     assert (made.target_timeout_s, made.base_tick_s) == (120.0, 0.05)
     assert (made.battery.drive_s, made.battery.idle_s, made.battery.charge_s) == (1800.0, 7200.0, 60.0)
     assert made.battery.initial is None
@@ -42,7 +42,7 @@ def test_defaults_are_those_of_the_design() -> None:
     assert made.rta.modules == MODULES == ("collision", "obstacle", "geofence", "battery")
     assert [getattr(made.rta, name).delta_s for name in MODULES] == [0.05, 0.05, 0.05, 1.0]
     assert {getattr(made.rta, name).dwell_s for name in MODULES} == {0.3}
-    assert (made.rta.collision.phi_safe_m, made.rta.collision.phi_safer_m) == (0.3, 0.5)
+    assert (made.rta.collision.phi_safe_m, made.rta.collision.phi_safer_m) == (0.3, 0.7)
     assert (made.rta.obstacle.phi_safe_m, made.rta.obstacle.phi_safer_m) == (0.0, 0.1)
     assert made.rta.geofence.phi_safer_inset_m == 0.1
     assert (made.rta.battery.phi_safer, made.rta.battery.reserve_factor) == (0.85, 4.0)
@@ -125,7 +125,7 @@ def test_an_override_mends_the_file() -> None:
     ("overrides", "expected"),
     [
         ({"seed": -1}, "command line: seed: it is -1, allowed: at least 0"),
-        ({"sed": 1}, "command line: sed: unknown key, did you mean 'seed'?; allowed: app, "),
+        ({"sed": 1}, "command line: sed: unknown key, did you mean 'seed'?; allowed: mission, "),
         ({"seed.x": 1}, "command line: seed.x: there is no such key: what it stands in is no table"),
         ({"": 1}, "command line: '': there is no such key"),
         ({"rta.colision.delta_s": 1}, "command line: rta.colision: unknown key, did you mean 'collision'?; allowed: "),
@@ -153,8 +153,8 @@ def test_a_table_of_the_file_is_not_blamed_on_the_command_line() -> None:
 # --- what is wrong -----------------------------------------------------------------------------------------
 
 ALL_KEYS = (
-    "app, workspace, backend, duration_s, seed, targets, robots, ac, planner, target_timeout_s, base_tick_s, battery, "
-    "rta, isolation, backends, planners, adversaries, fault, distribution"
+    "mission, workspace, backend, duration_s, seed, targets, robots, ac, planner, target_timeout_s, base_tick_s, "
+    "battery, rta, isolation, backends, planners, adversaries, controllers, fault, distribution"
 )
 WRONG: list[tuple[str, str]] = [
     # syntax
@@ -218,8 +218,8 @@ WRONG: list[tuple[str, str]] = [
         "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
     ),
     (
-        'app = "surveilance"\n',
-        "m.toml:2: app: it is 'surveilance', allowed: 'surveillance', did you mean 'surveillance'?",
+        "mission = 3\n",
+        "m.toml:2: mission: it is 3, allowed: a table",
     ),
     (
         '[rta]\nmodules = ["battery", "batery"]\n',

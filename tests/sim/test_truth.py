@@ -11,7 +11,7 @@ from soter.sdk.backend import RULES, Violation
 from soter.sdk.values import RuleLimits
 from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim import BODY_RADIUS_M, LIMITS, World
-from tests.sim.worlds import CASE, constant, empty, positions, scripted, specs
+from tests.sim.worlds import CASE, constant, empty, positions, promising, scripted, specs
 
 V = LIMITS.v_max_m_s
 RAMP_M = V * V / (2 * LIMITS.accel_m_s2)
@@ -180,29 +180,37 @@ def test_contacts_of_robots_are_counted_apart() -> None:
 
 
 @pytest.mark.parametrize(
-    ("limits", "periods"),
-    [(RuleLimits(), 4000), (RuleLimits(0.236), 1500), (RuleLimits(0.7, 0.05), 1500), (RuleLimits(0.1, 0.2, 0.3), 1500)],
+    ("limits", "radii", "periods"),
+    [
+        (RuleLimits(), (BODY_RADIUS_M,) * 4, 4000),
+        (RuleLimits(0.236), (BODY_RADIUS_M,) * 4, 1500),
+        (RuleLimits(0.7, 0.05), (BODY_RADIUS_M,) * 4, 1500),
+        (RuleLimits(0.1, 0.2), (0.3,) * 4, 1500),
+        (RuleLimits(0.1), (0.05, 0.2, 0.35, 0.105), 1500),
+    ],
 )
-def test_margins_are_those_of_a_judge_who_looks_at_every_step(limits: RuleLimits, periods: int) -> None:
+def test_margins_are_those_of_a_judge_who_looks_at_every_step(
+    limits: RuleLimits, radii: tuple[float, ...], periods: int
+) -> None:
     rng = random.Random(2)
-    radius_m = max(limits.body_radius_m, BODY_RADIUS_M)
-    apart_m = max(limits.separation_m, 2.0 * radius_m)
     chargers = tuple(RobotPlace(k, 0, 0, Box(k, k, k + 0.4, k + 0.4)) for k in range(1, 4))
     workspace = Workspace(5.0, 5.0, CASE.boxes, chargers)
-    world = World(workspace, specs((1.0, 1.0, 0.0), (2.5, 2.0, 1.0), (4.0, 1.0, 2.0), (4.0, 4.5, 3.0)), limits=limits)
+    places = specs((1.0, 1.0, 0.0), (2.5, 2.0, 1.0), (4.0, 1.0, 2.0), (4.0, 4.5, 3.0))
+    world = World(workspace, [promising(*each) for each in zip(places, radii, strict=True)], limits=limits)
     for robot in world.bodies.ids:
         moves = [(rng.uniform(-V, V), rng.uniform(-2, 2)) for _ in range(200)]
         world.set_control(robot, scripted(moves, 1.0))
     least = {"geofence": math.inf, "collision": math.inf, "obstacle": math.inf}
     for period in range(periods):
         world.advance(period * 0.05)
-        places = positions(world)
+        poses = positions(world)
         seen: dict[tuple[str, tuple[int, ...]], float] = {}
-        for robot, (x, y) in zip(world.bodies.ids, places, strict=True):
+        for robot, (x, y) in zip(world.bodies.ids, poses, strict=True):
             seen["geofence", (robot,)] = min(x, 5 - x, y, 5 - y)
-            seen["obstacle", (robot,)] = workspace.clearance_m(x, y, radius_m) - limits.clearance_m
+            seen["obstacle", (robot,)] = workspace.clearance_m(x, y, radii[robot - 1]) - limits.clearance_m
             for other in range(1, robot):
-                seen["collision", (other, robot)] = math.dist((x, y), places[other - 1]) - apart_m
+                apart_m = max(limits.separation_m, radii[robot - 1] + radii[other - 1])
+                seen["collision", (other, robot)] = math.dist((x, y), poses[other - 1]) - apart_m
         for (rule, robots), margin in seen.items():
             least[rule] = min(least[rule], margin)
             open_now = any(
@@ -210,7 +218,7 @@ def test_margins_are_those_of_a_judge_who_looks_at_every_step(limits: RuleLimits
                 for each in (world.truth.report().violations if period % 7 == 0 else ())
             )
             # A body that leaned on a box, or on another, is in contact until it is 2 mm away.
-            leans = abs(margin) < 3e-3 and (rule == "obstacle" or apart_m < 0.22)
+            leans = abs(margin) < 3e-3 and (rule == "obstacle" or limits.separation_m < 0.22)
             if period % 7 == 0 and not leans and abs(margin) > 1e-5:
                 assert open_now == (margin < 0.0)
     report = world.truth.report()

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
+from soter.adapters.pybullet import KinematicBackend
 from soter.onboard.drive import Drive
 from soter.sdk.values import RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
-from soter_sim import LIMITS, Control, World
+from soter_sim import BODY_RADIUS_M, LIMITS, Control, World
 
 CASE = Workspace(
     5.0,
@@ -25,6 +28,12 @@ CASE = Workspace(
 def empty(width_m: float = 20.0, depth_m: float = 20.0, *chargers: Box) -> Workspace:
     """A workspace without boxes."""
     return Workspace(width_m, depth_m, (), tuple(RobotPlace(i, 0, 0, box) for i, box in enumerate(chargers, 1)))
+
+
+def promising(spec: RobotSpec, body_radius_m: float = BODY_RADIUS_M, **figures: Any) -> RobotSpec:
+    """A robot of which other figures are asked than a TurtleBot's."""
+    promised = replace(KinematicBackend.robot_class.declared, body_radius_m=body_radius_m, **figures)
+    return replace(spec, promised=promised)
 
 
 def constant(v_m_s: float, yaw_rate_rad_s: float = 0.0) -> Control:

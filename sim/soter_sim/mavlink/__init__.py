@@ -4,7 +4,7 @@ This is the contract with whoever talks to them. It imports nothing: the vehicle
 
 ```
 python -m soter_sim.mavlink WORLD.json|- [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
-    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--speedup N]
+    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--like ardurover|arducopter] [--speedup N]
     [--boot SECONDS] [--origin LAT,LON,ALT] [--sign FILE] [--parent PID]
 ```
 

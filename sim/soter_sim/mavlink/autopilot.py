@@ -10,6 +10,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter_sim.mavlink.flaws import Flaws
 from soter_sim.mavlink.frames import Origin
 from soter_sim.mavlink.guided import Guided
 from soter_sim.mavlink.kinds import Kind, Mode
@@ -29,6 +30,7 @@ _ON_GROUND_M: Final = 0.02
 _LAND_M_S: Final = 0.05
 _TEXT: Final = 50
 _SAY_AGAIN_S: Final = 1.0
+_EKF: Final = "EKF"
 
 
 class Autopilot:
@@ -42,6 +44,7 @@ class Autopilot:
         boot_s: from power-on until it is ready.
         transmit: sends a message to everybody.
         plain: without what this simulation adds to ArduPilot.
+        flaws: what it gets wrong, or None.
 
     Attributes:
         mode: what it does.
@@ -67,12 +70,14 @@ class Autopilot:
         transmit: Callable[[mav.MAVLink_message], None],
         *,
         plain: bool = False,
+        flaws: Flaws | None = None,
     ) -> None:
         self.id: Final = robot_id
         self.kind: Final = kind
         self.plain: Final = plain
+        self._flaws: Final = flaws
         self.origin: Final = origin
-        self.parameters: Final = Parameters(kind, robot_id, plain=plain)
+        self.parameters: Final = Parameters(kind, robot_id, vehicle.v_max_m_s, plain=plain, flawed=flaws is not None)
         self.mission: Final = Mission()
         self._vehicle: Final = vehicle
         self._boot_s: Final = boot_s
@@ -112,16 +117,22 @@ class Autopilot:
     @property
     def ready(self) -> bool:
         """Whether the EKF is usable."""
-        return self.now_s >= self._boot_s
+        return self.now_s >= self._boot_s and not (self._flaws is not None and self._flaws.lost)
 
     @property
     def boot_ms(self) -> int:
         """Its time as messages carry it."""
         return round(1000.0 * self.now_s)
 
+    @property
+    def fix_ms(self) -> int:
+        """The time of its last GPS fix."""
+        return self.boot_ms if self._flaws is None else round(1000.0 * self._flaws.fix_s)
+
     def sample(self) -> Sample:
         """Return what the sensors say."""
-        return self._vehicle.sample()
+        true = self._vehicle.sample()
+        return true if self._flaws is None else self._flaws.estimated(true)
 
     @property
     def landed(self) -> bool:
@@ -205,7 +216,7 @@ class Autopilot:
             return f"{self.mode.value} mode not armable"
         if self.sample().charge <= 0.0:
             return "Battery 1 is empty"
-        return None
+        return None if self._flaws is None else self._flaws.refuses_to_arm(self.now_s - self._boot_s)
 
     def disarm(self) -> str | None:
         """Disarm; return why not, if that cannot be."""
@@ -262,6 +273,8 @@ class Autopilot:
         if self._reboots:
             self._boot()
         self.now_s = world_s - self.booted_s
+        if self._flaws is not None:
+            self._look_at_gps(self._flaws)
         if self.ready and not self._told_ready:
             self._told_ready = True
             if self.home is None:
@@ -270,6 +283,19 @@ class Autopilot:
             self.say(mav.MAV_SEVERITY_INFO, "EKF3 IMU0 is using GPS")
         if self.armed and self.kind.flies:
             self._disarm_on_ground()
+
+    def _look_at_gps(self, flaws: Flaws) -> None:
+        before = flaws.lost
+        flaws.look(self.now_s, has_gps=not self.parameters["SIM_GPS_DISABLE"])
+        if flaws.lost and not before:
+            self.failed = _EKF
+            self.say(mav.MAV_SEVERITY_CRITICAL, "EKF failsafe")
+            # It needs no position for that: the refusal of modes that do comes after.
+            self.mode = Mode.LAND if self.kind.flies else self.kind.stop
+            self.guided.halt()
+            self.route = self._make_route(self.mode)
+        elif before and not flaws.lost and self.failed == _EKF:
+            self.failed = None
 
     def _disarm_on_ground(self) -> None:
         if not self.landed:
@@ -290,7 +316,8 @@ class Autopilot:
             return None
         now_s = world_s - self.booted_s
         if self.mode is Mode.GUIDED:
-            return self.guided.setpoint(now_s)
+            wanted = self.guided.setpoint(now_s)
+            return wanted if self._flaws is None else self._flaws.steered(wanted, self._vehicle.sample())
         return None if self.route is None else self.route.setpoint(self.sample(), now_s)
 
     def _reached(self, seq: int) -> None:

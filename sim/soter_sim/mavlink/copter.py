@@ -6,7 +6,8 @@ from collections.abc import Callable
 from math import copysign, hypot, sqrt
 from typing import Final
 
-from soter_sim.copter import ACCEL_M_S2, CLIMB_MAX_M_S, V_MAX_M_S, CopterEngine, Flight, Wanted
+from soter.onboard.drive import DriveLimits
+from soter_sim.copter import CLIMB_MAX_M_S, CopterEngine, Flight, Wanted
 from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 
@@ -33,16 +34,20 @@ class Copter:
         self._engine = engine
         self._index = index
 
+    @property
+    def v_max_m_s(self) -> float:
+        return self._engine.bodies.limits[self._index].v_max_m_s
+
     def sample(self) -> Sample:
         return Sample(*self._engine.flight(self._index), self._engine.bodies.charge[self._index])
 
     def steer(self, setpoint: Callable[[float], Setpoint]) -> None:
-        step_m_s = ACCEL_M_S2 * self._engine.period_s
+        limits, period_s = self._engine.bodies.limits[self._index], self._engine.period_s
 
         def pilot(now_s: float, flight: Flight) -> Wanted:
             wanted = setpoint(now_s)
             if isinstance(wanted, Place):
-                return _fly_to(wanted, flight, step_m_s)
+                return _fly_to(wanted, flight, limits, period_s)
             if isinstance(wanted, Velocity):
                 return wanted.east_m_s, wanted.north_m_s, wanted.up_m_s, wanted.yaw_rate_rad_s or 0.0
             return 0.0, 0.0, 0.0, 0.0
@@ -50,8 +55,8 @@ class Copter:
         self._engine.pilots[self._index] = pilot
 
 
-def _fly_to(place: Place, flight: Flight, step_m_s: float) -> Wanted:
-    """Return what to steer for on the way to a place; the speed can change by `step_m_s` in one step."""
+def _fly_to(place: Place, flight: Flight, limits: DriveLimits, period_s: float) -> Wanted:
+    """Return what to steer for on the way to a place."""
     dx_m, dy_m, dz_m = place.x_m - flight.x_m, place.y_m - flight.y_m, place.z_m - flight.z_m
     distance_m = hypot(dx_m, dy_m)
     east_m_s = north_m_s = turn_rad_s = 0.0
@@ -60,14 +65,15 @@ def _fly_to(place: Place, flight: Flight, step_m_s: float) -> Wanted:
         along_m_s = flight.east_m_s * east + flight.north_m_s * north
         sideways_m_s = flight.north_m_s * east - flight.east_m_s * north
         if abs(sideways_m_s) <= _SIDEWAYS_M_S and along_m_s >= -_SIDEWAYS_M_S:
-            speed_m_s = _approach_m_s(distance_m, place.speed_m_s or V_MAX_M_S, step_m_s)
+            speed_m_s = _approach_m_s(distance_m, place.speed_m_s or limits.v_max_m_s, limits.brake_m_s2, period_s)
             east_m_s, north_m_s = speed_m_s * east, speed_m_s * north
-    up_m_s = copysign(_approach_m_s(abs(dz_m), CLIMB_MAX_M_S, step_m_s), dz_m)
+    up_m_s = copysign(_approach_m_s(abs(dz_m), CLIMB_MAX_M_S, limits.brake_m_s2, period_s), dz_m)
     if place.heading_rad is not None:
         turn_rad_s = _TURN_PER_S * wrapped_rad(place.heading_rad - flight.heading_rad)
     return east_m_s, north_m_s, up_m_s, turn_rad_s
 
 
-def _approach_m_s(distance_m: float, most_m_s: float, step_m_s: float) -> float:
+def _approach_m_s(distance_m: float, most_m_s: float, brake_m_s2: float, period_s: float) -> float:
     """Return the speed from which one more step and then braking ends at the place, and no more than that."""
-    return min(sqrt(step_m_s * step_m_s + 2.0 * ACCEL_M_S2 * distance_m) - step_m_s, most_m_s)
+    step_m_s = brake_m_s2 * period_s
+    return min(sqrt(step_m_s * step_m_s + 2.0 * brake_m_s2 * distance_m) - step_m_s, most_m_s)

@@ -4,11 +4,12 @@
 {"width_m": 5, "depth_m": 5, "boxes": [[2, 0, 3, 1]], "chargers": [[0.8, 0.8, 1.2, 1.2]],
  "robots": [{"id": 1, "x_m": 1, "y_m": 1, "heading_rad": 0, "battery": 1.0,
              "drive_s": 1800, "idle_s": 7200, "charge_s": 60}],
- "limits": {"separation_m": 0.3, "clearance_m": 0, "body_radius_m": 0.105}}
+ "limits": {"separation_m": 0.3, "clearance_m": 0}}
 ```
 
 Rectangles are west, south, east and north edge. The limits are those that the truth judges by, see
-`soter.sdk.RuleLimits`. They may be left out, and so may all but `id`, `x_m` and `y_m` of a robot.
+`soter.sdk.RuleLimits`. They may be left out, and so may all but `id`, `x_m` and `y_m` of a robot. What a robot is to
+promise, `promised`, has all of `soter.sdk.Capabilities`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from soter.problems import Problem, config_error, pydantic_problems
-from soter.sdk.values import RobotSpec, RuleLimits
+from soter.sdk.values import Capabilities, RobotSpec, RuleLimits
 from soter.workspace import Box, RobotPlace, Workspace
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
@@ -42,6 +43,7 @@ class RobotModel(_Described):
     drive_s: Seconds = 1800.0
     idle_s: Seconds = 7200.0
     charge_s: Seconds = 60.0
+    promised: Capabilities | None = None
 
 
 class LimitsModel(_Described):
@@ -49,7 +51,6 @@ class LimitsModel(_Described):
 
     separation_m: NotNegative = RuleLimits().separation_m
     clearance_m: NotNegative = RuleLimits().clearance_m
-    body_radius_m: NotNegative = RuleLimits().body_radius_m
 
 
 class WorldModel(_Described):
@@ -86,5 +87,5 @@ def read_world(data: bytes, source: str) -> tuple[Workspace, list[RobotSpec], Ru
         charger = Box(*patch)
         places.append(RobotPlace(number, *charger.centre, charger))
     workspace = Workspace(world.width_m, world.depth_m, tuple(Box(*box) for box in world.boxes), tuple(places))
-    robots = [RobotSpec(**robot.model_dump()) for robot in world.robots]
+    robots = [RobotSpec(**dict(robot)) for robot in world.robots]
     return workspace, robots, RuleLimits(**world.limits.model_dump())

@@ -52,12 +52,12 @@ _ADDED: Final = {
     "SOTER_LEASE_MS": _whole(250, 50, 5_000),
     "SOTER_YAW_SPEED": _whole(1, 0, 1),
 }
+_BROKEN: Final = {"SIM_GPS_DISABLE": _whole(0, 0, 1)}
 _ROVER: Final = {
-    "WP_SPEED": Parameter(0.22, 0.02, 0.22),
     "WP_RADIUS": Parameter(0.10, 0.02, 10.0),
 }
+_CRUISE_M_S: Final = 0.22
 _COPTER: Final = {
-    "WPNAV_SPEED": Parameter(22.0, 2.0, 50.0),
     "WPNAV_RADIUS": Parameter(10.0, 2.0, 1_000.0),
     "LAND_SPEED": Parameter(20.0, 5.0, 50.0),
     "RTL_ALT": Parameter(100.0, 20.0, 10_000.0),
@@ -71,12 +71,22 @@ class Parameters:
     Args:
         kind: which ones there are.
         robot_id: the vehicle's number.
+        v_max_m_s: how fast it can go.
         plain: without those that this simulation adds to ArduPilot's.
+        flawed: with those by which ArduPilot's own simulator breaks it.
     """
 
-    def __init__(self, kind: Kind, robot_id: int, *, plain: bool) -> None:
-        known = {"SYSID_THISMAV": _whole(robot_id, robot_id, robot_id)} | _COMMON | (_COPTER if kind.flies else _ROVER)
-        self.known: Final = dict(sorted((known if plain else known | _ADDED).items()))
+    def __init__(self, kind: Kind, robot_id: int, v_max_m_s: float, *, plain: bool, flawed: bool = False) -> None:
+        # Rovers cruise as fast as they can.
+        speed = (
+            {"WPNAV_SPEED": Parameter(100.0 * min(v_max_m_s, _CRUISE_M_S), 1.0, 100.0 * v_max_m_s)}
+            if kind.flies
+            else {"WP_SPEED": Parameter(v_max_m_s, 0.01, v_max_m_s)}
+        )
+        own = {"SYSID_THISMAV": _whole(robot_id, robot_id, robot_id)} | speed
+        known = own | _COMMON | (_COPTER if kind.flies else _ROVER)
+        known |= ({} if plain else _ADDED) | (_BROKEN if flawed else {})
+        self.known: Final = dict(sorted(known.items()))
         self.names: Final = tuple(self.known)
         self._values = {name: each.value for name, each in self.known.items()}
 

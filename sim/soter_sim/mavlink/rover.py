@@ -7,7 +7,6 @@ from math import atan2, copysign, cos, hypot, sin
 from typing import Final
 
 from soter.onboard.drive import Drive
-from soter_sim.bodies import LIMITS
 from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 from soter_sim.world import World
@@ -31,7 +30,11 @@ class Rover:
         self._world = world
         self._id = robot_id
         self._index = world.index(robot_id)
-        self._drive = Drive(LIMITS, world.period_s)
+        self._drive = Drive(world.bodies.limits[self._index], world.period_s)
+
+    @property
+    def v_max_m_s(self) -> float:
+        return self._drive.limits.v_max_m_s
 
     def sample(self) -> Sample:
         bodies, i = self._world.bodies, self._index

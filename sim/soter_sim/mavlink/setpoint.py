@@ -76,6 +76,10 @@ class Sample(NamedTuple):
 class Vehicle(Protocol):
     """One robot of a world, as its autopilot sees it."""
 
+    @property
+    def v_max_m_s(self) -> float:
+        """How fast it can go."""
+
     def sample(self) -> Sample:
         """Return how it is, at the end of the last control period."""
 

@@ -20,6 +20,7 @@ from soter_sim.kinematic import KinematicEngine
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.copter import Copter
+from soter_sim.mavlink.flaws import LIKE, Flaws
 from soter_sim.mavlink.frames import Origin
 from soter_sim.mavlink.kinds import KINDS, Kind
 from soter_sim.mavlink.links import Link, TcpLink, UdpLink
@@ -51,6 +52,7 @@ class Settings:
         rate_hz: control periods in a second; None: 40, and 20 with PyBullet, which has no other.
         streams_hz: how often in a second a message of one kind may be sent at most; None: once a control period.
         plain: without what this simulation adds to ArduPilot: master, lease, yaw and speed of a place.
+        like: a real autopilot with whose flaws it comes, see `soter_sim.mavlink.flaws`; plain as well. None for none.
         speedup: simulated seconds by second, at most.
         boot_s: simulated time from power-on until an autopilot is ready.
         key: for signing, of 32 bytes, or None.
@@ -69,6 +71,7 @@ class Settings:
     rate_hz: float | None = None
     streams_hz: float | None = None
     plain: bool = False
+    like: str | None = None
     speedup: float = 1.0
     boot_s: float = 2.0
     key: bytes | None = None
@@ -78,6 +81,9 @@ class Settings:
     def __post_init__(self) -> None:
         if self.vehicle not in KINDS:
             raise ValueError(f"vehicle is '{self.vehicle}', allowed: {', '.join(KINDS)}")
+        if self.like is not None and LIKE.get(self.like) != self.vehicle:
+            allowed = ", ".join(name for name, vehicle in LIKE.items() if vehicle == self.vehicle)
+            raise ValueError(f"like is '{self.like}', allowed for a {self.vehicle}: {allowed}")
         if self.engine not in ENGINES:
             raise ValueError(f"engine is '{self.engine}', allowed: {', '.join(ENGINES)}")
         if KINDS[self.vehicle].flies and self.engine != "kinematic":
@@ -200,7 +206,11 @@ class Simulation:
             vehicle = Copter(world.engine, world.index(robot_id))
         else:
             vehicle = Rover(world, robot_id)
-        autopilot = Autopilot(robot_id, kind, vehicle, settings.origin, settings.boot_s, transmit, plain=settings.plain)
+        autopilot = Autopilot(
+            robot_id, kind, vehicle, settings.origin, settings.boot_s, transmit,
+            plain=settings.plain or settings.like is not None,
+            flaws=None if settings.like is None else Flaws(flies=kind.flies),
+        )  # fmt: skip
         most_hz = min(settings.streams_hz or inf, 1.0 / world.period_s)
         return Station(autopilot, self._channels, transmit, most_hz, self.clock_s)
 

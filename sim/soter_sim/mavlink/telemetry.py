@@ -132,7 +132,7 @@ def gps_raw_int(autopilot: Autopilot) -> Message:
     lat_e7, lon_e7 = origin.geodetic_e7(at.x_m, at.y_m)
     course_cdeg = round(100.0 * degrees(turned_rad(at.heading_rad))) % 36000
     return mav.MAVLink_gps_raw_int_message(
-        1000 * autopilot.boot_ms, mav.GPS_FIX_TYPE_RTK_FIXED, lat_e7, lon_e7,
+        1000 * autopilot.fix_ms, mav.GPS_FIX_TYPE_RTK_FIXED, lat_e7, lon_e7,
         round(1000.0 * (origin.alt_m + at.z_m)), 70, 100,
         round(100.0 * hypot(at.east_m_s, at.north_m_s)), course_cdeg, 14,
     )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import ClassVar, Final
 
 from soter.adapters.mavlink.authority import COMPONENTS
@@ -57,14 +58,15 @@ class VehicleBackend(Backend):
         tolerance = _SIMULATED if simulated or config.truth is not None else _CRYSTAL
         clock = VehicleClock(rate=config.speedup, rate_tolerance=tolerance)
         port = free_port() if simulated else 0
-        robot_class = promising(config.promised())
+        # Whoever opens robots by hand may leave to the options what each promises.
+        robots = [replace(spec, promised=spec.promised or config.promised()) for spec in robots]
         simulator: Simulator | None = None
         with ExitStack() as started, ExitStack() as shared:
             link = self._link(clock, Address.parse(config.connection or f"udpin:127.0.0.1:{port}"), config)
             shared.callback(link.close)
             for spec in robots:
                 link.inboxes[spec.id] = Inbox()
-            vehicles = [robot_class(spec, clock, link, config) for spec in robots]
+            vehicles = [MavlinkRobot(spec, clock, link, config) for spec in robots]
             link.start()
             if simulated:
                 simulator = Simulator(describe(config.workspace, robots, config.limits), port, *_options(config))
@@ -95,20 +97,7 @@ class MavlinkBackend(VehicleBackend):
         return PymavlinkLink(clock, address, config.system_id, COMPONENTS, key)
 
 
-def promising(promised: Capabilities) -> type[MavlinkRobot]:
-    """Return a class of robots that declare this much."""
-
-    class Promising(MavlinkRobot):
-        """A vehicle with the promises of the configuration."""
-
-        declared: ClassVar[Capabilities] = promised
-
-    return Promising
-
-
 def _options(config: MavlinkConfig) -> list[str]:
-    options = ["--vehicle", config.vehicle, "--engine", config.engine, "--speedup", repr(config.speedup)]
-    options += ["--boot", repr(config.boot_s)]
-    if not config.has_bodies:
-        options += ["--rate", repr(config.stream_hz)]
+    options = ["--vehicle", config.vehicle, "--speedup", repr(config.speedup), "--boot", repr(config.boot_s)]
+    options += ["--engine", "pybullet"] if config.has_bodies else ["--rate", repr(config.stream_hz)]
     return options if config.passphrase_file is None else [*options, "--sign", str(config.passphrase_file)]

@@ -179,7 +179,7 @@ class MavsdkCopterHarness(MavsdkHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return robot 1 at a port that comes as JSON; what the kit's driver process calls."""
+    """Return the first robot at a port that comes as JSON; what the kit's driver process calls."""
     given = json.loads(argument)
     harness = HARNESSES[given["harness"].rpartition(":")[2]]()
     return harness._opened(given["port"], given["truth"], 1)

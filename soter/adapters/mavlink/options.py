@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.transport import Address
+from soter.onboard.drive import DriveLimits, tube_m
 from soter.sdk import BackendConfig, Capabilities
 
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
@@ -33,6 +34,7 @@ ROVER: Final = Capabilities(
     tube_m=0.02,
     overshoot_m=0.01,
     position_noise_m=0.003,
+    speed_noise_m_s=0.01,
     pivots_first=True,
 )
 """What the simulated rover promises in real time; times without its own control and stream periods."""
@@ -50,29 +52,6 @@ _HOST_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s")
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Promise(_Table):
-    """What a real vehicle promises, as far as it differs from the simulated one; see `soter.sdk.Capabilities`.
-
-    `latency_s`, `sample_age_s` and `jitter_s` are those of link and host, in host seconds; the vehicle's control period
-    and the period of its samples come on top.
-    """
-
-    v_max_m_s: Positive | None = None
-    yaw_rate_max_rad_s: Positive | None = None
-    brake_m_s2: Positive | None = None
-    body_radius_m: Positive | None = None
-    latency_s: NotNegative | None = None
-    sample_age_s: NotNegative | None = None
-    jitter_s: NotNegative | None = None
-    setpoint_period_s: Positive | None = None
-    lease_s: Positive | None = None
-    tube_m: NotNegative | None = None
-    overshoot_m: NotNegative | None = None
-    position_noise_m: NotNegative | None = None
-    reverses: bool | None = None
-    pivots_first: bool | None = None
 
 
 class Origin(_Table):
@@ -121,10 +100,11 @@ class MavlinkConfig(BackendConfig):
         height_m: how high above the EKF's origin copters fly: the workspace's plane z = 0.
         stream_hz: how often samples come; a vehicle that grants less is refused.
         speedup: seconds of the vehicles in one second of the host; for simulated ones only.
-        engine: of the simulated ones that are started.
+        engine: of the simulated ones that are started; None where vehicles are given, which move by themselves.
         boot_s: vehicle time until these are ready.
         on_close: what copters do in the end, after they have stopped.
-        promise: what differs from the simulated vehicles.
+        promise: what differs from the simulated vehicles; `latency_s`, `sample_age_s` and `jitter_s` are those of link
+            and host, in host seconds: the vehicle's control period and the period of its samples come on top.
         voltage: for autopilots that do not count the charge.
     """
 
@@ -138,11 +118,21 @@ class MavlinkConfig(BackendConfig):
     height_m: Positive = 1.5
     stream_hz: Annotated[float, Field(ge=4.0, le=200.0)] = STREAM_HZ
     speedup: Positive = 1.0
-    engine: Literal["kinematic", "pybullet"] = "kinematic"
+    engine: Literal["kinematic", "pybullet"] | None = None
     boot_s: NotNegative = 1.0
     on_close: Literal["land", "hold"] = "land"
-    promise: Promise = Promise()
     voltage: Voltage | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _moves_what_is_simulated(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        if given.get("connection") is None:
+            return {"engine": "kinematic", **given}
+        if given.get("engine") is not None:
+            raise ValueError("engine is for simulated vehicles; leave it out where a connection to others is given")
+        return given
 
     @field_validator("connection")
     @classmethod
@@ -194,8 +184,11 @@ class MavlinkConfig(BackendConfig):
         base = VEHICLES[self.vehicle]
         if self.has_bodies:
             base = replace(base, setpoint_period_s=1.0 / _BODIES_HZ)
-        given: dict[str, Any] = {key: value for key, value in self.promise if value is not None}
-        return _with_periods(replace(base, **given), self.samples_hz, self.speedup)
+        given = self.promise.given
+        asked = replace(base, **given)
+        limits = DriveLimits(asked.v_max_m_s, brake_m_s2=asked.brake_m_s2)
+        strays_m = tube_m(limits, asked.latency_s + asked.setpoint_period_s)
+        return _with_periods(replace(asked, **{"tube_m": strays_m, **given}), self.samples_hz, self.speedup)
 
     @property
     def has_bodies(self) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Final
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -19,18 +19,18 @@ from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.errors import RobotUnavailable
-from soter.sdk import Controller
+from soter.sdk import Capabilities, Controller
 
 _TWIN_MESSAGES: Final = 3
 """So many are no stray packet."""
 
 _RETRY_S: Final = 0.4
+_ANSWER_S: Final = 1.0
 _KEEP_S: Final = 0.05
 _SLOWER: Final = 0.8
 _ASKED_HZ: Final = 50.0
 _FLOWING: Final = 0.3
 _COUNTED_S: Final = 0.5
-_REST_M_S: Final = 0.01
 _REST_RAD_S: Final = 0.02
 _HEIGHT_M: Final = 0.25
 
@@ -42,6 +42,7 @@ STREAMS: Final = {
 
 _SLOW_STREAMS: Final = (
     mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    mav.MAVLINK_MSG_ID_GPS_RAW_INT, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
 )  # fmt: skip
 _SLOW_HZ: Final = 4.0
 _PX4_EKF: Final = mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS
@@ -57,9 +58,10 @@ class Preparation:
         authority: its gate, if it has one.
         setpoints: what it is told to do.
         config: what is expected of it.
-        lease_s: how long it may move without a renewal.
+        promised: what it promises.
 
     Attributes:
+        armed_it: whether it was armed here.
         taken: whether it is the expected vehicle and was asked for something, so that it has to be left in order.
         ready: whether nothing is missing.
         waits_for: what is, in words.
@@ -74,19 +76,21 @@ class Preparation:
         authority: Authority,
         setpoints: Setpoints,
         config: MavlinkConfig,
-        lease_s: float,
+        promised: Capabilities,
     ) -> None:
         self._vehicle: Final = vehicle
         self._time_sync: Final = time_sync
         self._authority: Final = authority
         self._setpoints: Final = setpoints
         self._config: Final = config
-        self._lease_ms: Final = round(lease_s * 1e3)
+        self._promised: Final = promised
+        self._lease_ms: Final = round(promised.lease_s * 1e3)
         self._steps: Iterator[str] = iter(())
         self._since_s = self._asked_s = self._kept_s = -math.inf
         self._keep_alive: Callable[[], None] | None = None
         self._named = KEEPER
-        self.taken = self.ready = False
+        self._moves = "it does not say how fast it is"
+        self.taken = self.ready = self.armed_it = False
         self.waits_for = "everything"
         self.gated: bool | None = None
         self.origin: GeoPoint | None = None
@@ -118,6 +122,12 @@ class Preparation:
             raise
         self.ready = not self.waits_for
         return self.ready
+
+    @property
+    def moved(self) -> bool:
+        """Whether its EKF has another origin than when it got ready: what it says of places means others since then."""
+        said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
+        return said is not None and _place(said) != self.origin
 
     def why_not(self) -> str:
         """Return what it lacks, with what the autopilot itself says of it."""
@@ -165,17 +175,36 @@ class Preparation:
             self._keep_alive = self._stand
         yield from self._mode(kind.guided)
         yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
-        yield from self._until(
-            lambda: vehicle.armed, "it to arm",
-            lambda: vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
-        )  # fmt: skip
+        if not self.gated:
+            yield from self._judge_brakes()
+        yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         # After a silence it may be flying already, at whatever height it was sent to.
         if kind.flies and self._up_m() <= _HEIGHT_M:
             yield from self._fly()
-        yield from self._until(self._rests, "it to stand still")
+        while not self._rests():
+            yield f"it to stand still: {self._moves}"
         if self.gated:
             self._named = SENDERS[Controller.SC]
             yield from self._until(lambda: self._authority.reported() == self._named, "it to obey the safe controller")
+
+    def _judge_brakes(self) -> Iterator[str]:
+        """Refuse a vehicle that limits its own braking to less than is promised; who does not say is not judged."""
+        vehicle, promised_m_s2 = self._vehicle, self._promised.brake_m_s2
+        for name in vehicle.kind.brakes:
+            asked_s, most_m_s2 = vehicle.now_s, None
+            vehicle.ask_parameter(KEEPER, name)
+            while most_m_s2 is None and vehicle.now_s - asked_s < _ANSWER_S:
+                yield f"an answer to what it is asked for ({name})"
+                most_m_s2 = vehicle.parameter(name, asked_s)
+            if most_m_s2 is None:
+                return
+            if most_m_s2 > 0.0:
+                if most_m_s2 < promised_m_s2:
+                    raise RobotUnavailable(
+                        f"its {name} is {most_m_s2:g}, and promise.brake_m_s2 is {promised_m_s2:g}; allowed: a promise "
+                        "of at most that, or a larger parameter where the vehicle brakes so hard"
+                    )
+                return
 
     def _fly(self) -> Iterator[str]:
         height_m, is_px4 = self._config.height_m, self._vehicle.kind.is_px4
@@ -252,7 +281,7 @@ class Preparation:
     def _heard_origin(self) -> bool:
         said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
         if said is not None:
-            self.origin = GeoPoint(said.latitude * 1e-7, said.longitude * 1e-7, said.altitude * 1e-3)
+            self.origin = _place(said)
         return said is not None
 
     def _mode(self, mode: int) -> Iterator[str]:
@@ -285,6 +314,10 @@ class Preparation:
         self.gated = supported
         return supported is False
 
+    def _arm(self) -> None:
+        self.armed_it = True
+        self._vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+
     def _take_off(self) -> None:
         if self._up_m() <= _HEIGHT_M:
             height_m = self._config.height_m
@@ -309,4 +342,14 @@ class Preparation:
         if position is None or attitude is None:
             return False
         speed_m_s = math.hypot(position.vx, position.vy, position.vz)
-        return speed_m_s <= _REST_M_S and abs(attitude.yawspeed) <= _REST_RAD_S
+        # What it shows at rest is the noise of its estimate; who promises less of that than there is waits for ever.
+        rest_m_s = self._promised.speed_noise_m_s or 0.0
+        self._moves = (
+            f"it shows {speed_m_s:.3f} m/s and {attitude.yawspeed:.3f} rad/s, allowed at rest: "
+            f"promise.speed_noise_m_s = {rest_m_s:g}, and {_REST_RAD_S:g} rad/s"
+        )
+        return speed_m_s <= rest_m_s and abs(attitude.yawspeed) <= _REST_RAD_S
+
+
+def _place(origin: Any) -> GeoPoint:
+    return GeoPoint(origin.latitude * 1e-7, origin.longitude * 1e-7, origin.altitude * 1e-3)

@@ -3,27 +3,31 @@
 Where the vehicle knows who is in charge and has a lease of its own, it is told of both at every tick. Where it does
 not, this adapter stands in: it lets only the controller in charge send, overwrites the target at a change, and never
 sends a target that is further away than the lease covers. Heartbeats, targets and renewals are sent by `_renew_lease`
-and by no thread or timer, so that a vehicle whose supervisor has stopped hears nothing more.
+and by no thread or timer, so that a vehicle whose supervisor has stopped hears nothing more. `_sample`, which the
+supervisor calls at every tick, makes a vehicle ready again.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
 from soter.adapters.mavlink.frames import Frame, turned_rad, wrapped_rad
 from soter.adapters.mavlink.link import Link
+from soter.adapters.mavlink.obedience import Obedience
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
 from soter.adapters.mavlink.preparation import Preparation
 from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.clock import VehicleClock
-from soter.errors import RobotUnavailable, Unsupported
+from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
 from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState, Waypoint
 from soter.sdk.robot import FUTURE_S
 
@@ -89,7 +93,6 @@ _BEAT_S: Final = 1.0
 _SYNC_S: Final = 0.05
 _LOST_S: Final = 1.0
 _REPEAT_S: Final = 0.1
-_REST_M_S: Final = 0.005
 _REST_RAD_S: Final = 0.02
 
 
@@ -114,13 +117,15 @@ class MavlinkRobot(Robot):
         self._authority: Final = Authority(self._vehicle)
         self._setpoints: Final = Setpoints(self._vehicle, self.declared.v_max_m_s)
         self._preparation: Final = Preparation(
-            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared.lease_s
+            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared
         )
         self._sampler: Final = Sampler(
             spec.id, self._vehicle.inbox, self._time_sync, Charge(spec.drive_s, *volts), self._reported
         )
+        self._obedience: Final = Obedience(self._vehicle)
         self._charge = Controller.SC
         self._leg: Leg | None = None
+        self._refusal = ""
         self._gated = False
         self._renewed_s = 0.0
         self._beaten_s = self._synced_s = -math.inf
@@ -140,9 +145,11 @@ class MavlinkRobot(Robot):
                     f"robot {self.id}: it did not get ready within {timeout_s:g} s; it lacks "
                     f"{lacks or self._preparation.why_not()}"
                 )
-            self._keep_in_touch()
+            # The robots that are ready wait for this one, and would take it for the end of their ground station.
+            self._beat(self._vehicle.link.inboxes)
+            self._ask_for_time()
             self.clock.sleep_until(self.clock.now() + _LOOK_S)
-        sample = self._sample()
+        sample = self._known()
         if sample is None:
             raise RobotUnavailable(f"robot {self.id}: it is ready, but does not say where it is")
         found = self.declared
@@ -152,7 +159,7 @@ class MavlinkRobot(Robot):
         return found if sample.battery is not None else replace(found, reports_battery=False)
 
     def _send_goto(self, goal: Goal) -> None:
-        target, at = goal.target, self._sample()
+        target, at = goal.target, self._known()
         if not self._sampler.flies and abs(target.z_m) > target.radius_m:
             raise Unsupported(f"robot {self.id}: it stays on the ground, and the target has z_m = {target.z_m:g}")
         if target.heading_rad is not None and not self._gated and not self._sampler.flies:
@@ -162,24 +169,45 @@ class MavlinkRobot(Robot):
             self._send_target(at)
 
     def _sample(self) -> RobotState | None:
-        return self._sampler.sample()
+        # Here, and not with the lease: who has been away is not driven on before it is known when it says what it says,
+        # and that it is ready.
+        self._ask_for_time()
+        try:
+            if self._prepared():
+                self._refusal = ""
+        except RobotUnavailable as failure:
+            self._refusal = str(failure)
+        return self._known()
+
+    def _known(self) -> RobotState | None:
+        obedience = self._obedience
+        if self._preparation.ready:
+            obedience.look()
+        # A place that its own EKF does not believe is none. What is known of the robot gets old instead.
+        return self._sampler.latest if obedience.astray else self._sampler.sample()
 
     def _hand_over(self, to: Controller) -> None:
-        self._leg = None
+        if to is not self._charge:
+            self._leg = None
         self._charge = to
         if self._gated:
             # Naming another drops the target on the vehicle. The lease stays as it was: only a renewal renews it.
             self._name()
-        else:
+        elif self._leg is None:
             self._setpoints.stand(to)
 
     def _renew_lease(self) -> None:
-        self._keep_in_touch()
-        if self._prepared():
-            self._renewed_s = self.clock.now()
-            if self._gated:
-                self._name()
-            self._send_target(self._sample())
+        self._beat([self.id])
+        if not self._preparation.ready:
+            raise Uncontrolled(self._refusal or f"it is made ready again, and lacks {self._preparation.why_not()}")
+        obedience = self._obedience
+        if trouble := obedience.astray or obedience.disobeys:
+            self._setpoints.stand(self._charge)
+            raise Uncontrolled(trouble)
+        self._renewed_s = self.clock.now()
+        if self._gated:
+            self._name()
+        self._send_target(self._known())
 
     def _halt(self) -> None:
         self._leg = None
@@ -190,10 +218,19 @@ class MavlinkRobot(Robot):
         vehicle = self._vehicle
         if not self._preparation.taken or vehicle.heartbeat is None:
             return
-        kind, sample = vehicle.kind, self._sample()
+        kind, sample = vehicle.kind, self._known()
+        if self._preparation.ready and vehicle.mode not in (kind.guided, kind.stop):
+            # It is its pilot's, or on its own way home.
+            return
+        if not vehicle.armed:
+            vehicle.set_mode(KEEPER, kind.stop)
+            return
         lost = sample is None or self.clock.now() - sample.stamp_s > self.stale_after_s
         # Who is not heard any more has stopped by itself; it may still come back, but not many do.
         self._repeat(self._stop, self._stands, min(timeout_s, _LOST_S) if lost else timeout_s)
+        if self._preparation.armed_it and not kind.flies:
+            arm = mav.MAV_CMD_COMPONENT_ARM_DISARM
+            self._repeat(lambda: vehicle.command(KEEPER, arm, 0.0), lambda: not vehicle.armed, _LOST_S)
         if self._gated:
             self._authority.release()
         land = kind.land
@@ -205,15 +242,19 @@ class MavlinkRobot(Robot):
     def _prepared(self) -> bool:
         """Return whether the vehicle takes targets; if it does not, go on making it.
 
-        It is made ready again after a reboot and after a silence, in which its own fail-safe may have acted. A mode
-        that changes while it is heard is somebody's will, such as a pilot's, and is left alone.
+        It is made ready again after a reboot, after a silence, in which its own fail-safe may have acted, and after a
+        fail-safe whose cause is gone. A mode that changes for no such reason is somebody's will, such as a pilot's, and
+        is left alone. So is a vehicle whose EKF begins anew somewhere else, until its origin is known.
         """
         preparation, heard, reboots = self._preparation, self._vehicle.heartbeat is not None, self._time_sync.reboots
-        if reboots != self._reboots or (preparation.ready and heard and self._lost):
+        anew = heard and (self._lost or self._obedience.may_be_taken_back or preparation.moved)
+        if reboots != self._reboots or (preparation.ready and anew):
             self._reboots = reboots
             preparation.begin()
         self._lost = not heard
         try:
+            if self._time_sync.two:
+                raise RobotUnavailable("two vehicles with its system id are heard; give each one of its own")
             if not preparation.ready and preparation.step():
                 self._adopt()
         except RobotUnavailable as failure:
@@ -222,7 +263,7 @@ class MavlinkRobot(Robot):
 
     def _timed(self) -> bool:
         """Return whether its clock is known so well that what it says is not of the future, which nobody believes."""
-        sample = self._sample()
+        sample = self._known()
         return sample is None or sample.stamp_s <= self.clock.now() + FUTURE_S
 
     def _adopt(self) -> None:
@@ -234,17 +275,22 @@ class MavlinkRobot(Robot):
         self._sampler.frame = self._setpoints.frame = frame
         self._sampler.flies = kind.flies
         self._gated = preparation.gated is True
+        self._obedience.begin()
         logger.info(
             "robot %d: a %s is ready; %s", self.id, kind.name,
             "it enforces who is in charge" if self._gated else "its autopilot has no gate, the adapter stands in",
         )  # fmt: skip
 
-    def _keep_in_touch(self) -> None:
-        """Send a heartbeat and ask for the time, now and then. Called with the lease and by nobody else."""
+    def _beat(self, systems: Iterable[int]) -> None:
+        """Send heartbeats, now and then. Called with the lease, and while nothing may move yet."""
         now_s = self.clock.steady_s()
         if now_s - self._beaten_s >= _BEAT_S:
             self._beaten_s = now_s
-            self._vehicle.link.beat(self.id)
+            for system in systems:
+                self._vehicle.link.beat(system)
+
+    def _ask_for_time(self) -> None:
+        now_s = self.clock.steady_s()
         if now_s - self._synced_s >= _SYNC_S:
             self._synced_s = now_s
             self._vehicle.send(KEEPER, "TIMESYNC", self._time_sync.request())
@@ -267,12 +313,15 @@ class MavlinkRobot(Robot):
         if self._gated:
             self._setpoints.go(self._charge, target, at)
             return
-        left_s = self.declared.lease_s - (self.clock.now() - self._renewed_s)
-        if left_s <= 0.0:
+        promised, now_s = self.declared, self.clock.now()
+        left_s = promised.lease_s - (now_s - self._renewed_s)
+        # Where samples wait on the link targets may wait as well, and arrive when nobody stands behind them any more.
+        late = now_s - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
+        if left_s <= 0.0 or late:
             self._setpoints.stand(self._charge)
             return
         self._setpoints.cap_speed(target.speed_m_s)
-        ahead_m = reach_m(self.declared.v_max_m_s, self.declared.brake_m_s2, left_s)
+        ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
         yaw_rad = None if target.heading_rad is None else turned_rad(target.heading_rad)
         self._setpoints.go_plainly(self._charge, *leg._replace(target=target).ahead(at, ahead_m), yaw_rad)
 
@@ -290,11 +339,11 @@ class MavlinkRobot(Robot):
         self._vehicle.set_mode(KEEPER, self._vehicle.kind.stop)
 
     def _stands(self) -> bool:
-        sample = self._sample()
+        sample = self._known()
         return (
             sample is not None
             and self.clock.now() - sample.stamp_s <= self.stale_after_s
-            and math.hypot(sample.vx_m_s, sample.vy_m_s) <= _REST_M_S
+            and math.hypot(sample.vx_m_s, sample.vy_m_s) <= (self.declared.speed_noise_m_s or 0.0)
             and abs(sample.yaw_rate_rad_s) <= _REST_RAD_S
             and self._vehicle.mode == self._vehicle.kind.stop
         )

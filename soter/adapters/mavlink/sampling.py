@@ -29,6 +29,10 @@ _APART_S: Final = 2.0
 _DEAF_REQUESTS: Final = 10
 _SETTLED: Final = 5
 
+# No vehicle boots so often in such a time.
+_OFTEN: Final = 4
+_OFTEN_S: Final = 10.0
+
 
 class TimeSync:
     """The clock of one vehicle.
@@ -45,7 +49,8 @@ class TimeSync:
         inbox: of the vehicle.
 
     Attributes:
-        reboots: how often the vehicle's clock went back.
+        two: its clock goes to and fro: two vehicles say to be it, on a line that does not tell them apart.
+        reboots: how often the vehicle's clock went back, or stood still for so long that it may have been started anew.
     """
 
     def __init__(self, robot_id: int, clock: VehicleClock, inbox: Inbox) -> None:
@@ -57,7 +62,9 @@ class TimeSync:
         self._answered = 0
         self._believed = 0
         self._newest_stamp_s = 0.0
+        self._rebooted_s: Final[deque[float]] = deque(maxlen=_OFTEN)
         self.reboots = 0
+        self.two = False
         inbox.hooks["TIMESYNC"] = self._hear
         inbox.hooks["LOCAL_POSITION_NED"] = self._hear_sample
 
@@ -128,10 +135,21 @@ class TimeSync:
             return False
         logger.info("robot %d: its clock has stood still for %.3f s", self._robot_id, behind_s)
         self._clock.forget(self._robot_id)
+        # Whoever was away for so long may have been started anew, which stamps alone do not show if it was young.
+        self.reboots += behind_s > _REBOOT_S
         return True
 
     def _reboot(self, stamp_s: float) -> None:
-        logger.warning("robot %d: it has rebooted, %.1f s ago", self._robot_id, stamp_s)
+        now_s = self._clock.steady_s()
+        self._rebooted_s.append(now_s)
+        often = len(self._rebooted_s) == _OFTEN and now_s - self._rebooted_s[0] < _OFTEN_S
+        if not often:
+            logger.warning("robot %d: it has rebooted, %.1f s ago", self._robot_id, stamp_s)
+        elif not self.two:
+            logger.error(
+                "robot %d: two vehicles with its system id are heard; give each one of its own", self._robot_id
+            )
+        self.two = often
         self.reboots += 1
         self._clock.forget(self._robot_id)
         self._trips_s.clear()
@@ -203,6 +221,7 @@ class Sampler:
 
     Attributes:
         frame: where its EKF has its origin; None until that is known.
+        latest: the newest sample that was made.
         flies: whether its height is reported; what stands on the ground has height 0, whatever a barometer says.
     """
 
@@ -220,7 +239,7 @@ class Sampler:
         self._charge: Final = charge
         self._who: Final = who
         self._made_of: tuple[Any, Any, Controller | None] | None = None
-        self._latest: RobotState | None = None
+        self.latest: RobotState | None = None
         self.frame: Frame | None = None
         self.flies = False
 
@@ -229,23 +248,30 @@ class Sampler:
         latest = self._inbox.latest
         position, attitude, frame = latest.get("LOCAL_POSITION_NED"), latest.get("ATTITUDE"), self.frame
         if position is None or attitude is None or frame is None:
-            return self._latest
+            return self.latest
         controller = self._who()
         made_of = (position.message, attitude.message, controller)
         before = self._made_of
         if before is not None and all(new is old for new, old in zip(made_of, before, strict=True)):
-            return self._latest
+            return self.latest
         state = self._make(position.message, attitude.message, frame, controller)
         if state is not None:
-            self._latest, self._made_of = state, made_of
-        return self._latest
+            self.latest, self._made_of = state, made_of
+        return self.latest
 
     def _make(self, position: Any, attitude: Any, frame: Frame, controller: Controller | None) -> RobotState | None:
         stamp_ms = min(position.time_boot_ms, attitude.time_boot_ms)
         stamp_s = stamp_ms * 1e-3
+        before = self.latest
+        if before is not None and before.vehicle_stamp_s == stamp_s:
+            # One of the two messages is new. There is nothing to learn of another moment before both are.
+            return before if before.controller is controller else before._replace(controller=controller)
         fleet_s = self._time_sync.to_fleet_s(stamp_s)
         if fleet_s is None:
             return None
+        if before is not None and stamp_s > before.vehicle_stamp_s:
+            # The clock was learned better, and by more than has passed between two samples. The newer one counts.
+            fleet_s = max(fleet_s, before.stamp_s)
         back_s = (position.time_boot_ms - stamp_ms) * 1e-3
         x_m, y_m, z_m = frame.from_ned(
             position.x - position.vx * back_s, position.y - position.vy * back_s, position.z - position.vz * back_s

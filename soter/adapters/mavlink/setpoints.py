@@ -15,11 +15,15 @@ from soter.sdk import Controller, RobotState, Waypoint
 
 # What of the message is to be ignored, as bits.
 _ONLY_POSITION: Final = 0x0DF8
-_ONLY_VELOCITY: Final = 0x0DC7
+_STANDING: Final = 0x05C7
 _VELOCITY: Final = 0x0038
 _YAW: Final = 0x0400
 
 _NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
+
+
+_SPEED_SHARE: Final = 0.95
+"""Part of the promised top speed that an autopilot without a clamp is asked for: it swings beyond what it is asked."""
 
 
 class Setpoints:
@@ -40,8 +44,12 @@ class Setpoints:
         self.frame = Frame()
 
     def stand(self, by: Controller) -> None:
-        """Tell the vehicle to stop and stay: a velocity of nothing, which every autopilot takes at once."""
-        self._send(by, _ONLY_VELOCITY)
+        """Tell the vehicle to stop and stay: a velocity of nothing, which every autopilot takes at once.
+
+        Without a yaw rate of nothing beside it, ArduRover takes the direction of that velocity for a heading, and
+        pivots to the north.
+        """
+        self._send(by, _STANDING)
 
     def go(self, by: Controller, target: Waypoint, at: RobotState | None) -> None:
         """Tell a vehicle that heeds them all where to go, how fast at most, and with which heading to arrive.
@@ -77,7 +85,8 @@ class Setpoints:
 
     def cap_speed(self, speed_m_s: float | None) -> None:
         """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
-        cap_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
+        most_m_s = _SPEED_SHARE * self._v_max_m_s
+        cap_m_s = most_m_s if speed_m_s is None else min(speed_m_s, most_m_s)
         if cap_m_s != self._speed_m_s:
             self._vehicle.command(KEEPER, mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, cap_m_s, -1.0)
             ack = self._vehicle.ack(mav.MAV_CMD_DO_CHANGE_SPEED, -math.inf)

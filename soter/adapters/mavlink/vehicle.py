@@ -39,6 +39,7 @@ class Kind:
         stop: the mode in which it stands, or hovers, whatever came before.
         land: the mode in which it lands; None on the ground.
         names: what modes are called, for messages to people.
+        brakes: the parameters that limit how hard it brakes, in m/s2: the first of them that is above 0 counts.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Kind:
     stop: int
     land: int | None
     names: Mapping[int, str]
+    brakes: tuple[str, ...] = ()
 
     @property
     def is_px4(self) -> bool:
@@ -69,6 +71,7 @@ class Kind:
 _ARDUROVER: Final = Kind(
     "rover", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=False, guided=15, stop=4, land=None,
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
+    brakes=("ATC_DECEL_MAX", "ATC_ACCEL_MAX"),
 )  # fmt: skip
 _ARDUCOPTER: Final = Kind(
     "copter", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=True, guided=4, stop=17, land=9,
@@ -219,9 +222,13 @@ class Vehicle:
         heartbeat = self.heartbeat
         return heartbeat is not None and bool(heartbeat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
 
+    def ekf_report(self, since_s: float) -> Any | None:
+        """Return what its EKF has said of itself since a steady time, as the last; None if nothing."""
+        return self.heard_since("EKF_STATUS_REPORT", since_s) or self.heard_since("ESTIMATOR_STATUS", since_s)
+
     def ekf_ready(self, since_s: float) -> bool:
         """Return whether its position can be trusted, by what it has said since a steady time."""
-        report = self.heard_since("EKF_STATUS_REPORT", since_s) or self.heard_since("ESTIMATOR_STATUS", since_s)
+        report = self.ekf_report(since_s)
         if report is None:
             return False
         return report.flags & _READY_EKF == _READY_EKF and not report.flags & _UNREADY_EKF
@@ -261,6 +268,12 @@ class Vehicle:
     def ask_once(self, component: int, message_id: int) -> None:
         """Ask for a message once."""
         self.command(component, mav.MAV_CMD_REQUEST_MESSAGE, float(message_id))
+
+    def ask_parameter(self, component: int, name: str) -> None:
+        """Ask for a parameter's value."""
+        self.send(component, "PARAM_REQUEST_READ", {
+            "target_system": self.system, "target_component": AUTOPILOT, "param_id": name, "param_index": -1,
+        })  # fmt: skip
 
     def set_parameter(self, component: int, name: str, value: int) -> None:
         """Set a parameter that is a whole number."""

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, Self
+
+from pydantic import Field, model_validator
 
 from soter.clock import Clock, VirtualClock
+from soter.config_tables import wrong
 from soter.errors import BackendUnavailable, RobotUnavailable
-from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits, tube_m
 from soter.onboard.mux import Mux
+from soter.promises import Promise
 from soter.sdk import (
     INTERFACE_VERSION,
     Backend,
@@ -31,7 +35,8 @@ class Vehicle:
     """One robot's own side; its `control` is what the world calls once each control period.
 
     Args:
-        lease_s: motion lives this long after a renewal.
+        lease_s: motion lives no longer than this after a renewal.
+        limits: what it can do.
         period_s: the control period.
 
     Attributes:
@@ -40,9 +45,10 @@ class Vehicle:
 
     __slots__ = ("_drive", "mux")
 
-    def __init__(self, lease_s: float, period_s: float) -> None:
-        self.mux: Mux[Controller, Goal] = Mux(Controller.SC, lease_s)
-        self._drive = Drive(LIMITS, period_s)
+    def __init__(self, lease_s: float, limits: DriveLimits, period_s: float) -> None:
+        # It is looked at once a period.
+        self.mux: Mux[Controller, Goal] = Mux(Controller.SC, int(lease_s / period_s + _ROUNDING) * period_s)
+        self._drive = Drive(limits, period_s)
 
     def control(
         self, now_s: float, x_m: float, y_m: float, heading_rad: float, v_m_s: float, yaw_rate_rad_s: float
@@ -57,6 +63,7 @@ LEASE_S: Final = 0.1
 
 # Fleet time that is summed up tick by tick misses whole periods by so little.
 _ROUNDING_S: Final = 1e-6
+_ROUNDING: Final = 1e-9
 
 # Long enough to brake from top speed, with periods to spare.
 _REST_PERIODS: Final = 20
@@ -105,7 +112,7 @@ class SimulatedRobot(Robot):
         self._x, self._y, self._heading, self._yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.yaw_rate
         self._v, self._charge = bodies.v, bodies.charge
         self._velocity = world.engine.velocity
-        self._vehicle = Vehicle(LEASE_S, world.period_s)
+        self._vehicle = Vehicle(self.declared.lease_s, bodies.limits[self._index], world.period_s)
         self._mux = self._vehicle.mux
         self._latest: RobotState | None = None
 
@@ -184,23 +191,56 @@ class KinematicRobot(SimulatedRobot):
     )
 
 
+class SimulatedPromise(Promise):
+    """What simulated robots may be asked to promise: they are built for that, in a world that has its own periods."""
+
+    v_max_m_s: Annotated[float, Field(ge=0.01, le=3.0, allow_inf_nan=False)] | None = None
+    yaw_rate_max_rad_s: Annotated[float, Field(ge=0.1, le=6.0, allow_inf_nan=False)] | None = None
+    brake_m_s2: Annotated[float, Field(ge=0.1, le=4.0, allow_inf_nan=False)] | None = None
+    accel_m_s2: Annotated[float, Field(ge=0.1, le=4.0, allow_inf_nan=False)] | None = None
+    body_radius_m: Annotated[float, Field(ge=0.05, le=1.0, allow_inf_nan=False)] | None = None
+    latency_s: Annotated[float, Field(ge=PERIOD_S, le=60.0, allow_inf_nan=False)] | None = None
+    setpoint_period_s: Annotated[float, Field(ge=PERIOD_S, le=PERIOD_S)] | None = None
+    lease_s: Annotated[float, Field(ge=PERIOD_S, le=60.0, allow_inf_nan=False)] | None = None
+    overshoot_m: Annotated[float, Field(ge=OVERSHOOT_M, le=100.0, allow_inf_nan=False)] | None = None
+    reverses: Literal[True] | None = None
+    pivots_first: Literal[True] | None = None
+
+    @property
+    def limits(self) -> DriveLimits:
+        """What the robots can do."""
+        given = {name: value for name, value in self.given.items() if name in DriveLimits.__slots__}
+        return replace(LIMITS, **given)
+
+    @model_validator(mode="after")
+    def _can_be_kept(self) -> Self:
+        strays_m = tube_m(self.limits, PERIOD_S)
+        if self.tube_m is not None and self.tube_m < strays_m:
+            raise wrong(("tube_m",), self.tube_m, f"at least {strays_m:g}: they stray so far at their top speed")
+        return self
+
+
 class PyBulletConfig(BackendConfig):
     """Options of the backend `pybullet`.
 
     Attributes:
+        promise: what robots are built for that are not TurtleBots.
         engine: what moves the robots: rigid bodies, or the closed-form model of the backend `kinematic`.
     """
 
+    promise: SimulatedPromise = SimulatedPromise()
     engine: Literal["pybullet", "kinematic"] = "pybullet"
 
 
 class KinematicConfig(BackendConfig):
-    """The backend `kinematic` has no options of its own.
+    """Options of the backend `kinematic`.
 
     Attributes:
+        promise: what robots are built for that are not TurtleBots.
         engine: fixed.
     """
 
+    promise: SimulatedPromise = SimulatedPromise()
     engine: Literal["kinematic"] = "kinematic"
 
 
@@ -233,6 +273,12 @@ class PyBulletBackend(Backend):
     interface_version: ClassVar[int] = INTERFACE_VERSION
     config_model: ClassVar[type[BackendConfig]] = PyBulletConfig
     robot_class: ClassVar[type[SimulatedRobot]] = SimulatedRobot
+
+    @classmethod
+    def promises(cls, config: PyBulletConfig | KinematicConfig) -> Capabilities:
+        declared, asked = cls.robot_class.declared, config.promise
+        widest_m = max(declared.tube_m, tube_m(asked.limits, PERIOD_S))
+        return replace(declared, **{"tube_m": widest_m, **asked.given})
 
     def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
         """Build the world and put the robots into it.

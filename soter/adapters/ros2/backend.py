@@ -10,8 +10,8 @@ from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.robot import Ros2Robot
 from soter.adapters.ros2.simulator import Simulator
 from soter.clock import VehicleClock
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Robot, RobotSpec
-from soter.streamed.options import require_places
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
+from soter.streamed.options import promising, require_places
 from soter.streamed.simulator import StreamedFleet
 
 
@@ -40,7 +40,7 @@ class Ros2Fleet(StreamedFleet[Ros2Robot, Simulator]):
         def make(stack: ExitStack) -> Sequence[Ros2Robot]:
             graph = Graph(config.domain_id, use_sim_time=config.use_sim_time, on_loopback=config.loopback)
             stack.callback(graph.close)
-            return [Ros2Robot(spec, clock, graph, config, external_ac=external_ac) for spec in specs]
+            return [Ros2Robot(promising(spec, config), clock, graph, config, external_ac=external_ac) for spec in specs]
 
         super().__init__(clock, config.truth, simulator, make)
 
@@ -52,6 +52,10 @@ class Ros2Backend(Backend):
     config_model: ClassVar[type[BackendConfig]] = Ros2Config
     robot_class: ClassVar[type[Robot]] = Ros2Robot
     harness: ClassVar[str] = "soter.adapters.ros2.harness:Ros2Harness"
+
+    @classmethod
+    def promises(cls, config: Ros2Config) -> Capabilities:
+        return config.promised()
 
     def open(self, config: Ros2Config, robots: Sequence[RobotSpec]) -> Ros2Fleet:
         """Open the robots; they are not ready before `init()`.

@@ -92,7 +92,7 @@ class Ros2Harness(RelayedHarness):
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
-        argument = json.dumps([simulator.domain_id, simulator.truth, simulator.namespaces[1]])
+        argument = json.dumps([simulator.domain_id, simulator.truth, simulator.namespaces])
         return self.driven(f"{__name__}:open_given", argument, target)
 
     def _start(self, robots: int) -> Simulator:
@@ -102,9 +102,9 @@ class Ros2Harness(RelayedHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return robot 1, where it is as JSON; what the kit's driver process calls."""
-    domain_id, truth, namespace = json.loads(argument)
-    return _fleet(domain_id, truth, "", {1: namespace})
+    """Return the first robot, where it is as JSON; what the kit's driver process calls."""
+    domain_id, truth, namespaces = json.loads(argument)
+    return _fleet(domain_id, truth, "", {int(robot_id): name for robot_id, name in namespaces.items()})
 
 
 def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str]) -> Fleet:

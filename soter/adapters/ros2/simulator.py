@@ -15,6 +15,7 @@ from typing import Final
 
 from soter.errors import RobotUnavailable
 from soter.sdk import RobotSpec, RuleLimits
+from soter.streamed.robot import StreamedRobot
 from soter.streamed.simulator import StreamedSimulator
 from soter.workspace import Workspace
 
@@ -160,10 +161,12 @@ class Simulator(StreamedSimulator):
         self._hand_over(workspace, limits)
 
     def start_mux(self, robot_id: int) -> None:
-        stamped = "true" if self._stamped else "false"
+        stamped, promised = "true" if self._stamped else "false", self.promised(robot_id)
         self.muxes[robot_id] = self._start(
             "soter.adapters.ros2.mux", "--robot", self.namespaces[robot_id], "--ros-args",
-            "-p", "use_sim_time:=true", "-p", f"stamped:={stamped}", pipes=False,
+            "-p", "use_sim_time:=true", "-p", f"stamped:={stamped}",
+            "-p", f"lease_s:={StreamedRobot.counted_s(promised)!r}", "-p", f"v_max_m_s:={promised.v_max_m_s!r}",
+            "-p", f"yaw_rate_max_rad_s:={promised.yaw_rate_max_rad_s!r}", pipes=False,
         )  # fmt: skip
 
     def close(self) -> None:

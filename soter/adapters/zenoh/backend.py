@@ -13,7 +13,7 @@ from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
-from soter.streamed.options import require_places
+from soter.streamed.options import promising, require_places
 from soter.streamed.robot import StreamedRobot, wait_for
 from soter.streamed.simulator import StreamedFleet
 
@@ -109,12 +109,11 @@ class ZenohFleet(StreamedFleet[ZenohRobot, Simulator]):
 
     def __init__(self, config: ZenohConfig, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
         clock = VehicleClock(rate=config.speedup)
-        robot_class = promising(config.promised())
 
         def make(stack: ExitStack) -> Sequence[ZenohRobot]:
             session = open_session(config.session)
             stack.callback(close_session, session)
-            return [robot_class(spec, clock, session, config) for spec in specs]
+            return [ZenohRobot(promising(spec, config), clock, session, config) for spec in specs]
 
         super().__init__(clock, config.truth, simulator, make)
 
@@ -149,19 +148,6 @@ class ZenohBackend(Backend):
         except BaseException:
             simulator.close()
             raise
-
-
-def promising(promised: Capabilities) -> type[ZenohRobot]:
-    """Return a class of robots that declare this much."""
-    if promised == ZenohRobot.declared:
-        return ZenohRobot
-
-    class Promising(ZenohRobot):
-        """A robot with the promises of the configuration."""
-
-        declared: ClassVar[Capabilities] = promised
-
-    return Promising
 
 
 def simulated(config: ZenohConfig, simulator: Simulator) -> ZenohConfig:

@@ -158,7 +158,7 @@ class RoutedHarness(ZenohHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return robot 1, where it is as JSON; what the kit's driver process calls."""
+    """Return the first robot, where it is as JSON; what the kit's driver process calls."""
     config = ZenohConfig.model_validate({**json.loads(argument), "workspace": WIDE_ROOMS})
     return ZenohFleet(config, in_wide_rooms(1), None)
 

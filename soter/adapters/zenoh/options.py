@@ -13,7 +13,6 @@ from soter.onboard.station import PERIOD_S
 from soter.problems import not_allowed
 from soter.sdk import Capabilities
 from soter.streamed.options import MessageNames, PlaceOptions, StreamedConfig
-from soter.streamed.robot import StreamedRobot
 
 _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
 
@@ -82,7 +81,7 @@ class ZenohConfig(StreamedConfig):
 
     def promised(self) -> Capabilities:
         """Return what the robots promise: times are in fleet time, of which a host second has `speedup`."""
-        declared, speedup = StreamedRobot.declared, self.speedup
+        declared, speedup = super().promised(), self.speedup
         return replace(
             declared,
             latency_s=declared.latency_s * speedup,

@@ -12,6 +12,7 @@ from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.session import SessionOptions
 from soter.scratch import Scratch
 from soter.sdk import RobotSpec, RuleLimits
+from soter.streamed.robot import StreamedRobot
 from soter.streamed.simulator import StreamedSimulator
 from soter.workspace import Workspace
 
@@ -65,9 +66,11 @@ class Simulator(StreamedSimulator):
             self.start_mux(robot_id)
 
     def start_mux(self, robot_id: int) -> None:
+        promised = self.promised(robot_id)
         self.muxes[robot_id] = self._start(
             "soter.adapters.zenoh.mux", "--robot", self.namespaces[robot_id], "--session", self._session_file,
-            "--clock", CLOCK, *self._flags, pipes=False,
+            "--clock", CLOCK, "--lease", repr(StreamedRobot.counted_s(promised)), "--v-max", repr(promised.v_max_m_s),
+            "--yaw-rate-max", repr(promised.yaw_rate_max_rad_s), *self._flags, pipes=False,
         )  # fmt: skip
 
     def close(self) -> None:

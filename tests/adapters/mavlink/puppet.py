@@ -45,6 +45,12 @@ class Puppet(Link):
         self.sent: list[tuple[int, str, dict[str, Any]]] = []
         self.kind = (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
         self.mode, self.armed, self.ekf = 0, False, 831
+        self.status = mav.MAV_STATE_ACTIVE
+        self.fix = mav.GPS_FIX_TYPE_3D_FIX
+        self.finds = True
+        self.fixed_s = 0.0
+        self.variance = 0.01
+        self.origin_lat = 473977420
         self.gate = True
         self.most_hz = 50.0
         self.refuses_to_arm = ""
@@ -54,7 +60,7 @@ class Puppet(Link):
         self.streams: dict[int, float] = {}
         self.parameters: dict[str, float] = {}
         self.master = 0
-        self.x_m = self.y_m = self.up_m = 0.0
+        self.x_m = self.y_m = self.up_m = self.speed_m_s = 0.0
         self.clock_s = 1000.0
         self.percent = 80
 
@@ -80,6 +86,9 @@ class Puppet(Link):
             self.up_m = -fields["z"]
         elif name == "TIMESYNC" and self.answers_time:
             self.say("TIMESYNC", tc1=int((self.clock_s - self.answered_late_s) * 1e9), ts1=fields["ts1"])
+        elif name == "PARAM_REQUEST_READ" and fields["param_id"] in self.parameters:
+            name = fields["param_id"]
+            self.say("PARAM_VALUE", param_id=name, param_value=self.parameters[name])
         elif name == "PARAM_SET" and self.gate:
             self.parameters[fields["param_id"]] = fields["param_value"]
             self.say("PARAM_VALUE", param_id=fields["param_id"], param_value=fields["param_value"])
@@ -102,14 +111,23 @@ class Puppet(Link):
             return
         stamp = {"time_boot_ms": round(self.clock_s * 1e3)}
         self.say(
-            "HEARTBEAT", type=self.kind[0], autopilot=self.kind[1], base_mode=ARMED * self.armed, custom_mode=self.mode
-        )
-        self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=-self.up_m, vx=0.0, vy=0.0, vz=0.0)
+            "HEARTBEAT", type=self.kind[0], autopilot=self.kind[1], base_mode=ARMED * self.armed, custom_mode=self.mode,
+            system_status=self.status,
+        )  # fmt: skip
+        self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=-self.up_m, vx=self.speed_m_s, vy=0.0, vz=0.0)
         self.say("ATTITUDE", **stamp, yaw=0.5, yawspeed=0.0)
         self.say("SYS_STATUS", battery_remaining=self.percent, voltage_battery=11_000)
-        self.say("ESTIMATOR_STATUS" if self.kind[1] == mav.MAV_AUTOPILOT_PX4 else "EKF_STATUS_REPORT", flags=self.ekf)
+        self.say("ESTIMATOR_STATUS" if self.kind[1] == mav.MAV_AUTOPILOT_PX4 else "EKF_STATUS_REPORT", flags=self.ekf,
+                 pos_horiz_variance=self.variance)  # fmt: skip
+        if self.finds:
+            self.fixed_s = self.clock_s
+        self.say("GPS_RAW_INT", fix_type=self.fix, time_usec=int(self.fixed_s * 1e6))
         if self.gate:
             self.say("NAMED_VALUE_INT", name="GMASTER", value=256 * OURS + self.master, **stamp)
+
+    def tell_origin(self) -> None:
+        """Let the vehicle say where its EKF has its origin."""
+        self.say("GPS_GLOBAL_ORIGIN", latitude=self.origin_lat, longitude=85455940, altitude=488_000)
 
     def targets(self) -> list[tuple[int, dict[str, Any]]]:
         """Return the targets that it was sent, with who sent them."""
@@ -127,15 +145,15 @@ class Puppet(Link):
                 return int(mav.MAV_RESULT_DENIED)
             self.streams[int(fields["param1"])] = hz
         elif number == mav.MAV_CMD_REQUEST_MESSAGE and fields["param1"] == mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
-            self.say("GPS_GLOBAL_ORIGIN", latitude=473977420, longitude=85455940, altitude=488_000)
+            self.tell_origin()
         elif number == mav.MAV_CMD_DO_SET_MODE:
             px4 = self.kind[1] == mav.MAV_AUTOPILOT_PX4
             self.mode = int(fields["param2"]) << 16 | int(fields["param3"]) << 24 if px4 else int(fields["param2"])
         elif number == mav.MAV_CMD_COMPONENT_ARM_DISARM:
-            if self.refuses_to_arm:
+            if self.refuses_to_arm and fields["param1"]:
                 self.say("STATUSTEXT", severity=mav.MAV_SEVERITY_CRITICAL, text=self.refuses_to_arm)
                 return int(mav.MAV_RESULT_FAILED)
-            self.armed = True
+            self.armed = bool(fields["param1"])
         elif number == mav.MAV_CMD_NAV_TAKEOFF:
             self.up_m = fields["param7"]
         elif number == mav.MAV_CMD_DO_GUIDED_MASTER:

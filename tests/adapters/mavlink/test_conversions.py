@@ -136,6 +136,13 @@ def test_the_truth_is_told_on_this_host_only() -> None:
         MavlinkConfig(workspace=ROOM, truth="192.168.0.7:99")
 
 
+def test_what_moves_given_vehicles_is_no_engine_of_ours() -> None:
+    assert MavlinkConfig(workspace=ROOM).engine == "kinematic"
+    assert MavlinkConfig(workspace=ROOM, connection="udpin:127.0.0.1:14550").engine is None
+    with pytest.raises(ValidationError, match="engine is for simulated vehicles"):
+        MavlinkConfig(workspace=ROOM, connection="udpin:127.0.0.1:14550", engine="kinematic")
+
+
 def test_a_voltage_that_falls_while_charging_is_refused() -> None:
     with pytest.raises(ValidationError, match="empty_v"):
         MavlinkConfig.model_validate({"workspace": ROOM, "voltage": {"empty_v": 12.0, "full_v": 11.0}})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +13,7 @@ from soter.adapters.mavlink.authority import KEEPER, SENDERS
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.clock import VehicleClock
-from soter.errors import RobotUnavailable, Unsupported
+from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, RobotSpec, Waypoint
 from soter.sdk.robot import FUTURE_S
 from soter.workspace import Box, RobotPlace, Workspace
@@ -21,7 +22,7 @@ from tests.adapters.mavlink.puppet import ROVER_GUIDED, ROVER_HOLD, HostTime, Pu
 AC, SC = Controller.AC, Controller.SC
 ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
 FAR = Waypoint(3.0, 0.0)
-STANDS = 0x0DC7
+STANDS = 0x05C7
 
 
 @pytest.fixture
@@ -33,7 +34,8 @@ def puppet() -> Puppet:
 def robot_of(puppet: Puppet, **options: object) -> MavlinkRobot:
     assert isinstance(puppet.clock, VehicleClock)
     config = MavlinkConfig.model_validate({"workspace": ROOM, **options})
-    return MavlinkRobot(RobotSpec(1, 0.0, 0.0, 0.0), puppet.clock, puppet, config)
+    spec = RobotSpec(1, 0.0, 0.0, 0.0, promised=replace(config.promised(), **config.promise.given))
+    return MavlinkRobot(spec, puppet.clock, puppet, config)
 
 
 def ready(puppet: Puppet, **options: object) -> MavlinkRobot:
@@ -43,12 +45,18 @@ def ready(puppet: Puppet, **options: object) -> MavlinkRobot:
     return robot
 
 
-def tick(puppet: Puppet, robot: MavlinkRobot, times: int = 1) -> None:
+def tick(puppet: Puppet, robot: MavlinkRobot, times: int = 1) -> list[str]:
+    """Tick as a supervisor does; return what the vehicle did instead of what it was told, a text for each tick."""
+    disobeyed = []
     for _ in range(times):
         puppet.live(0.025)
         puppet.live(0.025)
         robot.read_state()
-        robot.renew_lease()
+        try:
+            robot.renew_lease()
+        except Uncontrolled as failure:
+            disobeyed.append(str(failure))
+    return disobeyed
 
 
 # --- getting ready -------------------------------------------------------------------------------------------
@@ -100,6 +108,42 @@ def test_it_is_not_ready_while_its_samples_come_out_as_of_the_future(puppet: Pup
     assert robot.read_state().stamp_s <= robot.clock.now() + FUTURE_S
 
 
+def test_rest_is_what_the_promised_noise_of_the_speed_allows(puppet: Puppet) -> None:
+    puppet.speed_m_s = 0.03
+    with pytest.raises(RobotUnavailable, match=r"shows 0\.030 m/s .* promise\.speed_noise_m_s = 0\.01"):
+        robot_of(puppet).init(5.0)
+    other = Puppet(HostTime())
+    other.speed_m_s = 0.03
+    robot = ready(other, promise={"speed_noise_m_s": 0.05})
+    assert robot.declared.moving_m_s == pytest.approx(0.07)
+    began_s = other.time()
+    robot.close(5.0)
+    assert other.time() - began_s < 1.0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        ({"ATC_DECEL_MAX": 0.5, "ATC_ACCEL_MAX": 2.0}, "its ATC_DECEL_MAX is 0.5, and promise.brake_m_s2 is 1;"),
+        ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.9}, "its ATC_ACCEL_MAX is 0.9"),
+        ({"ATC_DECEL_MAX": 1.0}, ""),
+        ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.0}, ""),
+    ],
+)
+def test_a_vehicle_that_may_not_brake_as_promised_is_refused_before_it_is_armed(
+    puppet: Puppet, parameters: dict[str, float], says: str
+) -> None:
+    puppet.gate = False
+    puppet.parameters |= parameters
+    robot = robot_of(puppet)
+    if not says:
+        robot.init(20.0)
+        return
+    with pytest.raises(RobotUnavailable, match=says):
+        robot.init(20.0)
+    assert not puppet.armed
+
+
 def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(puppet: Puppet) -> None:
     puppet.silent = True
     puppet.strangers.update({7, 3})
@@ -113,14 +157,7 @@ def test_what_was_refused_once_is_not_taken_for_ready_the_next_time(puppet: Pupp
     robot = ready(puppet)
     reboot(puppet)
     puppet.most_hz = 10.0
-    refusals = 0
-    for _ in range(100):
-        puppet.live(0.025)
-        try:
-            robot.renew_lease()
-        except RobotUnavailable:
-            refusals += 1
-    assert refusals > 1
+    assert "does not send LOCAL_POSITION_NED" in tick(puppet, robot, 50)[-1]
     assert not puppet.armed
 
 
@@ -184,6 +221,26 @@ def test_a_vehicle_that_does_not_answer_timesync_is_timed_by_its_samples(puppet:
     robot = ready(puppet)
     puppet.live()
     assert 0.0 <= robot.read_state().age_s(robot.clock.now()) < 0.05
+
+
+@pytest.mark.parametrize("better_s", [0.004, 0.03])
+def test_a_clock_that_is_learned_better_costs_no_sample(puppet: Puppet, better_s: float) -> None:
+    robot = ready(puppet)
+    assert isinstance(puppet.clock, VehicleClock)
+    for _ in range(4):
+        puppet.live(0.02)
+        before = robot.read_state()
+        puppet.clock.observe(1, puppet.clock_s + better_s, puppet.time())
+        newer = {"time_boot_ms": round(puppet.clock_s * 1e3) + 20}
+        puppet.say("LOCAL_POSITION_NED", **newer, x=0.0, y=0.0, z=0.0, vx=0.0, vy=0.0, vz=0.0)
+        assert robot.read_state() == before
+        puppet.say("ATTITUDE", **newer, yaw=0.5, yawspeed=0.0)
+        after = robot.read_state()
+        assert after.vehicle_stamp_s == pytest.approx(before.vehicle_stamp_s + 0.02)
+        assert after.stamp_s >= before.stamp_s
+        puppet.clock_s += 0.02
+        puppet.time.now_s += 0.02
+    assert robot.discarded == 0
 
 
 # --- authority -----------------------------------------------------------------------------------------------
@@ -285,6 +342,19 @@ def test_without_a_lease_of_its_own_the_vehicle_is_never_sent_further_than_ours_
     assert puppet.targets()[-1][1]["y"] == pytest.approx(full_m)
 
 
+def test_on_a_link_on_which_samples_wait_a_vehicle_without_a_lease_is_not_driven_on(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot)
+    robot.goto(FAR, SC)
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+    puppet.silent = True
+    tick(puppet, robot, 4)
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+    tick(puppet, robot, 4)
+    assert puppet.targets()[-1][1]["type_mask"] == STANDS
+
+
 def test_without_a_gate_a_speed_cap_is_asked_for_once(puppet: Puppet) -> None:
     puppet.gate = False
     robot = ready(puppet)
@@ -325,6 +395,29 @@ def test_after_a_reboot_it_is_made_ready_again_without_being_opened_anew(puppet:
     assert puppet.targets()[-1][1]["type_mask"] != STANDS
 
 
+@pytest.mark.parametrize("returns", ["stopped", "rebooted"])
+def test_one_that_is_not_driven_because_it_was_away_is_heard_again_all_the_same(puppet: Puppet, returns: str) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot, 2)
+    puppet.silent, last_s = True, puppet.clock_s
+    for _ in range(60):
+        puppet.live(0.05)
+        robot.read_state()
+    puppet.silent, puppet.clock_s = False, last_s
+    if returns == "rebooted":
+        reboot(puppet)
+    puppet.sent.clear()
+    # Its lease is withheld, since what it says is too old.
+    for _ in range(200):
+        puppet.live(0.05)
+        robot.read_state()
+    assert robot.read_state().age_s(robot.clock.now()) < 0.1
+    assert "HEARTBEAT" not in [name for _, name, _ in puppet.sent]
+    assert tick(puppet, robot) == []
+    assert (puppet.mode, puppet.armed) == (ROVER_GUIDED, True)
+
+
 def test_silence_is_seen_as_age_and_what_comes_after_it_is_obeyed(puppet: Puppet) -> None:
     robot = ready(puppet)
     puppet.silent = True
@@ -349,13 +442,100 @@ def test_a_copter_that_flies_after_a_silence_is_not_told_to_take_off(puppet: Pup
     assert puppet.master == SENDERS[SC]
 
 
-def test_a_pilot_who_takes_it_out_of_guided_keeps_it(puppet: Puppet) -> None:
+@pytest.mark.parametrize("gate", [True, False])
+def test_a_pilot_who_takes_it_out_of_guided_keeps_it_until_he_gives_it_back(puppet: Puppet, gate: bool) -> None:
+    puppet.gate = gate
     robot = ready(puppet)
     puppet.mode = 0
-    tick(puppet, robot, 40)
+    assert set(tick(puppet, robot, 400)) == {"it is in the mode MANUAL, not GUIDED"}
     assert puppet.mode == 0
     assert not puppet.commands(mav.MAV_CMD_DO_SET_MODE)
     assert robot.read_state().controller is None
+    puppet.mode = ROVER_GUIDED
+    assert tick(puppet, robot) == []
+    robot.goto(FAR, SC)
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+
+
+def test_one_that_others_disarm_is_left_alone_and_said_to_be(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    puppet.armed = False
+    assert set(tick(puppet, robot, 40)) == {"it is disarmed"}
+    assert not puppet.commands(mav.MAV_CMD_COMPONENT_ARM_DISARM)
+
+
+def test_what_a_fail_safe_took_is_taken_back_once_its_cause_is_gone(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    puppet.status = mav.MAV_STATE_CRITICAL
+    assert tick(puppet, robot, 2) == ["its own fail-safe acts"] * 2
+    puppet.mode = ROVER_HOLD
+    tick(puppet, robot, 40)
+    assert puppet.mode == ROVER_HOLD
+    puppet.status = mav.MAV_STATE_ACTIVE
+    tick(puppet, robot, 120)
+    assert puppet.mode == ROVER_GUIDED
+    assert tick(puppet, robot) == []
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ({"ekf": 167}, "its EKF does not know"),
+        ({"ekf": 831 | mav.EKF_GPS_GLITCHING}, "GPS jump"),
+        ({"variance": 0.9}, "pos_horiz_variance is 0.90"),
+        ({"variance": float("nan")}, "pos_horiz_variance is nan"),
+        ({"fix": mav.GPS_FIX_TYPE_NO_FIX}, "fix type 1"),
+        ({"finds": False}, "no place for 1.0 s"),
+    ],
+)
+def test_a_vehicle_that_does_not_know_where_it_is_gives_no_samples(
+    puppet: Puppet, what: dict[str, float], said: str
+) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    tick(puppet, robot, 3)
+    for name, value in what.items():
+        setattr(puppet, name, value)
+    # A second at most.
+    troubles = tick(puppet, robot, 22)
+    assert said in troubles[0]
+    before = robot.read_state()
+    tick(puppet, robot, 12)
+    state = robot.read_state()
+    assert (state.stamp_s, state.link) == (before.stamp_s, Link.STALE)
+    assert puppet.targets()[-1][1]["type_mask"] == STANDS
+    puppet.ekf, puppet.variance, puppet.fix, puppet.finds = 831, 0.01, mav.GPS_FIX_TYPE_3D_FIX, True
+    tick(puppet, robot, 2)
+    assert robot.read_state().link is Link.UP
+
+
+def test_an_ekf_that_begins_anew_elsewhere_is_heard_again_once_its_origin_is_known(puppet: Puppet) -> None:
+    puppet.gate = False
+    origin = {"lat_deg": 47.397742, "lon_deg": 8.545594, "alt_m": 488.0}
+    robot = ready(puppet, origin=origin)
+    puppet.origin_lat = 473977420 + 1000
+    puppet.tell_origin()
+    assert "made ready again" in tick(puppet, robot)[0]
+    tick(puppet, robot, 60)
+    assert robot.read_state().y_m == pytest.approx(11.13, abs=0.01)
+
+
+def test_one_that_was_started_anew_while_it_was_young_is_made_ready_again(puppet: Puppet) -> None:
+    puppet.gate = False
+    puppet.clock_s = 1.0
+    robot = ready(puppet)
+    tick(puppet, robot, 4)
+    last_s = puppet.clock_s
+    puppet.silent = True
+    tick(puppet, robot, 50)
+    # Its new clock shows more than the old one did, and it was not away for long enough to be missed.
+    puppet.silent, puppet.clock_s = False, last_s + 0.2
+    puppet.mode, puppet.armed = 0, False
+    tick(puppet, robot, 120)
+    assert (puppet.mode, puppet.armed) == (ROVER_GUIDED, True)
 
 
 # --- the end -------------------------------------------------------------------------------------------------
@@ -367,6 +547,33 @@ def test_closing_stops_it_and_gives_it_back(puppet: Puppet) -> None:
     robot.close(2.0)
     assert puppet.mode == ROVER_HOLD
     assert puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)[-1]["param2"] == 0.0
+    assert not puppet.armed
+
+
+def test_closing_leaves_a_vehicle_armed_that_was_so_before(puppet: Puppet) -> None:
+    puppet.armed = True
+    ready(puppet).close(2.0)
+    assert (puppet.mode, puppet.armed) == (ROVER_HOLD, True)
+
+
+def test_closing_leaves_a_vehicle_to_its_pilot(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.mode = 0
+    puppet.live()
+    puppet.sent.clear()
+    robot.close(2.0)
+    assert (puppet.mode, puppet.armed, puppet.sent) == (0, True, [])
+
+
+def test_one_that_was_not_armed_yet_is_closed_at_once(puppet: Puppet) -> None:
+    puppet.refuses_to_arm = "PreArm: not yet"
+    robot = robot_of(puppet)
+    with pytest.raises(RobotUnavailable):
+        robot.init(10.0)
+    began_s = puppet.time()
+    robot.close(5.0)
+    assert puppet.time() == began_s
+    assert not puppet.armed
 
 
 def test_closing_waits_no_longer_than_it_may_for_one_that_is_gone(puppet: Puppet) -> None:

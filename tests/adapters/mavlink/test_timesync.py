@@ -127,6 +127,25 @@ def test_a_reboot_is_seen_by_the_first_sample_after_it() -> None:
     assert abs(rig.off_s) <= 0.002
 
 
+def test_two_vehicles_on_one_line_are_no_row_of_reboots(caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig()
+    rig.settle()
+    first_s = rig.booted_s
+    for number in range(60):
+        rig.booted_s = first_s + (30.0 if number % 2 else 0.0)
+        rig.time.now_s += 0.05
+        rig.sample()
+    assert rig.sync.two
+    assert [record.message for record in caplog.records].count(
+        "robot 1: two vehicles with its system id are heard; give each one of its own"
+    ) == 1
+    assert len(caplog.records) <= 4
+    rig.time.now_s += 20.0
+    rig.booted_s = rig.time.now_s - 0.1
+    rig.sample()
+    assert not rig.sync.two
+
+
 def test_what_was_overtaken_is_no_reboot() -> None:
     rig = Rig()
     rig.settle()

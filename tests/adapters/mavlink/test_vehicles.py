@@ -16,16 +16,18 @@ from typing import Any
 
 import pytest
 
+from soter.adapters.mavlink.authority import KEEPER
 from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
 from soter.adapters.mavlink.harness import MavlinkHarness, PlainHarness
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
 from soter.config import load_mission
 from soter.conformance import CLAUSES as KIT
-from soter.conformance import Verdict, find_harness, judge
+from soter.conformance import WIDE_ROOMS, Verdict, find_harness, judge
 from soter.conformance.driver import drive_until
-from soter.errors import ConfigError, RobotUnavailable
+from soter.errors import ConfigError, RobotUnavailable, Uncontrolled
 from soter.registry import load_backend
 from soter.runner import run_mission
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
@@ -65,14 +67,22 @@ def tick(fleet: Fleet, until: Callable[[], bool], limit_s: float = 15.0, *, rene
     return drive_until(fleet, until, limit_s, renew=renew)
 
 
+def disobeys(robot: Robot) -> str:
+    try:
+        robot.renew_lease()
+    except Uncontrolled as failure:
+        return str(failure)
+    return ""
+
+
 def speed(robot: Robot) -> float:
     state = robot.read_state()
     return math.hypot(state.vx_m_s, state.vy_m_s)
 
 
-def really(fleet: Fleet, robot_id: int = 1) -> tuple[float, float, float]:
+def really(fleet: Fleet) -> tuple[float, float, float]:
     assert fleet.truth is not None
-    return fleet.truth.pose(robot_id)
+    return fleet.truth.pose(fleet.robots[0].id)
 
 
 @BACKENDS
@@ -200,16 +210,17 @@ def test_a_vehicle_stops_when_who_drives_it_is_killed(stack: ExitStack) -> None:
     harness = MavlinkHarness()
     stack.callback(harness.close)
     process = harness.start_driver(Waypoint(144.0, 74.5))
-    began_s, first = time.perf_counter(), harness.observe(1)
-    while math.dist(first[:2], harness.observe(1)[:2]) < 0.2:
+    driven = WIDE_ROOMS.robots[0].id
+    began_s, first = time.perf_counter(), harness.observe(driven)
+    while math.dist(first[:2], harness.observe(driven)[:2]) < 0.2:
         assert time.perf_counter() - began_s < 30.0
         time.sleep(0.02)
     process.kill()
     process.wait()
     time.sleep(0.7)
-    rest = harness.observe(1)
+    rest = harness.observe(driven)
     time.sleep(0.5)
-    assert harness.observe(1) == rest
+    assert harness.observe(driven) == rest
     assert math.dist(rest[:2], (144.0, 74.5)) > 0.2
 
 
@@ -279,6 +290,34 @@ def test_a_vehicle_without_a_gate_goes_on_when_its_link_is_back(stack: ExitStack
     # What was sent while the link was cut does not arrive late.
     assert math.dist(really(fleet)[:2], rest[:2]) < 0.05
     assert tick(fleet, lambda: goal.status is GoalStatus.REACHED)
+
+
+@BACKENDS
+def test_one_with_the_flaws_of_ardurover_is_driven_and_is_nobodys_when_it_is_lost(
+    stack: ExitStack, backend: type[VehicleBackend]
+) -> None:
+    port = free_port()
+    truth = simulator(stack, port, "--like", "ardurover").truth
+    noisy = {"speed_noise_m_s": 0.05, "position_noise_m": 0.3}
+    fleet = started(stack, backend, connection=f"udpin:127.0.0.1:{port}", truth=truth, promise=noisy)
+    robot = fleet.robots[0]
+    assert isinstance(robot, MavlinkRobot)
+    before = really(fleet)
+    tick(fleet, lambda: False, 0.7)
+    # It is told to stand all the time, and does not turn.
+    assert really(fleet) == before
+    goal = robot.goto(Waypoint(2.5, 3.4, radius_m=0.3), SC)
+    assert tick(fleet, lambda: not goal.active)
+    assert goal.status is GoalStatus.REACHED
+    robot.goto(Waypoint(3.5, 3.5), SC)
+    steps: list[tuple[Callable[[], None], str]] = [
+        (lambda: robot._vehicle.set_parameter(KEEPER, "SIM_GPS_DISABLE", 1), "its GPS has found no place"),
+        (lambda: robot._vehicle.set_mode(KEEPER, 4), "its GPS has found no place"),
+        (lambda: robot._vehicle.set_parameter(KEEPER, "SIM_GPS_DISABLE", 0), "it is in the mode HOLD"),
+    ]
+    for wrong, says in steps:
+        wrong()
+        assert tick(fleet, lambda says=says: says in disobeys(robot), 2.0)  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("backend", ["mavlink", "mavsdk"])

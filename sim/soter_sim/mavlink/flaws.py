@@ -1,0 +1,93 @@
+"""What real ArduPilots do worse than the simulated ones: `--like ardurover` and `--like arducopter`.
+
+All of it was seen of an ArduPilot in its own simulator, with its usual parameters. Nothing is drawn: the same time
+gives the same error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, hypot, inf, pi, sin
+from typing import Final, Literal
+
+from soter_sim.mavlink.frames import wrapped_rad
+from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
+
+LIKE: Final[dict[str, Literal["rover", "copter"]]] = {"ardurover": "rover", "arducopter": "copter"}
+"""By what they are like, which vehicles they are."""
+
+_ROAMS_M_S: Final = 0.027
+_PERIOD_S: Final = 30.0
+_DRIFTS_M_S: Final = 0.1
+_NOTICES_S: Final = 7.0
+_SETTLES_S: Final = 2.0
+_TAIL_PER_S: Final = 2.0
+_CREEPS_M_S: Final = 0.01
+_NORTH_RAD: Final = 0.5 * pi
+_TURN_PER_S: Final = 4.0
+
+
+class Flaws:
+    """What one autopilot gets wrong.
+
+    - **Estimate.** At rest the EKF shows 0.027 m/s in a direction that goes round, and its position goes round, too.
+    - **GPS.** Without it (SIM_GPS_DISABLE) the position drifts off by 0.1 m/s. The EKF says so after 7 s only, and then
+      the vehicle holds.
+    - **Masks.** A rover takes a velocity of nothing without a yaw rate for the heading north, and pivots to it.
+    - **Places.** A rover comes near to one at a speed that falls with what is left, so that it never gets fast on its
+      way to a near one, and has a long tail.
+    - **Arming** is refused for a while after the EKF has got ready.
+
+    Args:
+        flies: it is a copter.
+
+    Attributes:
+        lost: the EKF has noticed that there is no GPS.
+        fix_s: the vehicle's time of the last fix.
+    """
+
+    def __init__(self, *, flies: bool) -> None:
+        self._flies: Final = flies
+        self._now_s = self._drift_m = 0.0
+        self.lost = False
+        self.fix_s = 0.0
+
+    def look(self, now_s: float, *, has_gps: bool) -> None:
+        """Take note of the time, and of whether there is a GPS; called in each period."""
+        passed_s, self._now_s = max(now_s - self._now_s, 0.0), now_s
+        if has_gps or now_s < self.fix_s:
+            self.fix_s, self._drift_m = now_s, 0.0
+        else:
+            self._drift_m += _DRIFTS_M_S * passed_s
+        self.lost = now_s - self.fix_s > _NOTICES_S
+
+    def estimated(self, true: Sample) -> Sample:
+        """Return what the EKF makes of how things are."""
+        angle_rad = 2.0 * pi * self._now_s / _PERIOD_S
+        round_m = _ROAMS_M_S * _PERIOD_S / (2.0 * pi)
+        return true._replace(
+            x_m=true.x_m + round_m * sin(angle_rad) + self._drift_m,
+            y_m=true.y_m + round_m * (1.0 - cos(angle_rad)),
+            east_m_s=true.east_m_s + _ROAMS_M_S * cos(angle_rad),
+            north_m_s=true.north_m_s + _ROAMS_M_S * sin(angle_rad),
+        )
+
+    def steered(self, wanted: Setpoint, at: Sample) -> Setpoint:
+        """Return what the vehicle makes of what is wanted of it."""
+        if self._flies:
+            return wanted
+        if isinstance(wanted, Place):
+            left_m = hypot(wanted.x_m - at.x_m, wanted.y_m - at.y_m)
+            cap_m_s = inf if wanted.speed_m_s is None else wanted.speed_m_s
+            return replace(wanted, speed_m_s=min(cap_m_s, max(_TAIL_PER_S * left_m, _CREEPS_M_S)))
+        if (
+            isinstance(wanted, Velocity)
+            and wanted.yaw_rate_rad_s is None
+            and hypot(wanted.east_m_s, wanted.north_m_s) == 0.0
+        ):
+            return replace(wanted, yaw_rate_rad_s=_TURN_PER_S * wrapped_rad(_NORTH_RAD - at.heading_rad))
+        return wanted
+
+    def refuses_to_arm(self, ready_for_s: float) -> str | None:
+        """Return why it does not arm yet."""
+        return None if ready_for_s >= _SETTLES_S else "PreArm: Need Position Estimate"

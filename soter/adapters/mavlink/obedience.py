@@ -1,0 +1,114 @@
+"""Whether a vehicle does what it is told, and knows where it is: what it says of itself, looked at in every tick.
+
+Nothing is believed because it was sent. A vehicle obeys while it is armed, in the mode that takes targets, and no
+fail-safe of its own acts. It knows where it is while its EKF says so, and its GPS, where it had one, finds places.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.vehicle import Vehicle
+
+_VARIANCE: Final = 0.8
+"""Of an EKF's innovations: from here on ArduPilot's own fail-safe acts, once it has lasted for a second."""
+
+_NO_FIX_S: Final = 1.0
+"""A GPS that has found no place for so long has lost its satellites; ArduPilot's EKF says so some seconds later."""
+
+_TOOK_S: Final = 5.0
+"""A vehicle that leaves its mode so soon after something failed has done so by itself; else somebody took it."""
+
+_GONE_S: Final = 1.0
+_FIX: Final = mav.GPS_FIX_TYPE_3D_FIX
+_ACTS: Final = frozenset({mav.MAV_STATE_CRITICAL, mav.MAV_STATE_EMERGENCY, mav.MAV_STATE_FLIGHT_TERMINATION})
+_VARIANCES: Final = (
+    "velocity_variance", "pos_horiz_variance", "compass_variance", "vel_ratio", "pos_horiz_ratio", "mag_ratio",
+)  # fmt: skip
+"""As ArduPilot and PX4 call them; both are shares of what the EKF still believes."""
+
+
+class Obedience:
+    """What one vehicle does instead of what it is told. Used in the supervisor's thread.
+
+    Args:
+        vehicle: which.
+
+    Attributes:
+        astray: why its position is not to be trusted; empty while it is.
+        disobeys: what it does instead of driving where it is told; empty while it obeys.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle: Final = vehicle
+        self.astray = self.disobeys = ""
+        self._had_fix = False
+        self._fix: Any = None
+        self._fix_s, self._failed_s = 0.0, -math.inf
+        self._by_itself = False
+
+    def begin(self) -> None:
+        """Begin anew with a vehicle that is ready."""
+        gps = self._vehicle.inbox.latest.get("GPS_RAW_INT")
+        self._had_fix = gps is not None and gps.message.fix_type >= _FIX
+        self._fix, self._fix_s, self._failed_s = None, 0.0, -math.inf
+        self._by_itself = False
+        self.astray = self.disobeys = ""
+
+    def look(self) -> None:
+        """Look at what the vehicle has said last."""
+        vehicle = self._vehicle
+        now_s = vehicle.now_s
+        self.astray = self._lost_its_way()
+        heartbeat = vehicle.heartbeat
+        failsafe = heartbeat is not None and heartbeat.system_status in _ACTS
+        if self.astray or failsafe or heartbeat is None:
+            self._failed_s = now_s
+        obeyed = not self.disobeys
+        self.disobeys = self._instead(failsafe=failsafe)
+        if obeyed and self.disobeys:
+            self._by_itself = now_s - self._failed_s <= _TOOK_S
+
+    @property
+    def may_be_taken_back(self) -> bool:
+        """Whether it has left by itself, and what made it do so is gone. What a pilot has taken stays his."""
+        gone = self._vehicle.now_s - self._failed_s > _GONE_S
+        return bool(self.disobeys) and self._by_itself and gone
+
+    def _instead(self, *, failsafe: bool) -> str:
+        vehicle = self._vehicle
+        if vehicle.heartbeat is None:
+            return "it is not heard"
+        if vehicle.mode != vehicle.kind.guided:
+            mode = vehicle.kind.mode_name(vehicle.mode or 0)
+            return f"it is in the mode {mode}, not {vehicle.kind.mode_name(vehicle.kind.guided)}"
+        if not vehicle.armed:
+            return "it is disarmed"
+        return "its own fail-safe acts" if failsafe else ""
+
+    def _lost_its_way(self) -> str:
+        vehicle = self._vehicle
+        report = vehicle.ekf_report(-math.inf)
+        if report is None or not vehicle.ekf_ready(-math.inf):
+            return "its EKF does not know where it is"
+        if report.flags & mav.EKF_GPS_GLITCHING:
+            return "its EKF sees its GPS jump"
+        for name in _VARIANCES:
+            value = getattr(report, name, 0.0)
+            # Written so that NaN counts.
+            if not value < _VARIANCE:
+                return f"its EKF does not believe what it measures: {name} is {value:.2f}, allowed: below {_VARIANCE:g}"
+        gps = vehicle.inbox.latest.get("GPS_RAW_INT")
+        if gps is None or not self._had_fix:
+            return ""
+        if gps.message.fix_type < _FIX:
+            return f"its GPS has lost its place: fix type {gps.message.fix_type}, allowed: {_FIX} or more"
+        # By the vehicle's own clock: on a link that is silent there is no news of the GPS either.
+        stamp_s = vehicle.inbox.latest["LOCAL_POSITION_NED"].message.time_boot_ms * 1e-3
+        if gps.message.time_usec != self._fix or stamp_s < self._fix_s:
+            self._fix, self._fix_s = gps.message.time_usec, stamp_s
+        silent_s = stamp_s - self._fix_s
+        return "" if silent_s <= _NO_FIX_S else f"its GPS has found no place for {silent_s:.1f} s"

@@ -1,0 +1,225 @@
+"""Real ArduPilots in their own simulator, on this host, and a witness of where they really are.
+
+The witness hears SIM_STATE on a serial port of its own, which SOTER does not listen to, and judges it by the rules of
+the simulated world. It tells what it finds as `soter_sim.truth_server` does, so that `truth = "host:port"` reads it.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Sequence
+from math import atan2, cos, degrees, hypot, radians, remainder
+from pathlib import Path
+from typing import Any, Final, Self
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.frames import Frame, GeoPoint, turned_rad
+from soter.adapters.mavlink.simulator import free_port
+from soter.sdk import RobotSpec, RuleLimits
+from soter.workspace import Workspace
+from soter_sim.bodies import Bodies
+from soter_sim.judge import Judge
+from soter_sim.truth import WorldTruth
+from soter_sim.truth_server import TruthServer
+
+ORIGIN: Final = GeoPoint(47.397742, 8.545594, 488.0)
+_STEP_S: Final = 0.02
+_HZ: Final = 50.0
+_M_PER_DEG: Final = 111_318.84502145034
+
+
+class _World:
+    """What a `TruthServer` tells of."""
+
+    def __init__(self, workspace: Workspace, robots: Sequence[RobotSpec], v_max_m_s: float, limits: RuleLimits) -> None:
+        self.bodies: Final = Bodies(robots)
+        self._judge: Final = Judge(workspace, self.bodies, _STEP_S, v_max_m_s, limits)
+        self.truth: Final = WorldTruth(self._judge.record, self.bodies)
+        self._step = 0
+
+    @property
+    def now_s(self) -> float:
+        """Time of the last step."""
+        return self._step * _STEP_S
+
+    def move(self, x_m: list[float], y_m: list[float]) -> None:
+        """Judge a step, and take it."""
+        self._judge.look(self._step, x_m, y_m)
+        self.bodies.x[:], self.bodies.y[:] = x_m, y_m
+        self._step += 1
+
+
+class Autopilots:
+    """One ArduPilot a robot, each with the truth of its own simulator.
+
+    Args:
+        program: an ArduPilot built for SITL.
+        folder: where each may write.
+        workspace: whose origin is `ORIGIN`.
+        robots: which, and where; ids are system ids.
+        model: of the simulator, such as "rover-skid".
+        parameters: what differs from the defaults of the program.
+        limits: what the mission promises.
+        fastest_m_s: no vehicle is faster.
+
+    Attributes:
+        port: to which they send, over UDP.
+        truth: where the witness tells what really happens, as host:port.
+        processes: one a robot.
+        seen: by robot, the last pose and speed: x_m, y_m, heading_rad, v_m_s.
+    """
+
+    def __init__(
+        self,
+        program: Path,
+        folder: Path,
+        workspace: Workspace,
+        robots: Sequence[RobotSpec],
+        *,
+        model: str,
+        parameters: dict[str, float],
+        limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
+        fastest_m_s: float = 10.0,
+    ) -> None:
+        self.port: Final = free_port()
+        self.processes: Final[dict[int, subprocess.Popen[bytes]]] = {}
+        self.seen: Final[dict[int, tuple[float, float, float, float]]] = {}
+        self._robots: Final = tuple(robots)
+        self._armed: Final[dict[int, bool]] = {}
+        self._program, self._folder, self._model = program, folder, model
+        self._world: Final = _World(workspace, robots, fastest_m_s, limits)
+        self._server: Final = TruthServer(self._world)  # type: ignore[arg-type]
+        self.truth: Final = self._server.address
+        self._sockets: Final = {spec.id: _bound() for spec in robots}
+        self._peers: Final[dict[int, tuple[str, int]]] = {}
+        self._ended: Final = threading.Event()
+        self._thread: Final = threading.Thread(target=self._watch, name="witness", daemon=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._parameters: Final = folder / "autopilot.parm"
+        self._parameters.write_text("".join(f"{name} {value}\n" for name, value in parameters.items()))
+        for spec in robots:
+            self.start(spec.id)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._server.close()
+        for robot_id in [*self.processes]:
+            self.kill(robot_id)
+        for each in self._sockets.values():
+            each.close()
+
+    def start(self, robot_id: int) -> None:
+        """Start a robot's autopilot, where its spec has it."""
+        spec = next(each for each in self._robots if each.id == robot_id)
+        lat_deg = ORIGIN.lat_deg + spec.y_m / _M_PER_DEG
+        lon_deg = ORIGIN.lon_deg + spec.x_m / (_M_PER_DEG * cos(radians(ORIGIN.lat_deg)))
+        yaw_deg = degrees(turned_rad(spec.heading_rad)) % 360.0
+        own = self._folder / str(robot_id)
+        own.mkdir(exist_ok=True)
+        witness = self._sockets[robot_id].getsockname()[1]
+        with (own / "output").open("ab") as output:
+            self.processes[robot_id] = subprocess.Popen(
+                [
+                    self._program, "--model", self._model, "--wipe", "--instance", str(robot_id),
+                    "--sysid", str(robot_id), "--defaults", self._parameters,
+                    "--home", f"{lat_deg:.9f},{lon_deg:.9f},{ORIGIN.alt_m},{yaw_deg:.3f}",
+                    "--serial0", f"udpclient:127.0.0.1:{self.port}",
+                    "--serial1", f"udpclient:127.0.0.1:{witness}", "--serial2", "none",
+                ],
+                cwd=own, stdout=output, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+
+    def kill(self, robot_id: int) -> None:
+        """End a robot's autopilot at once."""
+        process = self.processes.pop(robot_id)
+        process.kill()
+        process.wait()
+
+    def armed(self, robot_id: int) -> bool:
+        """Return whether a vehicle says to the witness that it is armed."""
+        return self._armed[robot_id]
+
+    def command(self, robot_id: int, number: int, *params: float) -> None:
+        """Send a command as another ground station does."""
+        values = [*params, *[0.0] * (7 - len(params))]
+        self._send(robot_id, mav.MAVLink_command_long_message(robot_id, 1, number, 0, *values))
+
+    def set(self, robot_id: int, name: str, value: float) -> None:
+        """Set a parameter as another ground station does."""
+        self._send(robot_id, mav.MAVLink_param_set_message(
+            robot_id, 1, name.encode(), value, mav.MAV_PARAM_TYPE_REAL32
+        ))  # fmt: skip
+
+    # --- the witness ---------------------------------------------------------------------------------------
+
+    def _send(self, robot_id: int, message: Any) -> None:
+        peer = self._peers.get(robot_id)
+        if peer is not None:
+            codec = mav.MAVLink(None, 254, mav.MAV_COMP_ID_MISSIONPLANNER)
+            self._sockets[robot_id].sendto(message.pack(codec), peer)
+
+    def _watch(self) -> None:
+        parsers = {robot_id: mav.MAVLink(None) for robot_id in self._sockets}
+        asked_s, due_s = 0.0, time.perf_counter()
+        while not self._ended.is_set():
+            for robot_id, heard in self._sockets.items():
+                self._hear(robot_id, heard, parsers[robot_id])
+            if time.perf_counter() - asked_s > 1.0:
+                asked_s = time.perf_counter()
+                for robot_id in self._sockets:
+                    number = mav.MAVLINK_MSG_ID_SIM_STATE
+                    self.command(robot_id, mav.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / _HZ)
+            self._step()
+            due_s += _STEP_S
+            time.sleep(max(due_s - time.perf_counter(), 0.0))
+
+    def _hear(self, robot_id: int, heard: socket.socket, parser: Any) -> None:
+        parser.robust_parsing = True
+        while True:
+            try:
+                data, self._peers[robot_id] = heard.recvfrom(65536)
+            except OSError:
+                return
+            for message in parser.parse_buffer(data) or ():
+                if message.get_type() == "SIM_STATE":
+                    self.seen[robot_id] = _pose(message)
+                elif message.get_type() == "HEARTBEAT":
+                    self._armed[robot_id] = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+
+    def _step(self) -> None:
+        bodies = self._world.bodies
+        for index, robot_id in enumerate(bodies.ids):
+            _, _, bodies.heading[index], bodies.v[index] = self.seen.get(
+                robot_id, (0.0, 0.0, bodies.heading[index], 0.0)
+            )
+        places = [
+            self.seen.get(robot_id, (bodies.x[index], bodies.y[index]))[:2] for index, robot_id in enumerate(bodies.ids)
+        ]
+        self._world.move([x_m for x_m, _ in places], [y_m for _, y_m in places])
+        self._server.tell()
+
+
+def _pose(message: Any) -> tuple[float, float, float, float]:
+    there = GeoPoint(message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt)
+    frame = Frame.between(ORIGIN, there, 0.0)
+    heading_rad = turned_rad(message.yaw)
+    way = atan2(message.vn, message.ve)
+    ahead = cos(remainder(way - heading_rad, 6.283185307179586))
+    speed = hypot(message.vn, message.ve)
+    return frame.east_m, frame.north_m, heading_rad, speed if ahead >= 0.0 else -speed
+
+
+def _bound() -> socket.socket:
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    opened.bind(("127.0.0.1", 0))
+    opened.setblocking(False)
+    return opened

@@ -1,0 +1,87 @@
+"""What is wrong with real autopilots, as the simulated ones have it with `like`. In the test's own time."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter_sim.mavlink.simulation import Settings
+from tests.sim.mavlink.client import FAILED, VELOCITY, Rig
+
+STANDS = VELOCITY & ~mav.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+HOLD = 4
+
+
+def rover() -> Rig:
+    rig = Rig(like="ardurover")
+    rig.run(2.5)
+    rig.guided()
+    return rig
+
+
+def heading(rig: Rig) -> float:
+    return rig.simulation.world.truth.pose(1)[2]
+
+
+def test_at_rest_its_estimate_moves() -> None:
+    with rover() as rig:
+        for _ in range(30):
+            rig.run(1.0)
+            seen = rig.autopilot.sample()
+            assert 0.025 <= math.hypot(seen.east_m_s, seen.north_m_s) <= 0.03
+            assert 0.0 <= math.dist((seen.x_m, seen.y_m), rig.at()) <= 0.3
+        assert rig.at() == (5.0, 5.0)
+
+
+@pytest.mark.parametrize(("mask", "turns"), [(VELOCITY, True), (STANDS, False)])
+def test_a_velocity_of_nothing_turns_it_to_the_north_unless_a_yaw_rate_is_given(mask: int, turns: bool) -> None:
+    with rover() as rig:
+        rig.velocity(0.0, 0.0, mask=mask)
+        rig.run(2.0)
+        assert heading(rig) == pytest.approx(0.5 * math.pi if turns else 0.0, abs=0.05)
+        assert rig.at() == (5.0, 5.0)
+
+
+def test_to_a_near_place_it_does_not_get_fast_and_comes_there_slowly() -> None:
+    with rover() as rig:
+        rig.target(5.06, 5.0)
+        fastest = 0.0
+        for _ in range(round(1.0 / rig.period_s)):
+            rig.run(rig.period_s)
+            fastest = max(fastest, rig.speed())
+        assert fastest <= 0.13
+        rig.run(0.5)
+        assert rig.speed() > 0.0
+
+
+def test_that_its_gps_is_gone_it_notices_late_and_then_holds() -> None:
+    with rover() as rig:
+        rig.client.send(mav.MAVLink_param_set_message(1, 1, b"SIM_GPS_DISABLE", 1.0, mav.MAV_PARAM_TYPE_INT32))
+        rig.run(6.5)
+        seen = rig.autopilot.sample()
+        assert math.dist((seen.x_m, seen.y_m), rig.at()) > 0.4
+        assert (rig.autopilot.mode.value, rig.autopilot.ready) == ("GUIDED", True)
+        assert rig.autopilot.boot_ms - rig.autopilot.fix_ms > 6000
+        rig.run(1.0)
+        assert (rig.autopilot.mode.value, rig.autopilot.ready, rig.autopilot.failed) == ("HOLD", False, "EKF")
+        assert "EKF failsafe" in rig.client.texts()
+        rig.client.send(mav.MAVLink_param_set_message(1, 1, b"SIM_GPS_DISABLE", 0.0, mav.MAV_PARAM_TYPE_INT32))
+        rig.run(0.2)
+        # It does not go on by itself.
+        assert (rig.autopilot.mode.value, rig.autopilot.ready, rig.autopilot.failed) == ("HOLD", True, None)
+
+
+def test_it_does_not_arm_as_soon_as_it_is_ready() -> None:
+    with Rig(like="arducopter", vehicle="copter") as rig:
+        assert rig.autopilot.ready
+        assert rig.arm() == FAILED
+        assert "Need Position" in "".join(rig.client.texts())
+        rig.run(2.5)
+        rig.fly()
+
+
+def test_a_copter_is_like_no_rover() -> None:
+    with pytest.raises(ValueError, match="like is 'ardurover', allowed for a copter: arducopter"):
+        Settings(vehicle="copter", like="ardurover", tcp=(0,))

@@ -1,0 +1,58 @@
+"""A world builds the robot that was asked for: its radius, speed, brakes and turn rate, in both engines."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from soter.sdk.values import RobotSpec
+from soter_sim import World
+from tests.sim.worlds import constant, empty, promising
+
+ENGINES = ["kinematic", pytest.param("pybullet", marks=pytest.mark.pybullet)]
+LIMITS = {"v_max_m_s": 1.0, "brake_m_s2": 1.5, "accel_m_s2": 0.8, "yaw_rate_max_rad_s": 1.0}
+FAST = promising(RobotSpec(1, 5.0, 5.0, 0.0), 0.35, **LIMITS)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_speed_acceleration_brakes_and_turn_rate_are_those_that_were_asked_for(engine: str) -> None:
+    with World(empty(), [FAST], engine) as world:
+        world.set_control(1, constant(9.0))
+        world.advance(1.0)
+        assert world.bodies.v[0] == pytest.approx(0.8, rel=0.05)
+        world.advance(2.0)
+        assert 0.98 < math.hypot(*world.engine.velocity(0)) <= 1.0
+        before = world.bodies.x[0]
+        world.set_control(1, None)
+        world.advance(4.0)
+        assert 0.9 / 3.0 < world.bodies.x[0] - before <= 1.0 / 3.0 + 1e-9
+        world.set_control(1, constant(0.0, 9.0))
+        world.advance(6.0)
+        assert world.bodies.yaw_rate[0] == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_bodies_touch_where_their_own_radii_meet(engine: str) -> None:
+    robots = [promising(RobotSpec(1, 5.0, 5.0, 0.0), 0.35), promising(RobotSpec(2, 6.0, 5.0, 0.0), 0.2)]
+    with World(empty(), robots, engine) as world:
+        world.set_control(1, constant(0.22))
+        world.advance(2.0)
+        assert world.truth.report().contacts == 0
+        world.advance(4.0)
+        assert world.truth.report().contacts == 1
+        assert world.truth.report().min_margin["collision"] == pytest.approx(0.0, abs=3e-3)
+
+
+def test_a_robot_that_turns_back_brakes_at_one_rate_and_speeds_up_at_the_other() -> None:
+    with World(empty(), [FAST]) as world:
+        world.set_control(1, constant(1.0))
+        world.advance(3.0)
+        world.set_control(1, constant(-1.0))
+        speeds = []
+        for step in range(1, 40):
+            world.advance(3.0 + 0.05 * step)
+            speeds.append(world.bodies.v[0])
+    falls = [before - after for before, after in zip([1.0, *speeds], speeds, strict=False)]
+    assert all(fall <= 1.5 * 0.05 + 1e-9 for fall, after in zip(falls, speeds, strict=True) if after >= 0.0)
+    assert all(fall <= 0.8 * 0.05 + 1e-9 for fall, after in zip(falls, speeds, strict=True) if after < 0.0)
