@@ -30,7 +30,7 @@ class Assumption(Enum):
     BRAKING = (
         "A2",
         "A robot that is told to stop decelerates by at least brake_m_s2.",
-        "A robot that was told to stop, and has begun to, may not get farther than latency and braking take it.",
+        "Told to stop, a robot that has begun to may get no farther and slow down no less than it promises.",
     )
     LATENCY = (
         "A3",
@@ -94,10 +94,11 @@ class Assumption(Enum):
     )
     AUTHORITY = (
         "A12",
-        "The AC has no other way to the actuator than its port.",
+        "The AC has no other way to the actuator than its port, and nobody else has any.",
         (
             "A robot that reports its controller may not report another one than was put in charge, nor none, once "
-            "latency_s has passed; nor may others say velocities to a robot's base, where the adapter hears that."
+            "latency_s has passed; nor may others say velocities to a robot's base, where the adapter hears that; nor "
+            "may a robot say of itself that it does something else than it is told."
         ),
     )
     START = (

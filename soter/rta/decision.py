@@ -73,7 +73,7 @@ class DecisionModule:
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
         # The age of the sample is known when it is judged; the horizon has its bound instead.
-        self._look_s = module.horizon_s(timing) - timing.sample_age_s
+        self._look_s = timing.look_s(module.delta_s)
         self._phi_safe = module.phi_safe
         self._model = module.model
         self._keep = module.keep

@@ -180,6 +180,11 @@ class Supervisor:
         robots = self._list
         samples = [robot.sense(now_s) for robot in robots]
         found = {} if self._peers is None else self._peers.look(now_s, samples)
+        if self._peers is not None:
+            for robot in robots:
+                if cause := robot.uncontrolled:
+                    # It may go wherever its promise lets it, and gives way to nobody.
+                    found.setdefault(robot.robot_id, Finding(Assumption.PEERS, f"robot {robot.robot_id}: {cause}"))
         others = self._hear(now_s, found) if self._remote else ()
         if found and self._still is not None:
             samples = [self._still.bounded(now_s, sample) for sample in samples]

@@ -43,6 +43,7 @@ class Timing:
         lease_s: how long the robot moves on when the supervisor falls silent.
         tick_s: how often the lease is renewed.
         deltas: how many Delta a module looks ahead, for studies of what that is worth; None for what proofs need.
+        speed_noise_m_s: error of a reported velocity, at most; None where that is not promised.
     """
 
     latency_s: float = 0.0
@@ -52,6 +53,7 @@ class Timing:
     lease_s: float = 0.0
     tick_s: float = 0.0
     deltas: float | None = None
+    speed_noise_m_s: float | None = None
 
     def silent_s(self, delta_s: float) -> float:
         """Return how long a robot moves on at most after a look of a module, if its supervisor dies before the next.
@@ -66,6 +68,14 @@ class Timing:
         A supervisor that dies must leave the robot inside phi_safe.
         """
         return max(2.0 * delta_s, self.silent_s(delta_s)) if self.deltas is None else self.deltas * delta_s
+
+    def look_s(self, delta_s: float) -> float:
+        """Return how long controllers may drive on after a look at a sample that has no age: S + L + J."""
+        return self.ahead_s(delta_s) + self.latency_s + self.jitter_s
+
+    def horizon_s(self, delta_s: float) -> float:
+        """Return H, which adds the largest age of a sample: the time that no controller may be able to use up."""
+        return self.ahead_s(delta_s) + self.latency_s + self.sample_age_s + self.jitter_s
 
 
 class Region(ABC):
@@ -137,12 +147,14 @@ class RTAModule:
     lets_go_s: float = math.inf
     peers_within_m: float = math.inf
 
-    def horizon_s(self, timing: Timing) -> float:
-        """Return H = 2 Delta + L + A_max + J, the time that no controller may be able to use up.
+    @property
+    def of_pairs(self) -> bool:
+        """Whether the rule is one between this robot and others."""
+        return self.model is not None and self.model.of_pairs
 
-        Where a robot moves on for longer than 2 Delta after its supervisor's death, that takes the place of 2 Delta.
-        """
-        return timing.ahead_s(self.delta_s) + timing.latency_s + timing.sample_age_s + timing.jitter_s
+    def horizon_s(self, timing: Timing) -> float:
+        """Return H of this module on a robot; see `Timing.horizon_s`."""
+        return timing.horizon_s(self.delta_s)
 
     def edge_margin(self) -> float:
         """Return the margin at the edge of phi_safer, or NaN for a rule given by predicates."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -16,6 +16,9 @@ AHEAD_S: Final = 0.1
 """How far a stamp may be ahead of fleet time before its clock counts as wrong, not only as a little fast."""
 
 _AT_SPEED: Final = 0.95
+_UNSURE: Final = 0.1
+_REST_M_S: Final = 0.02
+_ROUNDING_M_S: Final = 1e-6
 _ROUNDING_M: Final = 1e-6
 _ROUNDING_S: Final = 1e-9
 
@@ -157,24 +160,32 @@ class SampleMonitor:
 class StopMonitor:
     """Watches a robot that ought to come to rest: no farther than the time it takes to act, and braking, take it.
 
-    It ought to when it was told to stop and has not been told anything since, or while its lease is withheld.
+    It ought to when it was told to stop and has not been told anything since, or while its lease is withheld. Once it
+    has begun to brake, by its own report, its speed has to fall as fast as it promises.
 
     Args:
         models: reach models of the robot; the first that bounds its motion is used, and without one nothing is watched.
         timing: the robot's declared timing.
     """
 
-    __slots__ = ("_lease", "_noise_m", "_told")
+    __slots__ = ("_brake_m_s2", "_braking", "_latency_s", "_lease", "_noise_m", "_speed_noise_m_s", "_told")
 
     def __init__(self, models: Sequence[ReachModel], timing: Timing) -> None:
         model = next((model for model in models if model.assumption is Assumption.MOTION), None)
         self._told: Final = _Order(model, timing.latency_s)
         self._lease: Final = _Order(model, timing.latency_s + timing.lease_s)
         self._noise_m: Final = timing.noise_m
+        self._speed_noise_m_s: Final = timing.speed_noise_m_s
+        self._latency_s: Final = timing.latency_s
+        # A model of the user's own may know of no brakes.
+        self._brake_m_s2: Final[float | None] = getattr(model, "brake_m_s2", None)
+        self._braking: Sample | None = None
 
     def told(self, now_s: float, sample: Sample, stop: bool) -> None:
         """Note that the robot was told to stop, or something else."""
         self._told.note(now_s, sample, stop)
+        if not stop:
+            self._braking = None
 
     def lease(self, now_s: float, sample: Sample, withheld: bool) -> None:
         """Note whether the lease was withheld."""
@@ -186,6 +197,9 @@ class StopMonitor:
         if overrun is not None:
             cause, too_far_m = overrun
             return Finding(Assumption.LEASE, f"its lease was withheld, and it {cause}", too_far_m, "m")
+        weak = self._weak(sample)
+        if weak is not None:
+            return weak
         start = self._told.start
         overrun = self._told.overrun(now_s, sample, self._noise_m)
         if overrun is None or start is None:
@@ -195,37 +209,59 @@ class StopMonitor:
         assumption = Assumption.BRAKING if brakes else Assumption.LATENCY
         return Finding(assumption, f"told to stop, it {cause}", too_far_m, "m")
 
+    def _weak(self, sample: Sample) -> Finding | None:
+        """Return that the speed of a robot that brakes falls too slowly, or None."""
+        start, since, brake_m_s2 = self._told.start, self._braking, self._brake_m_s2
+        if start is None or brake_m_s2 is None or sample is since:
+            return None
+        speed_m_s, began_m_s = _speed_m_s(sample), _speed_m_s(start)
+        if since is None:
+            if sample.stamp_s >= self._told.ordered_s + self._latency_s and speed_m_s < _AT_SPEED * began_m_s:
+                self._braking = sample
+            return None
+        # Velocities of which nothing is promised are taken for right to a part, and for no better than rest.
+        noise_m_s = self._speed_noise_m_s
+        unsure_m_s = max(_UNSURE * began_m_s, _REST_M_S) if noise_m_s is None else 2.0 * noise_m_s
+        passed_s = sample.stamp_s - since.stamp_s
+        most_m_s = max(0.0, _speed_m_s(since) - brake_m_s2 * passed_s) + unsure_m_s + _ROUNDING_M_S
+        if passed_s <= 0.0 or speed_m_s <= most_m_s:
+            return None
+        # Judged anew from here, as above.
+        self._braking = sample
+        cause = f"told to stop, it still did {speed_m_s:.3f} m/s after {passed_s:.3f} s, at most {most_m_s:.3f} m/s"
+        return Finding(Assumption.BRAKING, cause, speed_m_s - most_m_s, "m/s")
+
 
 class _Order:
     """One reason to be at rest, and where the robot was when it came up."""
 
-    __slots__ = ("_model", "_ordered_s", "_within_s", "start")
+    __slots__ = ("_model", "_within_s", "ordered_s", "start")
 
     def __init__(self, model: ReachModel | None, within_s: float) -> None:
         self._model: Final = model
         self._within_s: Final = within_s
-        self._ordered_s = 0.0
+        self.ordered_s = 0.0
         self.start: Sample | None = None
 
     def note(self, now_s: float, sample: Sample, stop: bool) -> None:
         if not stop or self._model is None:
             self.start = None
         elif self.start is None:
-            self.start, self._ordered_s = sample, now_s
+            self.start, self.ordered_s = sample, now_s
 
     def overrun(self, now_s: float, sample: Sample, noise_m: float) -> tuple[str, float] | None:
         """Return in words how the robot ran on, and by how many metres too far; None if it did not."""
         start, model = self.start, self._model
         if start is None or model is None or sample is start:
             return None
-        age_s = max(0.0, self._ordered_s - start.stamp_s)
+        age_s = max(0.0, self.ordered_s - start.stamp_s)
         most_m = model.bound(self._within_s + age_s) + 2.0 * noise_m + _ROUNDING_M
         way_m = _apart_m(start, sample)
         if way_m <= most_m:
             return None
-        cause = f"got {way_m:.3f} m farther since {self._ordered_s:.3f} s, at most {most_m:.3f} m"
+        cause = f"got {way_m:.3f} m farther since {self.ordered_s:.3f} s, at most {most_m:.3f} m"
         # Judged anew from here: a robot that has come to rest after all must not count for ever.
-        self.start, self._ordered_s = sample, now_s
+        self.start, self.ordered_s = sample, now_s
         return cause, way_m - most_m
 
 
@@ -235,14 +271,12 @@ class PeerMonitor:
     One for a fleet: what a robot reports is the same for everybody who hears it.
 
     Args:
-        model: the bound that is declared for peers.
-        noise_m: error of the positions that peers report, at most.
+        bounds: by robot, the bound that it promises and the error of the positions that it reports, at most.
         silent_s: a peer may not be silent for longer.
     """
 
-    def __init__(self, model: ReachModel, noise_m: float, silent_s: float) -> None:
-        self._model: Final = model
-        self._noise_m: Final = noise_m
+    def __init__(self, bounds: Mapping[int, tuple[ReachModel, float]], silent_s: float) -> None:
+        self._bounds: Final = bounds
         self._silent_s: Final = silent_s
         self._before: dict[int, Sample] = {}
 
@@ -254,9 +288,10 @@ class PeerMonitor:
             last = before.get(robot_id)
             if sample is not last:
                 before[robot_id] = sample
-                if last is not None and not self._model.admits(last, sample, self._noise_m):
-                    cause = f"robot {robot_id}: sample outside the reach set that is declared for peers"
-                    excess = self._model.excess(last, sample, self._noise_m)
+                model, noise_m = self._bounds[robot_id]
+                if last is not None and not model.admits(last, sample, noise_m):
+                    cause = f"robot {robot_id}: sample outside the reach set that it promises to its peers"
+                    excess = model.excess(last, sample, noise_m)
                     found[robot_id] = Finding(Assumption.PEERS, cause, *excess)
                     continue
             silent_s = now_s - sample.stamp_s

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple, Protocol
 
-from soter.errors import Intruder
+from soter.errors import Intruder, Uncontrolled
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule
@@ -24,6 +24,9 @@ SUPERVISOR = "supervisor"
 
 
 _ROUNDING_S: Final = 1e-9
+
+UNHEARD_S: Final = 3.0
+"""A robot that has not been heard of for longer is nobody's: whatever it is told may reach nobody."""
 
 ALARM_S: Final = 0.3
 """A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
@@ -123,6 +126,13 @@ class RobotSupervisor:
         self._disowned = self._reports = False
         self._heard_within_s: Final = heard_within_s
         self._held = self._was_held = self._peer_unsure = False
+        self._disobeys = ""
+        self._disobeyed_until_s = -math.inf
+
+    @property
+    def uncontrolled(self) -> str:
+        """Why the robot is under nobody's control, as far as that is known; empty while it does what it is told."""
+        return self._disobeys if self.situation.now_s < self._disobeyed_until_s else ""
 
     def fail_ac(self, cause: str) -> None:
         """Never give this robot to its AC again: that has failed for good, and the cause says how.
@@ -152,11 +162,13 @@ class RobotSupervisor:
                 raise ValueError(f"the sample is not finite: {sample}")
         except Exception as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
             situation.age_s = max(0.0, now_s - before.stamp_s)
+            self._look_for_silence()
             self._raise_alarm(Assumption.SAMPLE_AGE, f"no state: {failure}")
             return before
         situation.own = sample
         # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
         situation.age_s = max(0.0, now_s - sample.stamp_s)
+        self._look_for_silence()
         try:
             for found in (self._samples.look(now_s, before, sample), self._stop.look(now_s, sample)):
                 if found is not None:
@@ -190,7 +202,19 @@ class RobotSupervisor:
             self._raise_alarm(Assumption.AUTHORITY, f"the robot reports {reported} in charge, not {self.mode}")
             self._attempt(self.actuator.insist)
         elif settled and self._reports and reported is None:
-            self._raise_alarm(Assumption.AUTHORITY, f"the robot does not report any more that {self.mode} is in charge")
+            self._disobeyed(f"the robot does not report any more that {self.mode} is in charge")
+
+    def _look_for_silence(self) -> None:
+        age_s = self.situation.age_s
+        if age_s > UNHEARD_S:
+            self._lose_control(f"it has not been heard of for {age_s:.1f} s")
+
+    def _lose_control(self, cause: str) -> None:
+        self._disobeys, self._disobeyed_until_s = cause, self.situation.now_s + ALARM_S
+
+    def _disobeyed(self, cause: str) -> None:
+        self._lose_control(cause)
+        self._raise_alarm(Assumption.AUTHORITY, cause)
 
     def distrust(self, finding: Finding) -> None:
         """Take control from the AC for a while, because of what was found out about a peer."""
@@ -334,6 +358,9 @@ class RobotSupervisor:
             return True
         except Exception as failure:
             self._refused = True
+            if repr(failure).startswith(Uncontrolled.MARK):
+                self._disobeyed(repr(failure))
+                return False
             if repr(failure).startswith(Intruder.MARK):
                 self._raise_alarm(Assumption.AUTHORITY, repr(failure))
                 return False

@@ -1,11 +1,10 @@
 """Mission in, result out."""
 
 from soter.runner.progress import Progress, RobotProgress
-from soter.runner.result import NeedlessCounts, Run, RunResult, TargetCounts, TickTimes
+from soter.runner.result import Run, RunResult, TargetCounts, TickTimes
 from soter.runner.run import Study, run_mission
 
 __all__ = [
-    "NeedlessCounts",
     "Progress",
     "RobotProgress",
     "Run",

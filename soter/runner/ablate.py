@@ -14,10 +14,10 @@ from typing import Final
 
 from soter.config import load_mission
 from soter.config_tables import MODULES
+from soter.controllers import ADVERSARIES, PREFIX
 from soter.errors import ConfigError, IllFormedModule, RunFailed, SoterError
 from soter.runner.result import RunResult
 from soter.runner.run import Study, run_mission
-from soter.stack.adversaries import BUILT_IN, PREFIX
 
 DELTAS_S: Final[Mapping[str, tuple[float, ...]]] = {
     "collision": (0.05, 0.1, 0.2, 0.5, 1.0),
@@ -147,7 +147,7 @@ def variants(own: Iterable[str] = ()) -> list[Variant]:
         Variant("dwell", f"{dwell_s:g} s", {f"rta.{module}.dwell_s": dwell_s for module in MODULES})
         for dwell_s in DWELLS_S
     ]
-    return found + [Variant("adversary", name, {"ac": f"{PREFIX}{name}"}) for name in BUILT_IN]
+    return found + [Variant("adversary", name, {"ac": f"{PREFIX}{name}"}) for name in ADVERSARIES]
 
 
 @dataclass(frozen=True)

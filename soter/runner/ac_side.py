@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 from soter.clock import Clock
 from soter.record.messages import Transition
 from soter.rta import Report
+from soter.sdk import Capabilities
 from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotPort
 from soter.stack.terrain import Terrain
@@ -25,6 +26,30 @@ class TargetLog(Protocol):
         """A target has ended, one way or another."""
 
 
+ARRIVAL_M: Final = 0.10
+"""How near is reached, for robots that get so near."""
+
+
+def arrival_m(promised: Capabilities) -> float:
+    """Return how near to a target a robot counts as there: no nearer than it stops, as it is seen."""
+    return max(ARRIVAL_M, promised.overshoot_m + promised.position_noise_m)
+
+
+@dataclass(frozen=True)
+class OwnRoom:
+    """The room that one robot takes.
+
+    Attributes:
+        terrain: fence and boxes, as distances of its body.
+        disc_m: distance that its plans keep from robots that stand in the way.
+        arrival_m: how near to a target is reached.
+    """
+
+    terrain: Terrain
+    disc_m: float
+    arrival_m: float = ARRIVAL_M
+
+
 @dataclass(frozen=True)
 class Scene:
     """What the ACs get to see and use.
@@ -32,22 +57,22 @@ class Scene:
     Attributes:
         clock: fleet time.
         workspace: fence, boxes, chargers.
-        terrain: the same, as distances.
+        rooms: by robot, the room that it takes.
         ports: the ACs' rights, by robot.
-        disc_m: distance that plans keep from robots that stand in the way.
         log: told of targets.
         on_transition: told of every change of state of the mission's machines, or None; for recordings.
         peers: the robots that other processes command, by robot: ports that show where they are and take nothing.
+        capabilities: what the robots of the ports promise.
     """
 
     clock: Clock
     workspace: Workspace
-    terrain: Terrain
+    rooms: Mapping[int, OwnRoom]
     ports: Mapping[int, RobotPort]
-    disc_m: float
     log: TargetLog
     on_transition: Callable[[Transition], None] | None = None
     peers: Mapping[int, RobotPort] = field(default_factory=dict)
+    capabilities: Mapping[int, Capabilities] = field(default_factory=dict)
 
 
 class AcSide(Protocol):
@@ -64,6 +89,10 @@ class AcSide(Protocol):
     @property
     def paths_replaced(self) -> int:
         """How many paths of the untrusted planner were not used."""
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to do, so that the run may end before its time is up."""
 
     @property
     def incidents(self) -> Sequence[str]:

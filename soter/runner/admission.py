@@ -10,28 +10,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from pydantic import BaseModel
-
 from soter.check import Finding, Verdict, conditions
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.rta import Port, Region, Situation, Topic
 from soter.runner.proof import prove
-from soter.runner.specs import promises
+from soter.runner.specs import asked, promises
 from soter.sdk import Backend, BackendConfig, Capabilities
 from soter.stack.actuator import PortForwarder
-from soter.stack.declaration import Declared, PeerBounds, declare
+from soter.stack.declaration import Declared, Peers, declare, terrains_of
 from soter.stack.infrastructure import standing
 from soter.stack.right_of_way import BATTERY, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
-from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
 _STEPS: Final = 20
 """Halvings of the range in which the highest speed-up is looked for; far finer than what is said of it."""
 
 
-def declare_all(mission: Mission, workspace: Workspace, promised: Mapping[int, Capabilities]) -> dict[int, Declared]:
+def declare_all(
+    mission: MissionFile, workspace: Workspace, promised: Mapping[int, Capabilities]
+) -> dict[int, Declared]:
     """Declare every robot's modules without a robot.
 
     Args:
@@ -42,22 +41,22 @@ def declare_all(mission: Mission, workspace: Workspace, promised: Mapping[int, C
     Raises:
         IllFormedModule: a robot does not promise what the model of a module needs.
     """
-    terrain = Terrain(workspace, max(each.body_radius_m for each in promised.values()))
-    peers = PeerBounds.of([*promised.values()], mission.base_tick_s)
+    terrains = terrains_of(workspace, promised)
     made = {}
     for robot_id, capabilities in promised.items():
         waypoint: Topic[Any] = Topic(WAYPOINT)
         forwarder = PortForwarder(Port(robot_id, lambda _: None), waypoint, mission.base_tick_s)
         made[robot_id] = declare(
-            mission, workspace, terrain, robot_id, capabilities, peers, forwarder, waypoint, RightOfWay()
-        )
+            mission, workspace, terrains[robot_id], robot_id, capabilities,
+            Peers.of(robot_id, promised, mission.base_tick_s), forwarder, waypoint, RightOfWay(),
+        )  # fmt: skip
     return made
 
 
 def highest_speedup(
-    mission: Mission, workspace: Workspace, backend: type[Backend], config: BaseModel, asked: float
+    mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig, most: float
 ) -> float | None:
-    """Return the highest speed-up up to `asked` at which all modules are well-formed, or None if there is none.
+    """Return the highest speed-up up to `most` at which all modules are well-formed, or None if there is none.
 
     Latency, age and jitter are the host's: in the time of a world that runs N times as fast they are N times as long.
 
@@ -66,20 +65,19 @@ def highest_speedup(
         workspace: where.
         backend: its backend; says what robots promise at a speed-up.
         config: the backend's options.
-        asked: a speed-up at which they are not.
+        most: a speed-up at which they are not.
     """
-    ids = [place.id for place in workspace.robots]
 
     def well_formed(speedup: float) -> bool:
-        promised = backend.promises(config.model_copy(update={"speedup": speedup}))
+        promised = asked(backend, config.model_copy(update={"speedup": speedup}), mission, workspace)
         try:
-            for declared in declare_all(mission, workspace, dict.fromkeys(ids, promised)).values():
+            for declared in declare_all(mission, workspace, promised).values():
                 declared.check(mission.base_tick_s)
         except IllFormedModule:
             return False
         return True
 
-    low, high = 0.0, asked
+    low, high = 0.0, most
     for _ in range(_STEPS):
         middle = (low + high) / 2.0
         if well_formed(middle):
@@ -90,19 +88,19 @@ def highest_speedup(
 
 
 def refused_at(
-    failure: IllFormedModule, mission: Mission, workspace: Workspace, backend: type[Backend], config: BaseModel
+    failure: IllFormedModule, mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig
 ) -> IllFormedModule:
     """Return the failure with the highest admissible speed-up in it, where the backend has one to choose."""
-    asked = getattr(config, "speedup", None)
-    if not isinstance(asked, float):
+    most = getattr(config, "speedup", None)
+    if not isinstance(most, float):
         return failure
-    highest = highest_speedup(mission, workspace, backend, config, asked)
+    highest = highest_speedup(mission, workspace, backend, config, most)
     if highest is None:
         return failure
     fits = math.floor(highest * 100.0) / 100.0
     text = str(failure).partition(": ")[2]
     return IllFormedModule(
-        failure.module, failure.condition, f"{text}; or backends.{mission.backend}.speedup = {fits:g}, not {asked:g}"
+        failure.module, failure.condition, f"{text}; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
     )
 
 
@@ -135,7 +133,7 @@ class Admission:
         return [each for each in self.proofs if each.verdict is not Verdict.PROVED]
 
 
-def admit(mission: Mission, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:
+def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:
     """Return what is known about the modules of a mission on robots that promise so much.
 
     Args:
@@ -152,7 +150,7 @@ def admit(mission: Mission, workspace: Workspace, capabilities: Mapping[int, Cap
 
 
 def admit_declared(
-    mission: Mission, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
+    mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
 ) -> Admission:
     """Return the same of modules that have been declared.
 
@@ -172,7 +170,7 @@ def admit_declared(
 
 
 def admitted(
-    mission: Mission,
+    mission: MissionFile,
     workspace: Workspace,
     backend: type[Backend],
     config: BackendConfig,
@@ -218,7 +216,7 @@ def admitted(
     )
 
 
-def _check(mission: Mission, declared: Mapping[int, Declared]) -> None:
+def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
     """Check all modules; that rules hold where the robots start (A13), and users' where all robots charge (P2b)."""
     places = [each.place for each in declared.values()]
     starts = {place.id: (place.x_m, place.y_m, place.heading_rad) for place in places}
@@ -258,23 +256,29 @@ def _margin(region: Region, situation: Situation) -> float:
         return math.nan
 
 
-def _conditions(mission: Mission, declared: Mapping[int, Declared], name: str) -> list[Finding]:
+def _conditions(mission: MissionFile, declared: Mapping[int, Declared], name: str) -> list[Finding]:
     """Return P1 and P3 of a module: those of the robot that is worst off."""
-    found: list[Finding] = []
-    for each in declared.values():
-        module = each.module(name)
-        found = conditions(module, each.timing, mission.base_tick_s)
-        if any(one.verdict is Verdict.REJECTED for one in found):
-            break
-    return found
+    found = [conditions(each.module(name), each.timing, mission.base_tick_s) for each in declared.values()]
+    rejected = [each for each in found if any(one.verdict is Verdict.REJECTED for one in each)]
+    return rejected[0] if rejected else min(reversed(found), key=lambda each: _spare(each[-1]))
 
 
-def _contracts(mission: Mission, declared: Mapping[int, Declared]) -> list[Finding]:
+def _spare(found: Finding) -> float:
+    """Return what P3 leaves at the edge of phi_safer."""
+    edge, reach, noise = (found.figures.get(name) for name in ("edge_margin", "reach", "noise"))
+    return math.inf if edge is None or reach is None or noise is None else float(edge) - float(reach) - float(noise)
+
+
+def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
     """Return P2c of every module that stands before the battery's: that it lets the robot go home."""
     order = mission.rta.order
     if BATTERY not in order:
         return []
-    modules = next(iter(declared.values())).modules[: order.index(BATTERY)]
+    # A contract may differ from robot to robot: the longest counts.
+    modules = [
+        max((each.module(name) for each in declared.values()), key=lambda one: one.lets_go_s)
+        for name in order[: order.index(BATTERY)]
+    ]
     return [
         Finding(each.name, "P2c", Verdict.PROVED, "it drives the return path itself while the battery's module waits")
         if math.isinf(each.lets_go_s)

@@ -16,7 +16,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from soter.check import Breach, Obligation, Row, Trial
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.faults import FaultyFleet
 from soter.problems import config_error, pydantic_problems
@@ -24,13 +24,12 @@ from soter.registry import load_backend
 from soter.rta import Assumption, DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
 from soter.rta.assumptions import Breach as AssumptionBreach
 from soter.runner.node_failures import failures_of_nodes
-from soter.runner.stand_in import stand_ins
+from soter.runner.stand_in import declared_faults, stand_ins
 from soter.runner.user_rules import UserRules
 from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.declaration import timing_of
 from soter.stack.right_of_way import BATTERY, COLLISION
-from soter.stack.terrain import Terrain
 from soter.workspace import Box, RobotPlace, Workspace
 
 BACKEND: Final = "kinematic"
@@ -87,9 +86,9 @@ def floor_bench(
     module = {CHECKED: {"declare": target, "options": dict(options or {})}}
     tables = {"workspace": Path("open floor"), "backend": BACKEND, "rta": {"modules": (), "module": module}}
     try:
-        mission = Mission.model_validate(tables)
+        mission = MissionFile.model_validate(tables)
     except ValidationError as failure:
-        raise config_error(pydantic_problems(failure, Mission), None) from failure
+        raise config_error(pydantic_problems(failure, MissionFile), None) from failure
     return ModuleBench(mission, open_floor(robots), CHECKED, robots, patience_s)
 
 
@@ -125,7 +124,7 @@ class ModuleBench:
     """
 
     def __init__(
-        self, mission: Mission, workspace: Workspace, name: str, robots: int = 1, patience_s: float = 60.0
+        self, mission: MissionFile, workspace: Workspace, name: str, robots: int = 1, patience_s: float = 60.0
     ) -> None:
         if name not in mission.rta.order:
             known = ", ".join(mission.rta.order) or "none"
@@ -136,7 +135,8 @@ class ModuleBench:
         self.robots: Final = robots
         self.patience_s: Final = patience_s
         self._backend: Final = load_backend(BACKEND)
-        self._stand_ins: Final = stand_ins(mission, workspace, self._backend.robot_class.declared)
+        self._faults: Final = declared_faults(mission, workspace)
+        self._promised: Final = stand_ins(mission, workspace, self._backend.robot_class.declared)
         self._charges: Final = BATTERY in mission.rta.order
         self._per_robot: Final = 3 + self._charges + 2 * SEGMENTS
         self.dimensions: Final = robots * self._per_robot
@@ -144,14 +144,15 @@ class ModuleBench:
         # Assembled once before anything is tried: a bad declaration is to fail here, with its own error.
         with self._open(self._specs([0.5] * self.dimensions)) as fleet:
             safety = assemble(mission, self.workspace, fleet.robots, lambda _: None)
-            self._terrain: Final = Terrain(workspace, max(robot.capabilities.body_radius_m for robot in fleet.robots))
+            self._terrains: Final = safety.terrains
+            # Of the first robot; in trials each has its own.
             self.module: Final[RTAModule] = _module(safety, fleet.robots[0].id, name)
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
     def run(self, vector: Sequence[float]) -> Trial:
         """Try one point. See `soter.check.Subject`."""
         specs = self._specs(vector)
-        if any(self._terrain.clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
+        if any(self._terrains[spec.id].clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
             return Trial(valid=False)
         with self._open(specs) as fleet, failures_of_nodes() as failures:
             safety = assemble(self._mission, self.workspace, fleet.robots, lambda _: None)
@@ -163,8 +164,8 @@ class ModuleBench:
         mission = self._mission
         with ExitStack() as stack:
             fleet = stack.enter_context(self._backend().open(config, specs))
-            if self._stand_ins:
-                fleet = stack.enter_context(FaultyFleet(fleet, self._stand_ins, mission.seed, mission.base_tick_s))
+            if self._faults:
+                fleet = stack.enter_context(FaultyFleet(fleet, self._faults, mission.seed, mission.base_tick_s))
             for robot in fleet.robots:
                 robot.init(INIT_TIMEOUT_S)
             yield fleet
@@ -185,7 +186,7 @@ class ModuleBench:
             specs.append(
                 RobotSpec(
                     place.id, x_m, y_m, math.remainder(math.tau * turn, math.tau), max(charge, 0.01),
-                    battery.drive_s, battery.idle_s, battery.charge_s,
+                    battery.drive_s, battery.idle_s, battery.charge_s, promised=self._promised[place.id],
                 )
             )  # fmt: skip
         return specs
@@ -310,7 +311,7 @@ class _Run:
 
     def _downhill(self, robot_id: int) -> float:
         """Return the bearing along which the margin falls fastest from where the robot is; 0 where it is level."""
-        region, situation = self._bench.module.phi_safe, self._safety.supervisor.robots[robot_id].situation
+        region, situation = self._modules[robot_id].module.phi_safe, self._safety.supervisor.robots[robot_id].situation
         if region is None:
             return 0.0
         here = situation.own
@@ -347,7 +348,8 @@ class _Run:
 
     def _left(self, now_s: float, robot_id: int, margin: float, x_m: float, y_m: float) -> Breach:
         """Return who is to blame for a robot outside phi_safe: its safe controller, or who handed over too late."""
-        region, capabilities = self._bench.module.phi_safe, self._fleet.robots[0].capabilities
+        region = self._bench.module.phi_safe
+        capabilities = next(robot.capabilities for robot in self._fleet.robots if robot.id == robot_id)
         unit = "" if region is None else f" {region.unit}"
         since_s = self._in_sc_since_s.get(robot_id)
         braking_s = capabilities.latency_s + capabilities.v_max_m_s / capabilities.brake_m_s2 + self._bench.base_tick_s
@@ -373,10 +375,11 @@ class _Run:
             return math.inf
         if math.isfinite(longest_s):
             return self._bench.patience_s - longest_s
-        safer = self._bench.module.phi_safer
-        if not isinstance(safer, Region):
+        waiting = [robot for robot in self._robots if robot.robot_id in self._in_sc_since_s]
+        regions = [(self._modules[robot.robot_id].module.phi_safer, robot.situation) for robot in waiting]
+        short = [safer.margin(situation) for safer, situation in regions if isinstance(safer, Region)]
+        if len(short) < len(regions):
             return -1.0
-        short = [safer.margin(robot.situation) for robot in self._robots if robot.robot_id in self._in_sc_since_s]
         return min(-1e-3, min(short, default=-1.0))
 
 

@@ -6,15 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from soter.config import Mission
+from soter.config import MissionFile
+from soter.loading import file_of
 from soter.sandbox import Box
 
 
-def box_of(mission: Mission, process: str | None = None) -> Box | None:
+def box_of(mission: MissionFile, process: str | None = None) -> Box | None:
     """Return the box of a mission's process, or of a planner; None where it is to have none.
 
     Args:
-        mission: its `isolation` says whether, and what may be read besides its own folder and that of its workspace.
+        mission: its `isolation` says whether, and what may be read besides its own folder and those of its workspace
+            and its script or controller.
         process: which process of a distributed mission it belongs to. Its machines talk to those of others over a bus,
             and so it keeps the network, and the files that the bus needs.
     """
@@ -23,6 +25,7 @@ def box_of(mission: Mission, process: str | None = None) -> Box | None:
     read = [*mission.isolation.read, str(mission.workspace.parent)]
     if mission.source is not None:
         read.append(str(Path(mission.source).parent))
+    read += [str(file.parent) for name in (mission.mission.use, mission.ac) if (file := file_of(name)) is not None]
     if process is not None:
         table = mission.distribution
         read += _files({**table.bus, **table.processes[process].bus})

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from soter.check import Falsified, Finding, Verdict, conditions, falsify
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
 from soter.runner.admission import admit_declared, declare_all
@@ -51,7 +51,9 @@ class Report:
         return not any(each.verdict is Verdict.PARTLY for each in self.findings)
 
 
-def check_mission(mission: Mission, budget: int = 200, seed: int = 0, on_progress: Progress | None = None) -> Report:
+def check_mission(
+    mission: MissionFile, budget: int = 200, seed: int = 0, on_progress: Progress | None = None
+) -> Report:
     """Check every module of a mission against what its backend's robots declare.
 
     Args:
@@ -92,7 +94,7 @@ def check_module(bench: ModuleBench, budget: int = 200, seed: int = 0, on_progre
 class _Checker:
     def __init__(
         self,
-        mission: Mission,
+        mission: MissionFile,
         workspace: Workspace,
         capabilities: Mapping[int, Capabilities],
         budget: int,

@@ -8,11 +8,11 @@ from functools import partial
 from typing import Final
 
 from soter.link.bus import Bus
-from soter.link.channel import Came, Ended, Joined, Letter, Visit
+from soter.link.channel import MAX_REASON, Came, Ended, Joined, Letter, Visit
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
 from soter.stack.away import AwayKit, JoinedAway, OtherSideCame, VisitAway
-from soter.stack.events import Outcome, TargetEnded
+from soter.stack.events import Outcome, TargetEnded, VisitTarget
 
 logger = logging.getLogger(__name__)
 
@@ -74,17 +74,24 @@ class Correspondence:
             if outcome is None or agent is None or part.homes[letter.robot_id] != sender:
                 logger.warning("process '%s' says of robot %d what makes no sense: %s", sender, letter.robot_id, letter)
             else:
-                yield agent, TargetEnded(letter.robot_id, letter.target_id, outcome)
+                yield agent, TargetEnded(letter.robot_id, letter.target_id, outcome, letter.module, letter.reason)
         elif self._task_planner is not None and sender == part.planner_home:
             if isinstance(letter, Visit):
-                place = (letter.x_m, letter.y_m)
-                yield self._task_planner, VisitAway(letter.robot_id, letter.target_id, place)
+                target = VisitTarget(letter.target_id, (letter.x_m, letter.y_m), letter.timeout_s, letter.tries)
+                yield self._task_planner, VisitAway(letter.robot_id, target)
             else:
                 yield self._task_planner, JoinedAway(letter.robot_id, letter.other_id)
 
 
+def _visit(robot_id: int, target: VisitTarget) -> Visit:
+    x_m, y_m = target.place
+    return Visit(robot_id, target.target_id, x_m, y_m, target.timeout_s, target.tries)
+
+
 _LETTERS: Final[dict[type[Event], Callable[..., Letter]]] = {
-    VisitAway: lambda event: Visit(event.robot_id, event.target_id, *event.place),
+    VisitAway: lambda event: _visit(event.robot_id, event.target),
     JoinedAway: lambda event: Joined(event.robot_id, event.other_id),
-    TargetEnded: lambda event: Ended(event.robot_id, event.target_id, event.outcome.value),
+    TargetEnded: lambda event: Ended(
+        event.robot_id, event.target_id, event.outcome.value, event.module[:MAX_REASON], event.reason[:MAX_REASON]
+    ),
 }

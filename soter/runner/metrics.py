@@ -22,6 +22,7 @@ from soter.runner.result import (
     StallFigures,
     TargetCounts,
     TickTimes,
+    UncontrolledFigures,
     WorstFigures,
 )
 from soter.sdk import Fleet
@@ -176,6 +177,7 @@ class Metrics:
 
     Attributes:
         standstills: robots that get nowhere.
+        uncontrolled: robots that for a time did not do what they were told.
     """
 
     def __init__(
@@ -189,11 +191,11 @@ class Metrics:
             workspace, ("AC", *modules), {robot_id: Track(robot_id) for robot_id in robot_ids},
             safer_inset_m=safer_inset_m,
         )  # fmt: skip
-        self.judge: Callable[[SwitchRecord], tuple[bool, bool]] | None = None
+        self.judge: Callable[[SwitchRecord], bool] | None = None
         self.disengagements: Counter[str] = Counter()
         self.disengagements_by_robot: Counter[int] = Counter()
         self.joined: Counter[str] = Counter()
-        self.needless = [0, 0]
+        self.needless = 0
         self.outcomes: Counter[Outcome] = Counter()
         self.reached_by_robot: Counter[int] = Counter()
         self.targets: dict[int, Place] = {}
@@ -210,6 +212,7 @@ class Metrics:
         self._robot_ticks = 0
         self._decide_s: array[float] = array("f")
         self._late_s: array[float] = array("d")
+        self.uncontrolled: dict[int, UncontrolledFigures] = {}
 
     # --- told by others --------------------------------------------------------------------------------------
 
@@ -221,9 +224,7 @@ class Metrics:
             self.disengagements_by_robot[record.robot_id] += 1
             self.joined.update(record.joined)
             if self.judge is not None:
-                one_delta, whole_path = self.judge(record)
-                self.needless[0] += one_delta
-                self.needless[1] += whole_path
+                self.needless += self.judge(record)
 
     def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
         """Note a robot's target."""
@@ -238,7 +239,7 @@ class Metrics:
 
     def begin(self, now_s: float) -> None:
         """Begin to count: robots may have been ready for long, and have waited for others."""
-        self._begun_s = self._progress_s = now_s
+        self._begun_s = self._progress_s = self._now_s = now_s
 
     def tick(
         self,
@@ -249,12 +250,21 @@ class Metrics:
         charging: Callable[[int], bool],
     ) -> None:
         """Take one tick, and how late it came."""
+        passed_s = max(now_s - self._now_s, 0.0)
         self._now_s = now_s
         self._late_s.append(late_s)
         self._robot_ticks += len(robots)
         decide_s = self._decide_s
         for robot in robots:
             decide_s.append(robot.decide_s)
+            if cause := robot.uncontrolled:
+                known = self.uncontrolled.get(robot.robot_id)
+                first_s, lasted_s, cause = (
+                    (now_s, 0.0, cause) if known is None else (known.first_s, known.lasted_s, known.cause)
+                )
+                self.uncontrolled[robot.robot_id] = UncontrolledFigures(
+                    first_s=round(first_s, 6), lasted_s=round(lasted_s + passed_s, 6), cause=cause
+                )
             if robot.driver is None:
                 self._ac_ticks += 1
                 self._busy_ticks += 1

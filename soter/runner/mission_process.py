@@ -11,13 +11,13 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import BinaryIO, Final, NoReturn
 
 from soter.child import die_with_parent, yield_to_others
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.errors import BackendError, ConfigError
 from soter.link.messages import (
     MAX_LONG_TEXT,
@@ -36,7 +36,7 @@ from soter.link.messages import (
 from soter.link.mission_end import MissionEnd
 from soter.record.messages import Transition
 from soter.rta import Report
-from soter.runner.ac_side import AcSide, Scene
+from soter.runner.ac_side import AcSide, OwnRoom, Scene
 from soter.stack.events import Outcome, Place
 from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
@@ -56,16 +56,16 @@ class MissionSpec:
         factory: makes the ACs' side, as `module:function`; called as `soter.runner.sides.make_ac_side` is.
         mission: what to do.
         workspace: where.
-        body_radius_m: of the robots.
+        body_radius_m: of the robots, by id.
         memory_limit_bytes: address space that the process may add to what it has before the ACs' side is made.
         niceness: how much less than the supervisor it is favoured by the scheduler.
         process: which process of a distributed mission this belongs to; None for a mission in one.
     """
 
     factory: str
-    mission: Mission
+    mission: MissionFile
     workspace: Workspace
-    body_radius_m: float
+    body_radius_m: Mapping[int, float]
     memory_limit_bytes: int
     niceness: int
     process: str | None = None
@@ -159,10 +159,17 @@ class _Host:
         return None
 
     def _start(self, side: AcSide, begin: Begin) -> None:
-        terrain = Terrain(self._spec.workspace, begin.body_radius_m)
+        terrains = {
+            radius_m: Terrain(self._spec.workspace, radius_m) for radius_m in {one.body_radius_m for one in begin.rooms}
+        }
+        rooms = {
+            robot_id: OwnRoom(terrains[room.body_radius_m], room.disc_m, room.arrival_m)
+            for robot_id, room in zip(begin.robot_ids, begin.rooms, strict=True)
+        }
         moved = self._moved if begin.recorded else None
         side.start(Scene(
-            self._end.clock, self._spec.workspace, terrain, self._end.ports, begin.disc_m, self, moved, self._end.peers,
+            self._end.clock, self._spec.workspace, rooms, self._end.ports, self, moved, self._end.peers,
+            dict(zip(begin.robot_ids, begin.capabilities, strict=True)),
         ))  # fmt: skip
 
     def _moved(self, transition: Transition) -> None:
@@ -195,7 +202,10 @@ class _Host:
         self._incidents += len(incidents)
         failures = {None: self._broken, **side.failures} if self._broken else side.failures
         failed = tuple(Failed(robot_id, cause[:MAX_TEXT]) for robot_id, cause in failures.items())
-        return Turn(0, news=news, failures=failed, incidents=incidents, paths_replaced=side.paths_replaced, moves=moves)
+        return Turn(
+            0, news=news, failures=failed, incidents=incidents, paths_replaced=side.paths_replaced, moves=moves,
+            done=side.done,
+        )  # fmt: skip
 
     def _watch(self, side: AcSide) -> None:
         """Name a handler that does not come back, while the interpreter still lets other threads run."""

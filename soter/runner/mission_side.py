@@ -6,12 +6,14 @@ import logging
 from collections.abc import Mapping
 from typing import Final
 
-from soter.apps.surveillance import Targets
 from soter.clock import Clock
-from soter.config import Mission
+from soter.config import MissionFile
+from soter.errors import RunFailed, SoterError
 from soter.link.bus import Bus
-from soter.machine import Event, MachineError, MachineRef, Runtime
-from soter.record.transition import in_words
+from soter.machine import Event, Machine, MachineError, MachineRef, Runtime
+from soter.missions import Stage, make_mission
+from soter.record.messages import Transition
+from soter.record.transition import DETAIL_CHARACTERS, in_words
 from soter.rta import ControlReport, Report
 from soter.runner.ac_side import Scene
 from soter.runner.boxes import box_of
@@ -23,12 +25,10 @@ from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
 from soter.stack.planners import PlanRequest, PlanService
-from soter.stack.task_planner import TaskPlanner, Tasks
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 
-ARRIVAL_M: Final = 0.10
 TASK_PLANNER: Final = "TaskPlanner"
 HERE: Final = "local"
 
@@ -39,7 +39,7 @@ class MissionSide:
     Args:
         mission: what to do.
         workspace: where.
-        body_radius_m: of the robots.
+        body_radius_m: of the robots, by id.
         virtual_time: plans are delivered at a time that does not depend on the host.
         part: which part of the mission is in this process; None for all of it.
         bus: what joins this process and the others; closed with this.
@@ -50,15 +50,16 @@ class MissionSide:
 
     def __init__(
         self,
-        mission: Mission,
+        mission: MissionFile,
         workspace: Workspace,
-        body_radius_m: float,
+        body_radius_m: Mapping[int, float],
         *,
         virtual_time: bool,
         part: Part | None = None,
         bus: Bus | None = None,
     ) -> None:
         self._mission: Final = mission
+        self._body_radius_m: Final = body_radius_m
         # Without robots there are no paths to plan.
         self._plans: Final = None if part is not None and not part.robots else PlanService(
             mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}),
@@ -67,6 +68,9 @@ class MissionSide:
         self.failures: dict[int | None, str] = {}
         self._clock: Clock | None = None
         self._part: Final = part
+        # Robots of a task planner elsewhere need no mission: what they are to do comes over the bus.
+        self._plays: Final = make_mission(mission) if part is None or part.planner else None
+        self._scene: Scene | None = None
         self._runtime: Final = Runtime(
             now=self._now, on_failure=self._failed, node=HERE if part is None else part.name
         )  # fmt: skip
@@ -83,20 +87,20 @@ class MissionSide:
             self._plans.ready()
 
     def start(self, scene: Scene) -> None:
-        """Create the task planner, or what stands for it; it creates the rest."""
+        """Let the mission create its machines, or create what stands for it; these create the rest."""
         path, ports, seed = self._mission.rta.path, scene.ports, self._mission.seed
-        self._ports, self._clock = ports, scene.clock
+        self._ports, self._clock, self._scene = ports, scene.clock, scene
         if self._mission.rta.enabled and path.enabled:
             for robot_id in ports:
                 self._guards[robot_id] = PathGuard(
-                    scene.terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
+                    scene.rooms[robot_id].terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
                 )
-        targets = Targets(scene.workspace, scene.terrain.body_radius_m, self._mission.targets, seed)
         everybody = {**ports, **scene.peers}
         kits = {
             robot_id: RobotKit(
                 robot_id, port, {other: peer for other, peer in everybody.items() if other != robot_id},
-                self._submit, self._subscribe, seed, scene.disc_m, self._mission.target_timeout_s, ARRIVAL_M,
+                self._submit, self._subscribe, seed, scene.rooms[robot_id].disc_m, self._mission.target_timeout_s,
+                scene.rooms[robot_id].arrival_m,
             )
             for robot_id, port in ports.items()
         }  # fmt: skip
@@ -104,13 +108,20 @@ class MissionSide:
             tell = scene.on_transition
             self._runtime.observe(lambda transition: tell(in_words(transition)))
         part, letters, log = self._part, self._letters, scene.log
-        if part is None or letters is None:
-            self._runtime.create(TaskPlanner, Tasks(kits, targets.next, log.on_target, log.on_ended), name=TASK_PLANNER)
-        elif part.planner:
-            all_kits = {robot_id: kits.get(robot_id) or letters.kit(robot_id) for robot_id in sorted(part.homes)}
-            tasks = Tasks(all_kits, targets.next, log.on_target, log.on_ended)
-            self._runtime.create(TaskPlanner, tasks, name=TASK_PLANNER)
-        else:
+        if self._plays is not None:
+            of_all = kits if part is None or letters is None else {
+                robot_id: kits.get(robot_id) or letters.kit(robot_id) for robot_id in sorted(part.homes)
+            }  # fmt: skip
+            stage = Stage(
+                scene.workspace, self._body_radius_m, seed, self._mission.base_tick_s, of_all, everybody,
+                self._create, log.on_target, log.on_ended, self._say,
+            )  # fmt: skip
+            try:
+                self._plays.start(stage)
+            except Exception as failure:
+                logger.exception("the mission failed")
+                self.failures[None] = f"the mission failed: {failure!r}"
+        elif part is not None and letters is not None:
             agents = {
                 robot_id: MachineRef(robot_id, f"RobotAgent {robot_id}", process)
                 for robot_id, process in part.homes.items()
@@ -156,6 +167,11 @@ class MissionSide:
         return () if self._plans is None else self._plans.incidents
 
     @property
+    def done(self) -> bool:
+        """Whether the mission has nothing left to do; never where other processes have a part in it."""
+        return self._part is None and self._plays is not None and self._plays.finished
+
+    @property
     def paths_replaced(self) -> int:
         """Paths of the untrusted planner that were not used."""
         return sum(guard.replaced for guard in self._guards.values())
@@ -166,10 +182,26 @@ class MissionSide:
             self._plans.close()
         if self._letters is not None:
             self._letters.close()
-        self._runtime.close()
+        try:
+            self._runtime.close()
+        except SoterError as failure:
+            # The run is over: what a script does in a `finally` has no robot any more.
+            logger.warning("not ended cleanly: %s", failure)
 
     def _now(self) -> float:
         return 0.0 if self._clock is None else self._clock.now()
+
+    def _create(self, machine: type[Machine], payload: object, name: str) -> MachineRef:
+        return self._runtime.create(machine, payload, name=name)
+
+    def _say(self, name: str, text: str) -> None:
+        """Log what the mission says, and record it as something that happens to a machine of its name."""
+        # Half a surrogate pair is text in Python, and nowhere else.
+        text, scene = text.encode("utf-8", "replace").decode(), self._scene
+        # Nobody has to set up logging to see what a script says.
+        logger.warning("%s", text)
+        if scene is not None and scene.on_transition is not None:
+            scene.on_transition(Transition(self._now(), name, 0, HERE, "", "", "log", text[:DETAIL_CHARACTERS]))
 
     def _submit(self, request: PlanRequest, reply_to: MachineRef) -> None:
         assert self._plans is not None
@@ -183,5 +215,8 @@ class MissionSide:
 
     def _failed(self, failure: MachineError) -> None:
         """One robot's machine costs that robot its AC; the task planner's failure costs all of them theirs."""
+        if isinstance(failure.__cause__, RunFailed):
+            # The watchdog ends the run; the next machine may block it as this one did.
+            raise failure.__cause__
         logger.error("a machine of the mission failed: %s", failure)
         self.failures.setdefault(self._owners.get(failure.machine), str(failure))

@@ -28,7 +28,7 @@ class NeedlessJudge:
         supervisors: by robot id.
         forwarders: by robot id; they know the pending waypoints.
         modules: declarations, by robot id.
-        v_max_m_s: the robots' top speed.
+        v_max_m_s: by robot id, its top speed.
     """
 
     def __init__(
@@ -36,37 +36,37 @@ class NeedlessJudge:
         supervisors: Mapping[int, RobotSupervisor],
         forwarders: Mapping[int, PortForwarder],
         modules: Mapping[int, Sequence[RTAModule]],
-        v_max_m_s: float,
+        v_max_m_s: Mapping[int, float],
     ) -> None:
         self._supervisors: Final = supervisors
         self._forwarders: Final = forwarders
         self._modules: Final = modules
         self._v_max_m_s: Final = v_max_m_s
 
-    def judge(self, record: SwitchRecord) -> tuple[bool, bool]:
-        """Return whether one more Delta, and whether the whole rest of the path, would have kept the module's rule."""
+    def judge(self, record: SwitchRecord) -> bool:
+        """Return whether the whole rest of the path would have kept the module's rule."""
         module = next((m for m in self._modules[record.robot_id] if m.name == record.module), None)
         if module is None or module.phi_safe is None:
-            return False, False
+            return False
         situation = self._supervisors[record.robot_id].situation
         own = situation.own
         if not isinstance(own, RobotState):
-            return False, False
+            return False
         way = self._pending(record.robot_id, own)
-        meets = module.model is not None and module.model.of_pairs
+        meets = module.of_pairs
         peers = [(peer, self._way_of_peer(peer)) for peer in situation.peers if isinstance(peer, RobotState)]
-        lasts_s = min(length_m(way) / self._v_max_m_s, LONGEST_S)
+        speeds = self._v_max_m_s
+        lasts_s = min(length_m(way) / speeds[record.robot_id], LONGEST_S)
         imagined = Situation(record.robot_id, own, record.time_s)
         steps = math.ceil(max(lasts_s, module.delta_s) / STEP_S)
         for step in range(1, steps + 1):
             time_s = step * STEP_S
-            travelled = self._v_max_m_s * time_s
-            imagined.own = _moved(own, way, travelled)
+            imagined.own = _moved(own, way, speeds[record.robot_id] * time_s)
             if meets:
-                imagined.peers = [_moved(peer, path, travelled) for peer, path in peers]
+                imagined.peers = [_moved(peer, path, speeds.get(peer.robot_id, 0.0) * time_s) for peer, path in peers]
             if not module.phi_safe.margin(imagined) >= 0.0:
-                return time_s > module.delta_s, False
-        return True, True
+                return False
+        return True
 
     def _way_of_peer(self, state: RobotState) -> list[Place]:
         """A peer whose AC has no control stays where it is."""

@@ -11,7 +11,8 @@ from typing import Final, Self
 from pydantic import TypeAdapter
 
 from soter.clock import Clock
-from soter.config import Mission
+from soter.config import MissionFile
+from soter.controllers import MISSION
 from soter.errors import ConfigError, nearest
 from soter.link.bus import Bus, open_bus
 from soter.link.channel import Post
@@ -21,13 +22,12 @@ from soter.registry import load_backend
 from soter.rta import SpeedBound
 from soter.runner.specs import promises, read_options
 from soter.sdk import Backend, Capabilities
-from soter.stack.adversaries import MISSION
 from soter.workspace import Workspace
 
 _EXAMPLE: Final = "give each a table, such as [distribution.processes.alpha] with robots = [1]"
 
 _DIGEST_CHARACTERS: Final = 32
-_AGREED: Final = {"app", "backend", "base_tick_s", "battery", "rta", "fault"}
+_AGREED: Final = {"backend", "base_tick_s", "battery", "rta", "fault"}
 """What processes of one mission have to agree on, beside workspace, promises, and who is where."""
 
 
@@ -47,7 +47,7 @@ class Part:
     """
 
     name: str
-    mission: Mission
+    mission: MissionFile
     robots: tuple[int, ...]
     planner: bool
     homes: Mapping[int, str]
@@ -56,7 +56,7 @@ class Part:
     digest: str
 
     @classmethod
-    def of(cls, mission: Mission, workspace: Workspace, process: str) -> Self:
+    def of(cls, mission: MissionFile, workspace: Workspace, process: str) -> Self:
         """Return the part of a process.
 
         Args:
@@ -134,7 +134,7 @@ class Part:
         return Post(bus, self.mission.distribution.prefix, self.name, others, self.digest)
 
 
-def refuse_in_one_process(mission: Mission, backend: type[Backend]) -> None:
+def refuse_in_one_process(mission: MissionFile, backend: type[Backend]) -> None:
     """Refuse to command the robots of several processes from one; simulated ones in this process may be.
 
     Raises:
@@ -153,7 +153,7 @@ def _bound(promised: Capabilities) -> tuple[SpeedBound, float]:
 
 
 def _digest(
-    mission: Mission, workspace: Workspace, promised: Mapping[int, Capabilities], homes: Mapping[int, str]
+    mission: MissionFile, workspace: Workspace, promised: Mapping[int, Capabilities], homes: Mapping[int, str]
 ) -> str:
     room = TypeAdapter(tuple[Workspace, dict[int, Capabilities]]).dump_python((workspace, dict(promised)), mode="json")
     settings = mission.model_dump(mode="json", include=_AGREED)

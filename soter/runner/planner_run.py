@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from contextlib import ExitStack
 from typing import Final
 
 from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
-from soter.registry import load_backend
 from soter.runner.ac_side import Scene
 from soter.runner.metrics import Metrics, counts
 from soter.runner.mission_side import MissionSide
@@ -19,7 +19,6 @@ from soter.runner.remote_side import WALL_CLOCK
 from soter.runner.result import Run, RunResult
 from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
-from soter.stack.terrain import Terrain
 from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -40,12 +39,12 @@ def run_planner(
     clock = VehicleClock()
     with ExitStack() as stack:
         together = stack.enter_context(Together(part, clock))
-        radius_m = load_backend(part.mission.backend, to_open=False).robot_class.declared.body_radius_m
+        radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
         side = MissionSide(
-            part.mission, workspace, radius_m, virtual_time=False, part=part, bus=part.open_bus()
+            part.mission, workspace, radii_m, virtual_time=False, part=part, bus=part.open_bus()
         )  # fmt: skip
         stack.callback(side.close)
-        loop = _PlannerLoop(part, workspace, radius_m, side, together, clock)
+        loop = _PlannerLoop(part, workspace, side, together, clock)
         return loop.run(audience, say)
 
 
@@ -56,7 +55,6 @@ class _PlannerLoop:
         self,
         part: Part,
         workspace: Workspace,
-        body_radius_m: float,
         side: MissionSide,
         together: Together,
         clock: Clock,
@@ -67,7 +65,6 @@ class _PlannerLoop:
         self.together: Final = together
         self.clock: Final[Clock] = clock
         self.workspace: Final = workspace
-        self.body_radius_m: Final = body_radius_m
         self.modules: Final = self.mission.rta.order
         self.metrics: Final = Metrics(workspace, self.modules, sorted(part.homes), None)
         self.ticks = 0
@@ -93,12 +90,11 @@ class _PlannerLoop:
         return Run(self._result(status, failure), self.metrics.tracks)
 
     def _begin(self) -> None:
-        terrain = Terrain(self.workspace, self.body_radius_m)
-        self.side.start(Scene(self.clock, self.workspace, terrain, {}, 0.0, self.metrics))
+        self.side.start(Scene(self.clock, self.workspace, {}, {}, self.metrics, peers=self.together.ports))
 
     def _tick_on(self, watchdog: HandlerWatchdog, start_s: float, audience: Audience) -> str:
         base_tick_s, clock, together = self.mission.base_tick_s, self.clock, self.together
-        began_s, shown_s = clock.now(), start_s
+        began_s, shown_s = clock.now(), -math.inf
         self.metrics.begin(began_s)
         for tick in range(round(self.mission.duration_s / base_tick_s)):
             now_s = clock.now()
@@ -138,7 +134,8 @@ class _PlannerLoop:
             backend=mission.backend,
             planner=mission.planner,
             ac=mission.ac,
-            targets_from=mission.targets,
+            does=mission.mission.use,
+            targets_from=mission.targets_from,
             modules=self.modules,
             robots=0,
             seed=mission.seed,

@@ -11,6 +11,9 @@ from typing import Final, NamedTuple, Self
 from soter.rta import RobotSupervisor
 from soter.runner.metrics import Metrics
 
+NOBODY: Final = "nobody"
+"""Drives a robot that does not do what it is told."""
+
 
 class RobotProgress(NamedTuple):
     """One robot at one moment.
@@ -19,8 +22,8 @@ class RobotProgress(NamedTuple):
         robot_id: which robot.
         x_m: east.
         y_m: north.
-        driver: "AC" or the safety module that drives.
-        cause: why a module drives; empty otherwise.
+        driver: "AC", the safety module that drives, or `NOBODY` while the robot is not under control.
+        cause: why a module drives, or nobody; empty otherwise.
         battery: charge from 0 to 1, or None.
         margins: by module, as its decision module saw it last, in the module's unit.
         targets_reached: so far.
@@ -78,8 +81,8 @@ def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple
             robot.robot_id,
             robot.situation.own.x_m,
             robot.situation.own.y_m,
-            "AC" if robot.driver is None else robot.driver.name,
-            "" if robot.driver is None else robot.driver.cause,
+            NOBODY if robot.uncontrolled else "AC" if robot.driver is None else robot.driver.name,
+            robot.uncontrolled or ("" if robot.driver is None else robot.driver.cause),
             robot.situation.own.battery,
             {module.name: module.margin for module in robot.modules},
             metrics.reached_by_robot[robot.robot_id],

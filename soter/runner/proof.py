@@ -9,22 +9,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Final
 
 from soter.check import Finding, Verdict
-from soter.config import Mission
-from soter.rta import RTAModule
+from soter.config import MissionFile
+from soter.rta import Region, RTAModule
 from soter.sdk import Capabilities
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.infrastructure import standing
+from soter.stack.own_rules import broken_on
 from soter.stack.right_of_way import BATTERY, COLLISION
 from soter.stack.terrain import length_m
+
+_LOOKS: Final = 20
+"""Return paths are looked at from so many places along the room, and across it."""
 
 _ORDER: Final = (Verdict.PROVED, Verdict.TESTED, Verdict.ASSUMED, Verdict.PARTLY, Verdict.REJECTED)
 
 
 def prove(
-    mission: Mission, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
+    mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
 ) -> list[Finding]:
     """Return P2a and P2b of the static modules and of the battery's, each for the robot that is worst off.
 
@@ -42,29 +47,80 @@ def prove(
                 prover(mission, made, capabilities[robot_id], made.module(name)) for robot_id, made in declared.items()
             ]
             findings += max(each, key=lambda found: max(_ORDER.index(one.verdict) for one in found))
-    return [*findings, *_crowded(mission, declared)]
+    gaps = [*_crowded(mission, declared), *_blocked(mission, declared), *_forbidden(mission, declared)]
+    unproved = {(gap.module, gap.condition) for gap in gaps}
+    return [*(found for found in findings if (found.module, found.condition) not in unproved), *gaps]
 
 
-def _crowded(mission: Mission, declared: Mapping[int, Declared]) -> list[Finding]:
-    """Return P2b of the collision module where not all robots can be with their ACs at once; nothing where they can."""
-    if COLLISION not in mission.rta.order:
+def _crowded(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
+    """Return P2b of the collision module where not all robots can be with their ACs at once; nothing where they can.
+
+    Where every place is taken nobody can get past anybody, so that there has to be one more than robots.
+    """
+    others = len(next(iter(declared.values())).others)
+    if COLLISION not in mission.rta.order or not others:
         return []
-    apart_m = mission.rta.collision.phi_safer_m
-    robots = 1 + len(next(iter(declared.values())).others)
+    apart_m = max(mission.rta.collision.phi_safer_m, *(each.apart_m for each in declared.values()))
+    needed = others + 2
     room, refuges = min(
-        ((each.refuges.room_for(robots, apart_m), each.refuges) for each in declared.values()), key=lambda one: one[0]
+        ((each.refuges.room_for(needed, apart_m), each.refuges) for each in declared.values()), key=lambda one: one[0]
     )
-    if room == robots:
+    if room == needed:
         return []
     text = (
-        f"{room} of {robots} robots are found room for {apart_m:g} m apart, {max(refuges.fence_m, 0.0):.3f} m from the "
-        f"fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back: they may wait for each "
-        "other for ever; smaller phi_safer_m and phi_safer_inset_m, or fewer robots, would do"
+        f"{room} places are found for {others + 1} robots {apart_m:g} m apart, {max(refuges.fence_m, 0.0):.3f} m from "
+        f"the fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back, and one more than "
+        "robots is needed to get past each other: they may wait for ever; smaller phi_safer_m and phi_safer_inset_m, "
+        "or fewer robots, would do"
     )
-    return [Finding(COLLISION, "P2b", Verdict.PARTLY, text, {"robots": robots, "room": room})]
+    return [Finding(COLLISION, "P2b", Verdict.PARTLY, text, {"robots": others + 1, "room": room})]
 
 
-def _retreat(mission: Mission, made: Declared, promised: Capabilities, module: RTAModule) -> list[Finding]:
+def _blocked(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
+    """Return what robots without the collision module, which has them make way for each other, do not keep."""
+    others = len(next(iter(declared.values())).others)
+    if COLLISION in mission.rta.order or not mission.rta.order or not others:
+        return []
+    # On the way to a station the battery's rule itself breaks; elsewhere the robot stands.
+    name, condition = (BATTERY, "P2a") if BATTERY in mission.rta.order else (mission.rta.order[-1], "P2b")
+    text = (
+        "without the module 'collision' nobody makes way, and a body that stands on the return path blocks it for ever "
+        f"({others + 1} robots)"
+    )
+    return [Finding(name, condition, Verdict.PARTLY, text, {"robots": others + 1})]
+
+
+def _forbidden(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
+    """Return which rules of the user's own a return path leads through, so that a robot could wait there until flat."""
+    if BATTERY not in mission.rta.order:
+        return []
+    found = []
+    for robot_id, made in declared.items():
+        for module in made.modules:
+            if module in made.own and not module.of_pairs and module.phi_safe is not None:
+                found += _crossed(module.name, module.phi_safe, robot_id, made)
+    return found
+
+
+def _crossed(name: str, rule: Region, robot_id: int, made: Declared) -> list[Finding]:
+    terrain, path = made.recovery.terrain, made.dock.path
+    for column, row in product(range(_LOOKS), range(_LOOKS)):
+        place = terrain.width_m * (column + 0.5) / _LOOKS, terrain.depth_m * (row + 0.5) / _LOOKS
+        stands = terrain.clearance_m(*place) >= 0.0 and not broken_on(rule, robot_id, [place, place])
+        if not stands or not path.leads_back(*place):
+            continue
+        if where := broken_on(rule, robot_id, [place, *path.legs(*place)]):
+            text = (
+                f"robot {robot_id}: it does not hold at ({where[0]:.2f}, {where[1]:.2f}), where the return path from "
+                f"({place[0]:.2f}, {place[1]:.2f}) leads through: the robot could wait there until it is flat; a rule "
+                "that leaves a way around it, or a box in the workspace, would do"
+            )
+            figures = {"robot": robot_id, "x_m": where[0], "y_m": where[1]}
+            return [Finding(name, "P2c", Verdict.PARTLY, text, figures)]
+    return []
+
+
+def _retreat(mission: MissionFile, made: Declared, promised: Capabilities, module: RTAModule) -> list[Finding]:
     if premise := _premise(made, module.name, promised):
         return [premise]
     recovery, station = made.recovery, made.dock.place
@@ -86,7 +142,7 @@ def _retreat(mission: Mission, made: Declared, promised: Capabilities, module: R
     ]
 
 
-def _way_home(mission: Mission, made: Declared, promised: Capabilities, module: RTAModule) -> list[Finding]:
+def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, module: RTAModule) -> list[Finding]:
     if premise := _premise(made, module.name, promised):
         return [premise]
     battery, dock, robot_id = mission.battery, made.dock, made.place.id
@@ -112,12 +168,6 @@ def _way_home(mission: Mission, made: Declared, promised: Capabilities, module: 
         f"robot {robot_id}: home in {home_s:.0f} s from as far as the roadmap reaches, at the declared speeds, and "
         f"charged in {battery.charge_s:g} s"
     )
-    if others and COLLISION not in mission.rta.order:
-        blocked = (
-            f"robot {robot_id}: without the module 'collision' nobody makes way, and a body that stands on the return "
-            f"path blocks it for ever ({others} other{'s'[: others != 1]})"
-        )
-        return [Finding(BATTERY, "P2a", Verdict.PARTLY, blocked, figures)]
     return [
         Finding(BATTERY, "P2a", Verdict.PROVED, stays, figures),
         Finding(BATTERY, "P2b", Verdict.PROVED, returns, figures),
@@ -135,7 +185,7 @@ def _premise(made: Declared, name: str, promised: Capabilities) -> Finding | Non
     return Finding(name, "P2a", Verdict.REJECTED, text)
 
 
-def _start_s(mission: Mission, promised: Capabilities) -> float:
+def _start_s(mission: MissionFile, promised: Capabilities) -> float:
     """Return how long it takes to come to rest, look, and turn."""
     turn_s = (math.pi / 2.0 if promised.reverses else math.pi) / promised.yaw_rate_max_rad_s
     return promised.latency_s + promised.v_max_m_s / promised.brake_m_s2 + mission.base_tick_s + turn_s

@@ -6,12 +6,13 @@ import logging
 import os
 import threading
 import time
+from collections.abc import Mapping
 from typing import Final
 
 from soter.child import Child, ChildDied, NotBoxed
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.errors import BackendUnavailable, ConfigError, RunFailed
-from soter.link.messages import Garbage, PeerSeen, Refused, TargetGiven, Turn
+from soter.link.messages import Garbage, PeerSeen, Refused, Room, TargetGiven, Turn
 from soter.link.supervisor_end import SupervisorEnd
 from soter.record.messages import Transition
 from soter.rta import Report
@@ -92,7 +93,7 @@ class RemoteSide:
     Args:
         mission: what to do; its `isolation` says what the process may use.
         workspace: where.
-        body_radius_m: of the robots.
+        body_radius_m: of the robots, by id.
         factory: makes the ACs' side over there, as `module:function`.
         process: which process of a distributed mission this is; None for a mission in one process.
     """
@@ -101,14 +102,15 @@ class RemoteSide:
 
     def __init__(
         self,
-        mission: Mission,
+        mission: MissionFile,
         workspace: Workspace,
-        body_radius_m: float,
+        body_radius_m: Mapping[int, float],
         factory: str = FACTORY,
         process: str | None = None,
     ) -> None:
         self.failures: dict[int | None, str] = {}
         self.paths_replaced = 0
+        self.done = False
         self.incidents: list[str] = [WALL_CLOCK]
         self._scene: Scene | None = None
         limits = mission.isolation
@@ -163,9 +165,12 @@ class RemoteSide:
     def start(self, scene: Scene) -> None:
         """Tell the mission that its robots are ready; it begins while the first ticks pass."""
         self._scene = scene
+        rooms = [scene.rooms[robot_id] for robot_id in scene.ports]
         self._end.begin(
-            scene.ports, scene.clock.now(), scene.terrain.body_radius_m, scene.disc_m,
+            scene.ports, scene.clock.now(),
+            tuple(Room(room.terrain.body_radius_m, room.disc_m, room.arrival_m) for room in rooms),
             recorded=scene.on_transition is not None, peers=tuple(scene.peers),
+            capabilities=tuple(scene.capabilities[robot_id] for robot_id in scene.ports),
         )  # fmt: skip
 
     def hear(self, report: Report) -> None:
@@ -210,5 +215,5 @@ class RemoteSide:
                 self._end.fail(f"it sent garbage: a target ended as '{news.outcome}'")
         for failed in turn.failures:
             self.failures.setdefault(failed.robot_id, failed.cause)
-        self.paths_replaced = turn.paths_replaced
+        self.paths_replaced, self.done = turn.paths_replaced, turn.done
         self.incidents += turn.incidents[: max(0, MAX_INCIDENTS - len(self.incidents))]

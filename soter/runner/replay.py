@@ -169,7 +169,7 @@ class _Cast:
         try:
             robots = [RecordedRobot(each, clock) for each in about.robots]
             starts = {each.robot_id: sample_of(each.initial, each.robot_id) for each in about.robots}
-            elsewhere = [capabilities_of(each) for each in about.peers]
+            elsewhere = {each.robot_id: capabilities_of(each) for each in about.peers}
         except ValueError as failure:
             raise self._bad(failure) from failure
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict
 
+from soter.config_tables import SURVEILLANCE
 from soter.record.recorder import RecordingReport
 from soter.record.tracks import RunTracks
 
@@ -32,19 +33,6 @@ class TargetCounts(BaseModel):
     unsafe: int = 0
     blocked: int = 0
     timed_out: int = 0
-
-
-class NeedlessCounts(BaseModel):
-    """Disengagements after which the AC, left alone, would have kept the rule after all.
-
-    Attributes:
-        one_delta: its pending waypoints, rolled forward one more Delta, keep the rule.
-        whole_path: rolled forward to their end, they keep it too.
-    """
-
-    model_config = ConfigDict(frozen=True)
-    one_delta: int = 0
-    whole_path: int = 0
 
 
 class ModuleFigures(BaseModel):
@@ -123,6 +111,21 @@ class StallFigures(BaseModel):
     cause: str = ""
 
 
+class UncontrolledFigures(BaseModel):
+    """A robot that for a time did not do what it was told.
+
+    Attributes:
+        first_s: fleet time of the first tick at which it did not.
+        lasted_s: how long it did not, all times together.
+        cause: what it did instead at first.
+    """
+
+    model_config = ConfigDict(frozen=True)
+    first_s: float
+    lasted_s: float
+    cause: str
+
+
 class FaultFigures(BaseModel):
     """One injected fault of one robot.
 
@@ -155,7 +158,7 @@ class RunResult(BaseModel):
         disengagements: AC -> SC switches by the module that fired first.
         joined: further modules that fired in the same tick.
         disengagements_total: their sum.
-        needless: how many of them would not have been needed.
+        needless: after how many of them the AC's pending waypoints, rolled forward, would have kept the rule.
         targets: how targets ended.
         targets_reached: the same as `targets.reached`.
         longest_stall_s: longest time that a robot with a target, and not charging, stayed within 0.1 m.
@@ -184,8 +187,11 @@ class RunResult(BaseModel):
         trace_sha256: over all states and decisions.
         faults: what was injected, by the mission's `[[fault]]` tables.
         assumptions: by robot, and by number (see `soter.rta.Assumption`), those that were seen not to hold.
+        uncontrolled: by robot, those that for a time were under nobody's control, such as those that a pilot took.
         accepted_unproved: what was run although it is not proved, by `--accept-unproved`; empty if nothing was.
         ac: who the ACs were.
+        does: the mission, as the file names it.
+        targets_from: the set that the surveillance mission's targets are drawn from; empty for other missions.
         process: which process of a distributed mission this was, whose figures are those of its own robots; empty for
             a mission in one process.
     """
@@ -197,6 +203,7 @@ class RunResult(BaseModel):
     backend: str
     engine: str | None = None
     planner: str
+    does: str = SURVEILLANCE
     targets_from: str
     modules: tuple[str, ...]
     robots: int
@@ -211,7 +218,7 @@ class RunResult(BaseModel):
     disengagements: dict[str, int]
     joined: dict[str, int]
     disengagements_total: int = 0
-    needless: NeedlessCounts = NeedlessCounts()
+    needless: int = 0
     targets: TargetCounts
     targets_reached: int
     longest_stall_s: float = 0.0
@@ -235,6 +242,7 @@ class RunResult(BaseModel):
     longest_without_ac_s: float = 0.0
     permanent_stalls: dict[int, StallFigures] = {}
     never_moved: tuple[int, ...] = ()
+    uncontrolled: dict[int, UncontrolledFigures] = {}
     accepted_unproved: tuple[str, ...] = ()
     ac: str = "mission"
     process: str = ""
@@ -259,7 +267,11 @@ class RunResult(BaseModel):
             f"robot {robot} stalled for good after {stall.since_s:g} s, with the safe controller of '{stall.module}'"
             for robot, stall in self.permanent_stalls.items()
         ]
-        return [*failed, *stalled, *(f"robot {robot} never moved" for robot in self.never_moved)]
+        lost = [
+            f"robot {robot} was not under control for {each.lasted_s:g} s, first after {each.first_s:g} s: {each.cause}"
+            for robot, each in self.uncontrolled.items()
+        ]
+        return [*lost, *failed, *stalled, *(f"robot {robot} never moved" for robot in self.never_moved)]
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
-from soter.runner.ac_side import AcSide, Scene, TargetLog
+from soter.runner.ac_side import AcSide, OwnRoom, Scene, TargetLog, arrival_m
 from soter.runner.admission import admitted, refused_at
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.needless import NeedlessJudge
@@ -25,9 +26,9 @@ from soter.runner.planner_run import run_planner
 from soter.runner.progress import Aside, Audience, Progress, robot_progress
 from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
-from soter.runner.result import NeedlessCounts, Run, RunResult
+from soter.runner.result import Run, RunResult
 from soter.runner.sides import make_ac_side
-from soter.runner.specs import promises, read_options, robot_specs
+from soter.runner.specs import asked, promises, read_options, robot_specs
 from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
 from soter.runner.user_rules import UserRules
@@ -62,11 +63,12 @@ class Study:
 
 
 def run_mission(
-    mission: Mission,
+    mission: MissionFile,
     *,
     on_progress: Callable[[Progress], None] | None = None,
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
+    connecting: AbstractContextManager[object] | None = None,
     study: Study | None = None,
     accept_unproved: bool = False,
     record: Path | None = None,
@@ -79,9 +81,10 @@ def run_mission(
 
     Args:
         mission: from `soter.config.load_mission`.
-        on_progress: called every `progress_every_s` of host time.
+        on_progress: called when the robots begin to move, and every `progress_every_s` of host time.
         progress_every_s: see there.
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
+        connecting: entered while robots on a wire get ready, when nobody is asked; what it raises ends the run.
         study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
             is part of the question: it is run.
         accept_unproved: whether to run what is not proved; the result says what that was.
@@ -109,9 +112,10 @@ def run_mission(
         return run_planner(part, workspace, audience, say)
     backend_class = load_backend(mission.backend)
     config = read_options(backend_class, mission, workspace)
-    specs = robot_specs(mission, workspace)
+    specs = robot_specs(mission, workspace, asked(backend_class, config, mission, workspace))
     faults = read_faults(mission, [spec.id for spec in specs])
-    promises(backend_class, config, mission, workspace)  # refuses bodies that do not fit
+    promised = promises(backend_class, config, mission, workspace)  # refuses bodies that do not fit
+    radii_m = {robot_id: each.body_radius_m for robot_id, each in promised.items()}
     if part is None:
         refuse_in_one_process(mission, backend_class)
     else:
@@ -133,10 +137,10 @@ def run_mission(
         )
         side: AcSide
         if declared.in_process:
-            side = make_ac_side(mission, workspace, declared.body_radius_m, virtual_time=True)
+            side = make_ac_side(mission, workspace, radii_m, virtual_time=True)
         else:
             # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
-            side = RemoteSide(mission, workspace, declared.body_radius_m, process=process)
+            side = RemoteSide(mission, workspace, radii_m, process=process)
         stack.callback(side.close)
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))
@@ -146,8 +150,9 @@ def run_mission(
             fleet = stack.enter_context(FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s))
         side.ready()
         together = None if part is None else stack.enter_context(Together(part, fleet.clock))
-        for robot in fleet.robots:
-            robot.init(INIT_TIMEOUT_S)
+        with nullcontext() if declared.in_process or connecting is None else connecting:
+            for robot in fleet.robots:
+                robot.init(INIT_TIMEOUT_S)
         try:
             loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder, together, unproved)
         except IllFormedModule as failure:
@@ -170,7 +175,7 @@ class _Loop:
 
     def __init__(
         self,
-        mission: Mission,
+        mission: MissionFile,
         workspace: Workspace,
         fleet: Fleet,
         side: AcSide,
@@ -194,7 +199,7 @@ class _Loop:
             mission, workspace, fleet.robots, side.hear, watches, tap=None if recorder is None else recorder.tap,
             on_ill_formed=study.on_ill_formed, deltas=study.deltas, safer_alone=study.safer_alone,
             remote=self._remote(recorder, robot_ids),
-            remote_promises=() if together is None else tuple(together.promises.values()),
+            remote_promises={} if together is None else together.promises,
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
@@ -203,9 +208,9 @@ class _Loop:
         self.real_time = False
         self.jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
         self.wall_s = 0.0
-        capabilities = fleet.robots[0].capabilities
+        speeds = {robot.id: robot.capabilities.v_max_m_s for robot in fleet.robots}
         self.metrics.judge = NeedlessJudge(
-            self.safety.supervisor.robots, self.safety.forwarders, self.safety.modules, capabilities.v_max_m_s
+            self.safety.supervisor.robots, self.safety.forwarders, self.safety.modules, speeds
         ).judge
         truth = fleet.truth
         self.user_rules: Final = None if truth is None else UserRules(truth, self.safety.own)
@@ -216,15 +221,22 @@ class _Loop:
 
     def begin(self, workspace: Workspace) -> None:
         """Begin the recording and the ACs' side; the first tick is near."""
-        recorder, disc_m = self.recorder, self.safety.trigger_m + DISC_SLACK_M
+        recorder, safety = self.recorder, self.safety
+        rooms = {
+            robot.id: OwnRoom(
+                safety.terrains[robot.id], safety.trigger_m[robot.id] + DISC_SLACK_M, arrival_m(robot.capabilities)
+            )
+            for robot in self.fleet.robots
+        }
         log: TargetLog = self.metrics
         if recorder is not None:
             self._begin_recording(recorder, workspace)
             log = recorder.beside(log)
         self.side.start(Scene(
-            self.fleet.clock, workspace, self.safety.terrain, self.safety.ports, disc_m, log,
+            self.fleet.clock, workspace, rooms, safety.ports, log,
             None if recorder is None else recorder.on_transition,
             {} if self.together is None else self.together.ports,
+            {robot.id: robot.capabilities for robot in self.fleet.robots},
         ))  # fmt: skip
 
     def _begin_recording(self, recorder: Recorder, workspace: Workspace) -> None:
@@ -273,7 +285,7 @@ class _Loop:
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
         charging, recorder, together = self.safety.charging, self.recorder, self.together
         last = round(self.mission.duration_s / base_tick_s)
-        shown_s = start_s
+        shown_s = -math.inf
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
         for tick in range(last):
             if receive is not None:
@@ -308,6 +320,8 @@ class _Loop:
                 self.user_rules.look(clock.now(), self.robots)
             if audience.stop():
                 return "interrupted"
+            if side.done:
+                break
         return "completed"
 
     def _fail_acs(self) -> None:
@@ -353,7 +367,8 @@ class _Loop:
             engine=engine,
             planner=mission.planner,
             ac=mission.ac,
-            targets_from=mission.targets,
+            does=mission.mission.use,
+            targets_from=mission.targets_from,
             modules=self.modules,
             robots=len(self.robots),
             seed=mission.seed,
@@ -368,7 +383,7 @@ class _Loop:
             disengagements=counts(metrics.disengagements, self.modules),
             joined=counts(metrics.joined, self.modules),
             disengagements_total=metrics.disengagements.total(),
-            needless=NeedlessCounts(one_delta=metrics.needless[0], whole_path=metrics.needless[1]),
+            needless=metrics.needless,
             targets=targets,
             targets_reached=targets.reached,
             longest_stall_s=round(metrics.longest_stall_s, 2),
@@ -390,6 +405,7 @@ class _Loop:
             nondeterminism="; ".join(self.side.incidents),
             trace_sha256=self.trace.hexdigest(),
             faults=fault_figures(self.fleet),
+            uncontrolled=metrics.uncontrolled,
             assumptions=breach_figures(self.robots),
             failed_robots={robot.robot_id: robot.ac_failure for robot in self.robots if robot.ac_failure},
         )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
-from soter.config import Mission, validate_options
+from soter.config import MissionFile, validate_options
 from soter.errors import ConfigError, nearest
 from soter.faults import FaultTable, read_faults
 from soter.faults.robot import widened
@@ -22,19 +21,19 @@ logger = logging.getLogger(__name__)
 _ROUNDING = 1e-9
 
 
-def robot_specs(mission: Mission, workspace: Workspace) -> list[RobotSpec]:
-    """Return the robots of the workspace, each with the mission's battery."""
+def robot_specs(mission: MissionFile, workspace: Workspace, asked: Mapping[int, Capabilities]) -> list[RobotSpec]:
+    """Return the robots of the workspace, each with the mission's battery and with what it is asked to promise."""
     battery = mission.battery
     return [
         RobotSpec(
             place.id, place.x_m, place.y_m, place.heading_rad, mission.initial_charge(place.id),
-            battery.drive_s, battery.idle_s, battery.charge_s, f"robot{place.id}",
+            battery.drive_s, battery.idle_s, battery.charge_s, f"robot{place.id}", asked[place.id],
         )
         for place in workspace.robots
     ]  # fmt: skip
 
 
-def read_options(backend: type[Backend], mission: Mission, workspace: Workspace) -> BackendConfig:
+def read_options(backend: type[Backend], mission: MissionFile, workspace: Workspace) -> BackendConfig:
     """Return the mission's options of a backend, checked by its model, with what truth needs of the mission.
 
     Truth judges by the tables of modules that are off, too: runs with them and without are judged alike.
@@ -45,7 +44,7 @@ def read_options(backend: type[Backend], mission: Mission, workspace: Workspace)
     """
     _refuse_misspelt_tables(mission)
     limits = RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m)
-    config = validate_options(
+    return validate_options(
         backend.config_model,
         mission.backends.get(mission.backend, {}),
         mission.source,
@@ -53,12 +52,32 @@ def read_options(backend: type[Backend], mission: Mission, workspace: Workspace)
         {"workspace": workspace, "seed": mission.seed, "limits": limits},
         mission.overridden,
     )
-    radius_m = backend.promises(config).body_radius_m
-    return config.model_copy(update={"limits": replace(limits, body_radius_m=radius_m)})
+
+
+def asked(
+    backend: type[Backend], config: BackendConfig, mission: MissionFile, workspace: Workspace
+) -> dict[int, Capabilities]:
+    """Return what the robots of a mission are asked to promise, by id: `[robots.N]` before the backend's options.
+
+    Raises:
+        ConfigError: what `[robots.N]` says is not allowed on this backend; names key, value and what is.
+    """
+    said = mission.robots.promises
+
+    def of(robot_id: int) -> Capabilities:
+        # What the backend does not allow for all robots it does not allow for one.
+        both = {**config.promise.given, **said[robot_id].given}
+        promise = validate_options(
+            type(config.promise), both, mission.source, f"robots.{robot_id}", overridden=mission.overridden
+        )
+        return backend.promises(config.model_copy(update={"promise": promise}))
+
+    common = backend.promises(config)
+    return {place.id: of(place.id) if place.id in said else common for place in workspace.robots}
 
 
 def promises(
-    backend: type[Backend], config: BackendConfig, mission: Mission, workspace: Workspace
+    backend: type[Backend], config: BackendConfig, mission: MissionFile, workspace: Workspace
 ) -> dict[int, Capabilities]:
     """Return what the robots of a mission promise, by id, under the faults that they are said to have.
 
@@ -66,23 +85,24 @@ def promises(
         ConfigError: a tick at which samples are older than promised; a fault that is not allowed, or after which no
             battery ever seems full enough; or bodies of that size do not fit where the mission wants them.
     """
-    declared = backend.promises(config)
-    _check_tick(mission, declared)
-    ids = [place.id for place in workspace.robots]
+    declared = asked(backend, config, mission, workspace)
+    for each in set(declared.values()):
+        _check_tick(mission, each)
+    ids = [*declared]
     faults = read_faults(mission, ids)
     _check_charge(mission, ids, faults)
     promised = {
         robot_id: widened(
-            declared,
-            [each.made_for(robot_id, mission.seed, mission.base_tick_s) for each in faults if each.hits(robot_id)],
+            each,
+            [fault.made_for(robot_id, mission.seed, mission.base_tick_s) for fault in faults if fault.hits(robot_id)],
         )
-        for robot_id in ids
+        for robot_id, each in declared.items()
     }
     check_bodies(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
     return promised
 
 
-def _check_tick(mission: Mission, declared: Capabilities) -> None:
+def _check_tick(mission: MissionFile, declared: Capabilities) -> None:
     """Check that robots in virtual time, which move in whole periods of theirs, have a new sample for every tick."""
     tick_s, period_s = mission.base_tick_s, declared.setpoint_period_s
     ticks = max(1, round(tick_s / period_s))
@@ -96,7 +116,7 @@ def _check_tick(mission: Mission, declared: Capabilities) -> None:
         )
 
 
-def _check_charge(mission: Mission, ids: Sequence[int], faults: Sequence[FaultTable]) -> None:
+def _check_charge(mission: MissionFile, ids: Sequence[int], faults: Sequence[FaultTable]) -> None:
     """Check that a full battery is reported as enough for the AC, by robots that are declared to report too little."""
     battery = mission.rta.battery
     if "battery" not in mission.rta.order:
@@ -118,7 +138,7 @@ def _check_charge(mission: Mission, ids: Sequence[int], faults: Sequence[FaultTa
             )
 
 
-def check_bodies(mission: Mission, workspace: Workspace, radius_m: Mapping[int, float]) -> None:
+def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[int, float]) -> None:
     """Check that bodies fit: beside each other at the separation, at their starts, and on their stations.
 
     Args:
@@ -164,7 +184,7 @@ def check_bodies(mission: Mission, workspace: Workspace, radius_m: Mapping[int, 
                     )
 
 
-def _refuse_misspelt_tables(mission: Mission) -> None:
+def _refuse_misspelt_tables(mission: MissionFile) -> None:
     """Look at the options of backends and planners that the mission does not use: nobody else would.
 
     What they promise would be taken for granted by whoever wrote them. A backend that is not installed here may have a

@@ -22,7 +22,7 @@ def _lines(tables: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     inner = {key: value for key, value in tables.items() if isinstance(value, Mapping) or _is_tables(value)}
     for key, value in tables.items():
         if key not in inner:
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{_key(key)} = {inline(value)}"
     for key, value in inner.items():
         here = (*path, key)
         name = ".".join(map(_key, here))
@@ -44,11 +44,12 @@ def _key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
 
 
-def _value(value: object) -> str:
+def inline(value: object) -> str:
+    """Return a value as it stands behind an equals sign; the errors are those of `toml`."""
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{_key(key)} = {_value(inner)}' for key, inner in value.items())} }}"
+        return f"{{ {', '.join(f'{_key(key)} = {inline(inner)}' for key, inner in value.items())} }}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(inline, value))}]"
     # JSON's truth values and finite numbers are TOML's.
     return _text(value) if isinstance(value, str) else json.dumps(value, allow_nan=False)
 

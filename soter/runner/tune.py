@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any, Final, get_args
 
 from soter.check import Finding
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.config_tables import MotionModel
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
@@ -79,7 +79,7 @@ class Tuning:
         refused: why `soter run` would refuse the mission with what was found; empty if it would not.
     """
 
-    mission: Mission
+    mission: MissionFile
     today: Mapping[str, Choice]
     found: Mapping[str, Choice]
     trade: Mapping[str, Sequence[Choice]]
@@ -97,11 +97,12 @@ class Tuning:
         return given
 
 
-def tune(mission: Mission) -> Tuning:
+def tune(mission: MissionFile) -> Tuning:
     """Find the least restrictive numbers with which a mission is admitted, on robots as its backend declares them.
 
     Delta, model and phi_safer of the modules that keep distances are found, the first ones because a shorter horizon
-    is less to lose, the last one because P3 asks for no more. Nothing that is proved depends on how long a module waits
+    is less to lose, the last one because P3 asks for no more; of two robots by a body more, so that one of them gets
+    past the other before it is taken again. Nothing that is proved depends on how long a module waits
     before it gives back, nor on how much charge a robot goes on with: the dwell and the battery's numbers weigh one
     delay against another, and are left alone, but for a battery that is ill-formed.
 
@@ -122,12 +123,12 @@ def tune(mission: Mission) -> Tuning:
     return tuning
 
 
-def tune_for(mission: Mission, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Tuning:
+def tune_for(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Tuning:
     """Do the same for robots that promise so much, by id."""
     return _Search(mission, workspace, capabilities).tuning()
 
 
-def changed(mission: Mission, choices: Iterable[Choice]) -> Mission:
+def changed(mission: MissionFile, choices: Iterable[Choice]) -> MissionFile:
     """Return a mission with other numbers."""
     rta = mission.rta
     tables = {each.module: getattr(rta, each.module).model_copy(update=each.settings) for each in choices}
@@ -137,9 +138,11 @@ def changed(mission: Mission, choices: Iterable[Choice]) -> Mission:
 class _Search:
     """One search, for robots that promise so much."""
 
-    def __init__(self, mission: Mission, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> None:
+    def __init__(self, mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> None:
         self._mission, self._workspace, self._capabilities = mission, workspace, capabilities
         self._names: Final = [name for name in mission.rta.order if name in SAFER]
+        # Robots that are given back as soon as P3 allows it are taken again at the next move towards each other.
+        self._parted_m: Final = 2.0 * max(each.body_radius_m for each in capabilities.values())
         self._known: dict[tuple[int, MotionModel], Mapping[str, Choice]] = {}
 
     def tuning(self) -> Tuning:
@@ -197,6 +200,7 @@ class _Search:
             asked = [_asked(made.module(trial.module), made.timing) for made in declared]
             safe_m = self._now(trial.module, "phi_safe_m") if trial.module != GEOFENCE else 0.0
             # What is kept for the safe controller the obstacle module adds to its phi_safer by itself.
+            safe_m += self._parted_m if trial.module == COLLISION else 0.0
             least.append(replace(trial, phi_safer=_up(safe_m + max(asked_m - kept_m for asked_m, kept_m in asked))))
             most.append(replace(trial, phi_safer=_up(safe_m + max(asked)[0])))
         found = self._costs(least)

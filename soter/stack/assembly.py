@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Final
 
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.rta import (
     PEER_SILENT_S,
@@ -15,6 +16,7 @@ from soter.rta import (
     Actuator,
     DecisionModule,
     Mode,
+    PairBound,
     PeerMonitor,
     Port,
     ReachModel,
@@ -31,7 +33,7 @@ from soter.rta import (
 from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
-from soter.stack.declaration import PeerBounds, declare, timing_of
+from soter.stack.declaration import PeerBounds, Peers, declare, terrains_of, timing_of
 from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
@@ -55,8 +57,8 @@ class SafetySide:
         recoveries: by robot id, for their counters.
         forwarders: by robot id; they know what the AC asked for last.
         modules: the declarations, by robot id, in order of their right to drive.
-        terrain: the static workspace.
-        trigger_m: distance between two robots at which the collision module acts.
+        terrains: the static workspace, by robot: for its body.
+        trigger_m: by robot, the distance to another one at which its collision module acts.
         charging: whether a robot stands on its station because it has to charge.
         own: the user's modules, by robot id, those that are off included.
     """
@@ -66,14 +68,14 @@ class SafetySide:
     recoveries: Mapping[int, RecoveryPlanner]
     forwarders: Mapping[int, PortForwarder]
     modules: Mapping[int, tuple[RTAModule, ...]]
-    terrain: Terrain
-    trigger_m: float
+    terrains: Mapping[int, Terrain]
+    trigger_m: Mapping[int, float]
     charging: Callable[[int], bool]
     own: Mapping[int, tuple[RTAModule, ...]]
 
 
 def assemble(
-    mission: Mission,
+    mission: MissionFile,
     workspace: Workspace,
     robots: Sequence[Robot],
     listener: Callable[[Report], None],
@@ -84,7 +86,7 @@ def assemble(
     deltas: float | None = None,
     safer_alone: bool = False,
     remote: Sequence[RemotePeer] = (),
-    remote_promises: Sequence[Capabilities] = (),
+    remote_promises: Mapping[int, Capabilities] = MappingProxyType({}),
 ) -> SafetySide:
     """Declare the enabled modules for every robot, check them against its capabilities, and bind them.
 
@@ -99,26 +101,28 @@ def assemble(
         deltas: how many Delta the modules look ahead when they judge, in place of what proofs need; a question too.
         safer_alone: the modules give back wherever phi_safer holds, within reach of phi_safe's edge or not; another.
         remote: the robots that other processes supervise.
-        remote_promises: what each of those promises.
+        remote_promises: by robot, what each of those promises.
 
     Raises:
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
     """
-    promises = [*(robot.capabilities for robot in robots), *remote_promises]
+    promises = {**{robot.id: robot.capabilities for robot in robots}, **remote_promises}
     apart = COLLISION in mission.rta.order
     low = {peer.robot_id: peer.needs_charge for peer in remote}
-    peers = PeerBounds.of(promises, mission.base_tick_s)
-    terrain = Terrain(workspace, max(each.body_radius_m for each in promises))
+    fleet = [*promises.values()]
+    worst = PeerBounds.of(fleet, mission.base_tick_s)
+    terrains = terrains_of(workspace, promises)
     ports: dict[int, Port[Waypoint, RobotState]] = {}
     recoveries: dict[int, RecoveryPlanner] = {}
     forwarders: dict[int, PortForwarder] = {}
     modules: dict[int, tuple[RTAModule, ...]] = {}
     own: dict[int, tuple[RTAModule, ...]] = {}
     docks: dict[int, Dock] = {}
+    own_apart_m: dict[int, float] = {}
     right_of_way = RightOfWay(
         mission.rta.collision.phi_safer_m if apart else 0.0,
         lambda robot_id: robot_id in low and low[robot_id](),
-        lambda robot_id: recoveries[robot_id].apart_m(peers.sample_age_s),
+        lambda robot_id: max(recoveries[robot_id].apart_m(worst.sample_age_s), own_apart_m[robot_id]),
         lambda robot_id, x_m, y_m: docks[robot_id].path.legs(x_m, y_m),
         lambda bound: docks[bound.robot_id].docked(bound.situation),
     )
@@ -128,8 +132,9 @@ def assemble(
         waypoint: Topic[Any] = Topic(WAYPOINT)
         forwarder = PortForwarder(port, waypoint, mission.base_tick_s)
         declared = declare(
-            mission, workspace, terrain, robot.id, robot.capabilities, peers, forwarder, waypoint, right_of_way
-        )
+            mission, workspace, terrains[robot.id], robot.id, robot.capabilities,
+            Peers.of(robot.id, promises, mission.base_tick_s), forwarder, waypoint, right_of_way,
+        )  # fmt: skip
         try:
             declared.check(mission.base_tick_s)
         except IllFormedModule as refusal:
@@ -156,8 +161,10 @@ def assemble(
         )
         ports[robot.id], recoveries[robot.id], docks[robot.id] = port, declared.recovery, declared.dock
         forwarders[robot.id], modules[robot.id], own[robot.id] = forwarder, declared.modules, declared.own
+        own_apart_m[robot.id] = declared.apart_m
 
-    contracts, charges = ContractMonitor(), ChargeMonitor()
+    contracts = ContractMonitor({robot.id: robot.capabilities.moving_m_s for robot in robots})
+    charges = ChargeMonitor()
 
     def before_decisions(now_s: float, bound: Mapping[int, RobotSupervisor]) -> None:
         for robot_id, supervisor in bound.items():
@@ -173,10 +180,16 @@ def assemble(
         charges.look(now_s, bound, docks)
         right_of_way.update(now_s, bound)
 
-    watched = PeerMonitor(SpeedBound(peers.v_max_m_s, peers.brake_m_s2), peers.noise_m, PEER_SILENT_S)
-    still_s = _still_s(promises, mission.base_tick_s)
+    watched = PeerMonitor(
+        {
+            robot_id: (SpeedBound(each.v_max_m_s, each.brake_m_s2), each.position_noise_m)
+            for robot_id, each in promises.items()
+        },
+        PEER_SILENT_S,
+    )
+    still_s = _still_s(fleet, mission.base_tick_s)
     # Robots that are not heard, of a pair one or both, may be nearer to each other than their samples are.
-    unheard_m = peers.v_max_m_s * (PEER_SILENT_S + still_s)
+    unheard_m = worst.v_max_m_s * (PEER_SILENT_S + still_s)
     # A user's rule may be about peers that matter to no shipped one.
     theirs_m = max((module.peers_within_m for each in own.values() for module in each), default=0.0)
     supervisor = Supervisor(
@@ -193,8 +206,8 @@ def assemble(
         recoveries,
         forwarders,
         modules,
-        terrain,
-        _trigger_m(mission, promises),
+        terrains,
+        {robot.id: _trigger_m(mission, robot.capabilities, worst) for robot in robots},
         lambda robot_id: docks[robot_id].charging(bound[robot_id].situation),
         own,
     )
@@ -212,12 +225,11 @@ def _still_s(promises: Sequence[Capabilities], base_tick_s: float) -> float:
     )
 
 
-def _trigger_m(mission: Mission, promises: Sequence[Capabilities]) -> float:
+def _trigger_m(mission: MissionFile, own: Capabilities, worst: PeerBounds) -> float:
     collision = mission.rta.collision
-    timings = [timing_of(each, mission.base_tick_s) for each in promises]
-    look_s = max(timing.ahead_s(collision.delta_s) + timing.latency_s + timing.jitter_s for timing in timings)
-    reach_m = max(SpeedBound(each.v_max_m_s, each.brake_m_s2).bound(look_s) for each in promises)
-    return collision.phi_safe_m + 2.0 * reach_m
+    look_s = timing_of(own, mission.base_tick_s).look_s(collision.delta_s)
+    speeds = SpeedBound(own.v_max_m_s, own.brake_m_s2), SpeedBound(worst.v_max_m_s, worst.brake_m_s2)
+    return collision.phi_safe_m + PairBound(*speeds).bound(look_s)
 
 
 def _monitored(modules: Sequence[RTAModule]) -> list[ReachModel]:

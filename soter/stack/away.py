@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from soter.machine import Event, Goto, Machine, MachineRef, Next, State, Stay
 from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
@@ -29,8 +29,7 @@ class VisitAway(Event):
     """From a task planner elsewhere: a robot is to go there."""
 
     robot_id: int
-    target_id: int
-    place: Place
+    target: VisitTarget
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,12 @@ class AwayAgent(Machine):
         self.kit.tell(JoinedAway(self.kit.robot_id, other_id))
 
     def _give(self, target: VisitTarget) -> None:
-        self.kit.tell(VisitAway(self.kit.robot_id, target.target_id, target.place))
+        self.kit.tell(VisitAway(self.kit.robot_id, target))
+
+
+def robot_agent(kit: RobotKit | AwayKit) -> type[Machine]:
+    """Return the class of a robot's agent, or of what stands for it. Both take `(kit, who is told)`."""
+    return AwayAgent if isinstance(kit, AwayKit) else RobotAgent
 
 
 @dataclass(frozen=True)
@@ -193,7 +197,7 @@ class AwayTaskPlanner(Machine):
         errand = self.errands[e.robot_id]
         self.tasks.on_ended(e.robot_id, e.target_id, e.outcome)
         if errand.given is not None:
-            self.tasks.tell(TargetEnded(e.robot_id, errand.given, e.outcome))
+            self.tasks.tell(replace(e, target_id=errand.given))
         errand.given, errand.busy = None, False
         waiting, errand.waiting = errand.waiting, None
         if waiting is not None:
@@ -202,6 +206,6 @@ class AwayTaskPlanner(Machine):
 
     def _give(self, errand: _Errand, e: VisitAway) -> None:
         self.last_target_id += 1
-        errand.given, errand.busy = e.target_id, True
-        self.tasks.on_target(e.robot_id, self.last_target_id, e.place)
-        self.send(errand.agent, VisitTarget(self.last_target_id, e.place))
+        errand.given, errand.busy = e.target.target_id, True
+        self.tasks.on_target(e.robot_id, self.last_target_id, e.target.place)
+        self.send(errand.agent, replace(e.target, target_id=self.last_target_id))

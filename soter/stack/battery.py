@@ -33,19 +33,22 @@ class Dock:
         place: the middle of the station.
         path: see above.
         cost_per_m: see above.
-        longest_m: length of the longest roomy path.
     """
 
     def __init__(self, charger: Box, path: ReturnPath, cost_per_m: float) -> None:
         self.place: Final = charger.centre
-        self.path: Final = path
+        self.path = path
         self.cost_per_m: Final = cost_per_m
-        self.longest_m: Final = path.longest_m
         self._charger: Final = charger
         self.wants_charge = False
         """Set by the arbiter while the battery's module is in SC, because it has fired or is not content."""
         self.begins = False
         """Set by the arbiter while it is in SC only because all modules begin so: the robot stays where it is."""
+
+    @property
+    def longest_m(self) -> float:
+        """Length of the longest roomy path."""
+        return self.path.longest_m
 
     def docked(self, situation: Situation) -> bool:
         """Return whether the robot's centre is on the station."""

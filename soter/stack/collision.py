@@ -77,7 +77,13 @@ class Separation(Region):
         return noise_m + self.peer_noise_m
 
 
-def check_halves(module: RTAModule, timing: Timing, leg_m: float, peer_latency_s: float | None = None) -> None:
+def check_halves(
+    module: RTAModule,
+    timing: Timing,
+    leg_m: float,
+    peer_latency_s: float | None = None,
+    peer: SpeedBound | None = None,
+) -> None:
     """Check under which conditions each of two robots may use up half of the gap between them (P2a).
 
     A safe controller limits its legs along the line to the peer as it is seen now. That line turns while both move;
@@ -88,7 +94,8 @@ def check_halves(module: RTAModule, timing: Timing, leg_m: float, peer_latency_s
         module: the collision module of one robot.
         timing: what that robot adds to every horizon.
         leg_m: the longest leg of its safe controllers.
-        peer_latency_s: the least latency of any robot, in place of this one's.
+        peer_latency_s: the less of the two robots' latencies, in place of this one's.
+        peer: what the other one respects, in place of what all robots do.
 
     Raises:
         IllFormedModule: names the numbers and a value that would do.
@@ -111,13 +118,22 @@ def check_halves(module: RTAModule, timing: Timing, leg_m: float, peer_latency_s
     ahead_s = timing.ahead_s(module.delta_s)
     early_s = ahead_s - module.delta_s
     # A peer comes nearer at its own speed; it has set aside what that takes of a half within its own latency.
-    peer_m_s = max(phi_safe.peer_v_max_m_s, own.v_max_m_s)
+    peer_m_s = max(phi_safe.peer_v_max_m_s if peer is None else peer.v_max_m_s, own.v_max_m_s)
     least_s = timing.latency_s if peer_latency_s is None else peer_latency_s
     aside_m = peer_m_s * (timing.tick_s + least_s) / 2.0
     if isinstance(model, PairBound):
         # Of the gap that is asked for the AC's robot, the slower one, has less than half to itself.
-        aside_m += (peer_m_s - own.v_max_m_s) * (ahead_s + timing.latency_s + timing.jitter_s) / 2.0
-    needed_s = peer_m_s / (2.0 * own.brake_m_s2) - math.sqrt(aside_m / own.brake_m_s2)
+        look_s = timing.look_s(module.delta_s)
+        share_m = (peer_m_s - own.v_max_m_s) * look_s
+        if peer is not None:
+            share_m = min(share_m, max(0.0, peer.bound(look_s) - own.bound(look_s)))
+        aside_m += share_m / 2.0
+    root_s = math.sqrt(aside_m / own.brake_m_s2)
+    needed_s = peer_m_s / (2.0 * own.brake_m_s2) - root_s
+    if 2.0 * own.brake_m_s2 * root_s > own.v_max_m_s:
+        # Braking costs most from a speed that only the peer has.
+        costs_s = (2.0 * peer_m_s - own.v_max_m_s) / (4.0 * own.brake_m_s2)
+        needed_s = costs_s - aside_m / own.v_max_m_s
     if early_s < needed_s - _ROUNDING:
         raise IllFormedModule(
             module.name,

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final, Self
 
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.config_tables import MotionModel
-from soter.rta import DischargeBound, Motion, RTAModule, SpeedBound, Timing, Topic
+from soter.errors import IllFormedModule
+from soter.rta import DischargeBound, Motion, PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Charged, ChargeForTheWayHome, Dock, GoHome
 from soter.stack.collision import BackAway, Separation, check_halves
 from soter.stack.infrastructure import check_infrastructure
-from soter.stack.own_rules import OwnRule
+from soter.stack.own_rules import OwnRule, apart_m, forbidden
 from soter.stack.reach import Limits, reach_between, reach_into
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
 from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import Retreat
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, TURN_S, RightOfWay
+from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Terrain, grown
@@ -77,6 +81,38 @@ class PeerBounds:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Peers:
+    """The other robots of a fleet, as one of them has to take them.
+
+    Attributes:
+        worst: what every robot respects, this one included.
+        each: by other robot, what that one respects.
+        speeds: how many of the others have each top speed, in m/s.
+    """
+
+    worst: PeerBounds
+    each: Mapping[int, PeerBounds]
+    speeds: Mapping[float, int]
+
+    @classmethod
+    def of(cls, robot_id: int, fleet: Mapping[int, Capabilities], base_tick_s: float) -> Self:
+        """Return what a robot has to assume of a fleet, in which it is itself, ticked every `base_tick_s`."""
+        others = {other: each for other, each in fleet.items() if other != robot_id}
+        # Robots that promise the same are the same to it.
+        known = {each: PeerBounds.of((each,), base_tick_s) for each in set(others.values())}
+        return cls(
+            PeerBounds.of([*fleet.values()], base_tick_s),
+            {other: known[each] for other, each in others.items()},
+            Counter(each.v_max_m_s for each in others.values()),
+        )
+
+    @property
+    def unlike(self) -> Mapping[int, PeerBounds]:
+        """The same as `each` where robots differ in what they respect; nothing where they are all alike."""
+        return {} if all(each == self.worst for each in self.each.values()) else self.each
+
+
 @dataclass(frozen=True)
 class Declared:
     """The safety modules of one robot and what their safe controllers share.
@@ -99,13 +135,19 @@ class Declared:
     dock: Dock
     place: RobotPlace
     others: tuple[RobotPlace, ...]
-    peers: PeerBounds
+    peers: Peers
     timing: Timing
     own: tuple[RTAModule, ...] = ()
 
     def module(self, name: str) -> RTAModule:
         """Return one of the modules by its name."""
         return next(module for module in self.modules if module.name == name)
+
+    @cached_property
+    def apart_m(self) -> float:
+        """How far apart the user's rules about pairs give robots back, as far as asking them tells; 0 without any."""
+        rules = [module.phi_safer for module in self.modules if module in self.own and module.of_pairs]
+        return max((apart_m(rule, self.place) for rule in rules if isinstance(rule, Region)), default=0.0)
 
     def check(self, base_tick_s: float) -> None:
         """Check every module against the robot's promises.
@@ -117,7 +159,7 @@ class Declared:
             self.check_module(module, base_tick_s)
             if module.name == BATTERY:
                 check_infrastructure(
-                    self.place, self.others, self.dock.path, self.refuges, self.recovery, self.peers.sample_age_s,
+                    self.place, self.others, self.dock.path, self.refuges, self.recovery, self.peers.worst.sample_age_s,
                     self.timing.noise_m,
                 )  # fmt: skip
 
@@ -130,24 +172,32 @@ class Declared:
         module.check(self.timing, base_tick_s)
         if module.name == COLLISION:
             leg_m = self.recovery.leg_m(self.timing.sample_age_s)
-            check_halves(module, self.timing, leg_m, self.peers.latency_s)
+            for peer in dict.fromkeys(self.peers.each.values()) or (self.peers.worst,):
+                latency_s = min(self.timing.latency_s, peer.latency_s)
+                check_halves(module, self.timing, leg_m, latency_s, SpeedBound(peer.v_max_m_s, peer.brake_m_s2))
 
 
 def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
     """Return what a robot adds to every horizon, ticked every `base_tick_s`."""
     return Timing(
         capabilities.latency_s, capabilities.sample_age_s, capabilities.jitter_s, capabilities.position_noise_m,
-        capabilities.lease_s, base_tick_s,
+        capabilities.lease_s, base_tick_s, speed_noise_m_s=capabilities.speed_noise_m_s,
     )  # fmt: skip
 
 
+def terrains_of(workspace: Workspace, promised: Mapping[int, Capabilities]) -> dict[int, Terrain]:
+    """Return fence and boxes for the body of each robot, by id; bodies that are alike share theirs."""
+    known = {radius_m: Terrain(workspace, radius_m) for radius_m in {each.body_radius_m for each in promised.values()}}
+    return {robot_id: known[each.body_radius_m] for robot_id, each in promised.items()}
+
+
 def declare(
-    mission: Mission,
+    mission: MissionFile,
     workspace: Workspace,
     terrain: Terrain,
     robot_id: int,
     capabilities: Capabilities,
-    peers: PeerBounds,
+    peers: Peers,
     ac: PortForwarder,
     waypoint: Topic[Any],
     right_of_way: RightOfWay,
@@ -157,7 +207,7 @@ def declare(
     Args:
         mission: its `rta` and `battery` tables.
         workspace: where this robot charges.
-        terrain: fence and boxes.
+        terrain: fence and boxes, for the body of this robot.
         robot_id: which robot.
         capabilities: what it promises.
         peers: what its peers are assumed to respect.
@@ -165,25 +215,28 @@ def declare(
         waypoint: the topic that AC and SCs share.
         right_of_way: the fleet's arbiter.
     """
-    rta, tick_s = mission.rta, mission.base_tick_s
+    rta, tick_s, worst, unlike = mission.rta, mission.base_tick_s, peers.worst, peers.unlike
     rules = _rules(mission)
     # Safe controllers keep what the rule asks for beyond the body clear of boxes as if it were part of the body.
     beyond_m = rta.obstacle.phi_safe_m if rules.boxes else 0.0
     room = Terrain(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
-    recovery = RecoveryPlanner(room, capabilities, rules, tick_s, peers.noise_m, peers.v_max_m_s, peers.extent_m)
+    recovery = RecoveryPlanner(
+        room, capabilities, rules, tick_s, worst.noise_m, worst.v_max_m_s, worst.extent_m,
+        {other: max(capabilities.v_max_m_s, peer.v_max_m_s) for other, peer in unlike.items()},
+    )  # fmt: skip
     place = next(place for place in workspace.robots if place.id == robot_id)
     # Every station is reached with every other one occupied.
-    apart_m = recovery.apart_m(peers.sample_age_s) if rules.pairs else 0.0
+    apart_m = recovery.apart_m(worst.sample_age_s) if rules.pairs else 0.0
     occupied = [grown(Box(*each.charger.centre, *each.charger.centre), apart_m) for each in workspace.robots]
-    path = ReturnPath(
-        room,
-        recovery,
-        place.charger.centre,
-        _home_clearance_m(mission, capabilities) - beyond_m,
-        _inset_m(mission, capabilities),
-        [edges for each, edges in zip(workspace.robots, occupied, strict=True) if apart_m and each.id != robot_id],
-    )
-    dock = Dock(place.charger, path, _cost_per_m(mission, capabilities))
+    stations = [
+        edges for each, edges in zip(workspace.robots, occupied, strict=True) if apart_m and each.id != robot_id
+    ]
+
+    def path_around(more: Sequence[Rectangle]) -> ReturnPath:
+        home_m, inset_m = _home_clearance_m(mission, capabilities) - beyond_m, _inset_m(mission, capabilities)
+        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, [*stations, *more])
+
+    dock = Dock(place.charger, path_around(()), _cost_per_m(mission, capabilities))
     home = GoHome(tick_s, waypoint, recovery, dock)
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     limits = Limits.of(capabilities)
@@ -199,8 +252,8 @@ def declare(
     unsure_m = _unsure_m(capabilities)
     keep_m = _keep_m(mission, recovery, timing)
     # A refuge is where every static rule lets go: in phi_safer, and where the AC is trusted as well.
-    clear_m = speed.bound(_horizon_s(rta.obstacle.delta_s, timing)) + keep_m
-    inside_m = speed.bound(_horizon_s(rta.geofence.delta_s, timing))
+    clear_m = speed.bound(timing.horizon_s(rta.obstacle.delta_s)) + keep_m
+    inside_m = speed.bound(timing.horizon_s(rta.geofence.delta_s))
     # What the AC may use up, and what the safe controller needs: phi_safer is no nearer than where both are left. A
     # phi_safer that does not even leave the first is ill-formed.
     trusted_m, safer_m = clear_m - keep_m + capabilities.position_noise_m, rta.obstacle.phi_safer_m
@@ -216,22 +269,28 @@ def declare(
     inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M, home, dock)
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M, home, dock)
     fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
-    apart = Separation(rta.collision.phi_safe_m, peers.v_max_m_s, peers.noise_m)
+    apart = Separation(rta.collision.phi_safe_m, worst.v_max_m_s, worst.noise_m)
     clearance = Clearance(terrain, rta.obstacle.phi_safe_m, recovery.path_m, rules.fence)
     drive_per_s = 1.0 / mission.battery.drive_s
     own_modules = {}
     for name, own in mission.rta.module.items():
         kit = ModuleKit(
             name, robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery, refuges, dock,
-            home, speed, timing, tick_s,
+            home, speed, SpeedBound(worst.v_max_m_s, worst.brake_m_s2), timing, tick_s,
         )  # fmt: skip
-        own_modules[name] = declare_own(mission, own, kit, waypoint)
+        own_modules[name] = made = declare_own(mission, own, kit, waypoint)
+        _check_peer_model(made, worst)
     enforced = [own_modules[name] for name in mission.rta.order if name in own_modules]
     recovery.own_rules = [
-        OwnRule(module.phi_safe, module.model is not None and module.model.of_pairs)
-        for module in enforced
-        if module.phi_safe is not None
+        OwnRule(module.phi_safe, module.of_pairs) for module in enforced if module.phi_safe is not None
     ]
+    if around := [
+        each
+        for rule in recovery.own_rules
+        if not rule.of_pairs
+        for each in forbidden(rule.region, place, room, recovery.path_m)
+    ]:
+        dock.path = path_around(around)
     # Each of the user's modules may keep a robot from going home for so long.
     contracts_s = sum(module.lets_go_s for module in enforced)
     table = {
@@ -243,7 +302,10 @@ def declare(
             apart,
             replace(apart, least_m=rta.collision.phi_safer_m),
             reach_between(
-                apart, motion(COLLISION, rta.collision.model), peers.limits.motion(COLLISION, rta.collision.model)
+                apart,
+                motion(COLLISION, rta.collision.model),
+                worst.limits.motion(COLLISION, rta.collision.model),
+                {other: peer.limits.motion(COLLISION, rta.collision.model) for other, peer in unlike.items()},
             ),
             dwell_s=rta.collision.dwell_s,
         ),
@@ -279,7 +341,7 @@ def declare(
                 drive_per_s, capabilities.v_max_m_s, dock.cost_per_m, 2.0 * recovery.path_m * dock.cost_per_m
             ),
             dwell_s=rta.battery.dwell_s,
-            keep=_reserve(mission, workspace, dock, capabilities, contracts_s),
+            keep=_reserve(mission, dock, peers.speeds if rules.pairs else {}, contracts_s),
         ),
     }
     declared = tuple(own_modules[name] if name in own_modules else table[name]() for name in mission.rta.order)
@@ -287,7 +349,25 @@ def declare(
     return Declared(declared, recovery, refuges, dock, place, others, peers, timing, tuple(own_modules.values()))
 
 
-def _rules(mission: Mission) -> RecoveryRules:
+def _check_peer_model(module: RTAModule, worst: PeerBounds) -> None:
+    """Check that a module of the user's does not take its robot's peers for better than they are.
+
+    Raises:
+        IllFormedModule: names the figures, and what would do.
+    """
+    model = module.model
+    if not isinstance(model, PairBound):
+        return
+    v_max_m_s, brake_m_s2 = model.other.v_max_m_s, model.other.brake_m_s2
+    if v_max_m_s < worst.v_max_m_s or brake_m_s2 > worst.brake_m_s2:
+        raise IllFormedModule(
+            module.name, "P3",
+            f"its model has peers that do {v_max_m_s:g} m/s and brake at {brake_m_s2:g} m/s2, but the robots promise "
+            f"{worst.v_max_m_s:g} m/s and {worst.brake_m_s2:g} m/s2; kit.peer_model would do",
+        )  # fmt: skip
+
+
+def _rules(mission: MissionFile) -> RecoveryRules:
     names = mission.rta.order
     return RecoveryRules(
         fence=GEOFENCE in names,
@@ -297,18 +377,17 @@ def _rules(mission: Mission) -> RecoveryRules:
     )
 
 
-def _home_clearance_m(mission: Mission, capabilities: Capabilities) -> float:
+def _home_clearance_m(mission: MissionFile, capabilities: Capabilities) -> float:
     """Return what ways home keep from boxes: so much that the obstacle module, which goes first, does not step in."""
     if OBSTACLE not in mission.rta.order:
         return HOME_CLEARANCE_M
     obstacle = mission.rta.obstacle
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
-    ahead_s = timing_of(capabilities, mission.base_tick_s).ahead_s(obstacle.delta_s)
-    reach_m = speed.bound(ahead_s + capabilities.latency_s + capabilities.jitter_s)
+    reach_m = speed.bound(timing_of(capabilities, mission.base_tick_s).look_s(obstacle.delta_s))
     return max(HOME_CLEARANCE_M, obstacle.phi_safe_m + reach_m + _unsure_m(capabilities))
 
 
-def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
+def _inset_m(mission: MissionFile, capabilities: Capabilities) -> float:
     """Return how near ways home may come to the fence: not so near that the geofence module would step in.
 
     Without that module robots may be anywhere on the open ground around the fence, and ways lead there too.
@@ -316,15 +395,11 @@ def _inset_m(mission: Mission, capabilities: Capabilities) -> float:
     if GEOFENCE not in mission.rta.order:
         return -math.inf
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
-    look_s = 2.0 * mission.rta.geofence.delta_s + capabilities.latency_s + capabilities.jitter_s
+    look_s = timing_of(capabilities, mission.base_tick_s).look_s(mission.rta.geofence.delta_s)
     return speed.bound(look_s) + _unsure_m(capabilities)
 
 
-def _horizon_s(delta_s: float, timing: Timing) -> float:
-    return timing.ahead_s(delta_s) + timing.latency_s + timing.sample_age_s + timing.jitter_s
-
-
-def _keep_m(mission: Mission, recovery: RecoveryPlanner, timing: Timing) -> float:
+def _keep_m(mission: MissionFile, recovery: RecoveryPlanner, timing: Timing) -> float:
     """Return what the obstacle module keeps so that a robot that was stopped is where paths are.
 
     A module that fires leaves what the unused part of its horizon would have cost; a model that looks at the present
@@ -337,15 +412,19 @@ def _keep_m(mission: Mission, recovery: RecoveryPlanner, timing: Timing) -> floa
     return max(0.0, recovery.path_m - recovery.v_max_m_s * unused_s)
 
 
-def _reserve(
-    mission: Mission, workspace: Workspace, dock: Dock, capabilities: Capabilities, contracts_s: float
-) -> float:
-    """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts."""
-    battery, v = mission.battery, capabilities.v_max_m_s
-    others = len(workspace.robots) - 1 if COLLISION in mission.rta.order else 0
-    each_s = dock.longest_m / v + TURN_S
+def _reserve(mission: MissionFile, dock: Dock, others: Mapping[float, int], contracts_s: float) -> float:
+    """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts.
+
+    Args:
+        mission: its `rta` and `battery` tables.
+        dock: of the robot.
+        others: how many other robots have each top speed.
+        contracts_s: the sum of the contracts of the user's modules.
+    """
+    battery = mission.battery
+    others_s = sum(count * (dock.longest_m / v_max_m_s + TURN_S) for v_max_m_s, count in others.items())
     # Whoever waits also has to make room now and then.
-    waiting = WAITING * others * each_s / min(battery.idle_s, WAITING * battery.drive_s)
+    waiting = WAITING * others_s / min(battery.idle_s, WAITING * battery.drive_s)
     kept = contracts_s / battery.drive_s
     return mission.rta.battery.reserve_factor * dock.longest_m * dock.cost_per_m + waiting + kept
 
@@ -355,5 +434,5 @@ def _unsure_m(capabilities: Capabilities) -> float:
     return _SLACK_M + capabilities.position_noise_m + capabilities.v_max_m_s * capabilities.sample_age_s
 
 
-def _cost_per_m(mission: Mission, capabilities: Capabilities) -> float:
+def _cost_per_m(mission: MissionFile, capabilities: Capabilities) -> float:
     return 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from soter.machine import Event, MachineRef
 
@@ -14,7 +15,7 @@ class Outcome(Enum):
     """How a target ended.
 
     `unsafe`: a geofence or obstacle module had to step in on the way; retrying such a target would only repeat that.
-    `blocked`: given up after the AC lost control three times for other reasons, or after no plan led there.
+    `blocked`: given up after the AC lost control too often for other reasons, or after no plan led there.
     """
 
     REACHED = "reached"
@@ -23,21 +24,43 @@ class Outcome(Enum):
     TIMED_OUT = "timed_out"
 
 
+TRIES: Final = 3
+
+
 @dataclass(frozen=True, slots=True)
 class VisitTarget(Event):
-    """Task planner to robot agent: go there."""
+    """Task planner to robot agent: go there.
+
+    Attributes:
+        target_id: the task planner's number for it.
+        place: where.
+        timeout_s: time with the AC in control after which it is given up; None for that of the mission file.
+        tries: how often the AC may lose control on the way, or a path come to nothing, before it is given up.
+    """
 
     target_id: int
     place: Place
+    timeout_s: float | None = None
+    tries: int = TRIES
 
 
 @dataclass(frozen=True, slots=True)
 class TargetEnded(Event):
-    """Robot agent to task planner: that target is done with."""
+    """Robot agent to task planner: that target is done with.
+
+    Attributes:
+        robot_id: whose.
+        target_id: which.
+        outcome: how it ended.
+        module: the safety module that took the robot over and so ended it; empty for any other end.
+        reason: why it took the robot, or why no path led there, in words; empty where there is nothing to say.
+    """
 
     robot_id: int
     target_id: int
     outcome: Outcome
+    module: str = ""
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

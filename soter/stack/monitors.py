@@ -10,13 +10,16 @@ from soter.rta import Assumption, RobotSupervisor
 from soter.stack.battery import Dock
 from soter.stack.right_of_way import BATTERY
 
-_MOVING_M_S: Final = 0.02
-
 
 class ContractMonitor:
-    """Watches robots that have to charge, and stand, while a module of the user's has them. Ticked by the arbiter."""
+    """Watches robots that have to charge, and stand, while a module of the user's has them. Ticked by the arbiter.
 
-    def __init__(self) -> None:
+    Args:
+        moving_m_s: by robot, the reported speed above which it moves.
+    """
+
+    def __init__(self, moving_m_s: Mapping[int, float]) -> None:
+        self._moving_m_s: Final = moving_m_s
         self._since_s: dict[int, float] = {}
 
     def look(self, now_s: float, robots: Mapping[int, RobotSupervisor], docks: Mapping[int, Dock]) -> None:
@@ -25,7 +28,7 @@ class ContractMonitor:
             driver, dock, situation = robot.driver, docks[robot_id], robot.situation
             lets_go_s = math.inf if driver is None else driver.module.lets_go_s
             starves = driver is not None and driver.name != BATTERY and dock.wants_charge and not math.isinf(lets_go_s)
-            moves = math.hypot(situation.own.vx_m_s, situation.own.vy_m_s) > _MOVING_M_S
+            moves = math.hypot(situation.own.vx_m_s, situation.own.vy_m_s) > self._moving_m_s[robot_id]
             if driver is None or not starves or moves or dock.docked(situation):
                 self._since_s[robot_id] = now_s
                 continue

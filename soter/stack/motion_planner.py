@@ -67,7 +67,7 @@ def _is_of(goal_id: int, ended: GoalEnded) -> bool:
 
 
 PEER_NEAR_M = 1.5
-"""Peers without control within this distance are planned around."""
+"""Peers without control within this distance are planned around, or 1 m beyond what plans keep from them."""
 
 
 class MotionPlanner(Machine):
@@ -113,7 +113,8 @@ class MotionPlanner(Machine):
             for peer in self.kit.peers.values()
             if not peer.engaged
             and peer.state is not None
-            and math.hypot(peer.state.x_m - start[0], peer.state.y_m - start[1]) < PEER_NEAR_M
+            and math.hypot(peer.state.x_m - start[0], peer.state.y_m - start[1])
+            < max(PEER_NEAR_M, self.kit.disc_m + 1.0)
         )
         self.kit.submit(PlanRequest(e.request_id, self.kit.robot_id, start, e.place, discs, self.kit.seed), self.ref)
         return Stay()

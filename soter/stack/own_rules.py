@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
-from soter.rta import Region, Sample, Situation
+import numpy as np
+import numpy.typing as npt
 
+from soter.rta import Region, Sample, Situation
+from soter.sdk import Link, RobotState
+from soter.stack.routes import Rectangle
+from soter.stack.terrain import Point, Terrain, grown
+from soter.workspace import Box, RobotPlace
+
+_FAR_M: Final = 10.0
+_CLOSE_ENOUGH_M: Final = 0.005
+_STEP_M: Final = 0.1
+_CELLS: Final = 80
+_STRIPS: Final = 8
+"""A forbidden area is covered by strips of rows: one rectangle around a disc would leave its corners out of use."""
 _PARTS: Final = (0.5, 1.0)
 """Of a leg, where the margin is asked for."""
 
@@ -49,6 +64,96 @@ class OwnRule(NamedTuple):
             # Half of it is the peer's, which may be on its way.
             return min(margin, margin / 2.0 + peer_m)
         return min(0.0, margin)
+
+
+def apart_m(region: Region, place: RobotPlace) -> float:
+    """Return how far from a robot at rest its peers have to be for a rule about pairs to hold.
+
+    It is found by asking, so it is a guess at what a rule means: 0 where peers 10 m away break it, where it fails, or
+    where it lets peers be anywhere. Progress may rest on it; safety does not.
+
+    Args:
+        region: of the rule.
+        place: where the robot starts.
+    """
+    own = _at_rest(place.id, place.x_m, place.y_m)
+    situation = Situation(place.id, own, 0.0)
+
+    def holds(distance_m: float) -> bool:
+        peers = ((distance_m, 0.0), (-distance_m, 0.0), (0.0, distance_m), (0.0, -distance_m))
+        for dx_m, dy_m in peers:
+            situation.peers = [_at_rest(place.id + 1, own.x_m + dx_m, own.y_m + dy_m)]
+            if not region.margin(situation) >= 0.0:
+                return False
+        return True
+
+    try:
+        if holds(0.0) or not holds(_FAR_M):
+            return 0.0
+        low_m, high_m = 0.0, _FAR_M
+        while high_m - low_m > _CLOSE_ENOUGH_M:
+            middle_m = (low_m + high_m) / 2.0
+            low_m, high_m = (low_m, middle_m) if holds(middle_m) else (middle_m, high_m)
+    except Exception:  # noqa: BLE001 - foreign code; its decision module fails on it as well, and says so
+        return 0.0
+    return high_m
+
+
+def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: float) -> list[Rectangle]:
+    """Return what return paths go around so that a rule about one robot holds on them: rectangles, or none.
+
+    Nothing is known of the rule but its margin, so it is asked all over the room, as if the robot stood there. Where
+    the station itself would be in a rectangle there is none: nothing leads around that. Progress rests on it, safety
+    does not; `broken_on` says what is left.
+
+    Args:
+        region: of the rule.
+        place: of the robot.
+        terrain: the room.
+        beside_m: how far beside its path a robot may be.
+    """
+    step_m = max(terrain.width_m, terrain.depth_m) / _CELLS
+    xs = np.arange(0.0, terrain.width_m + step_m, step_m)
+    ys = np.arange(0.0, terrain.depth_m + step_m, step_m)
+    broken = np.array([[not _holds(region, place.id, float(x), float(y)) for x in xs] for y in ys])
+    rows = np.flatnonzero(broken.any(axis=1))
+    strips = np.array_split(rows, min(_STRIPS, len(rows))) if len(rows) else []
+    found = [
+        grown(Box(float(xs[low]), float(ys[strip[0]]), float(xs[high]), float(ys[strip[-1]])), step_m + beside_m)
+        for strip in strips
+        for low, high in _runs(broken[strip[0] : strip[-1] + 1].any(axis=0))
+    ]
+    x_m, y_m = place.charger.centre
+    return [] if any(box[0] <= x_m <= box[2] and box[1] <= y_m <= box[3] for box in found) else found
+
+
+def _runs(row: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first and the last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], row, [False]))))
+    return [(int(start), int(end) - 1) for start, end in edges.reshape(-1, 2)]
+
+
+def broken_on(region: Region, robot_id: int, line: Sequence[Point]) -> Point | None:
+    """Return the first place on a line at which a rule about one robot does not hold for one that stands there."""
+    for (ax_m, ay_m), (bx_m, by_m) in pairwise(line):
+        steps = max(1, math.ceil(math.hypot(bx_m - ax_m, by_m - ay_m) / _STEP_M))
+        for step in range(steps + 1):
+            x_m, y_m = ax_m + (bx_m - ax_m) * step / steps, ay_m + (by_m - ay_m) * step / steps
+            if not _holds(region, robot_id, x_m, y_m):
+                return x_m, y_m
+    return None
+
+
+def _holds(region: Region, robot_id: int, x_m: float, y_m: float) -> bool:
+    """Return whether a rule holds for a robot that stands there; one that fails is its decision module's to report."""
+    try:
+        return bool(region.margin(Situation(robot_id, _at_rest(robot_id, x_m, y_m), 0.0)) >= 0.0)
+    except Exception:  # noqa: BLE001 - foreign code
+        return True
+
+
+def _at_rest(robot_id: int, x_m: float, y_m: float) -> RobotState:
+    return RobotState(robot_id, 0.0, 0.0, x_m, y_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
 
 
 class _Moved:

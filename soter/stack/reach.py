@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Self
 
 from soter.config_tables import MotionModel
@@ -13,6 +14,7 @@ from soter.rta import (
     DirectedReach,
     Motion,
     PairBound,
+    PairsBound,
     ReachModel,
     SpeedAccelerationBound,
     SpeedBound,
@@ -85,11 +87,14 @@ def reach_into(region: Directed, own: Motion) -> ReachModel:
     return DirectedReach(region, own) if isinstance(own, UnicycleBound) else own
 
 
-def reach_between(region: Directed, own: Motion, other: Motion) -> ReachModel:
-    """Return the reach model of a region between a robot and its peers."""
+def reach_between(
+    region: Directed, own: Motion, other: Motion, each: Mapping[int, Motion] = MappingProxyType({})
+) -> ReachModel:
+    """Return the reach model of a region between a robot and its peers, of which `each` says what single ones do."""
     if isinstance(own, SpeedBound) and isinstance(other, SpeedBound):
-        return PairBound(own, other)
-    return DirectedReach(region, own, other)
+        speeds = {robot_id: motion for robot_id, motion in each.items() if isinstance(motion, SpeedBound)}
+        return PairsBound(region, own, speeds) if speeds else PairBound(own, other)
+    return DirectedReach(region, own, other, each)
 
 
 def _worst(promises: Sequence[float | None]) -> float | None:

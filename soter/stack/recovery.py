@@ -9,7 +9,7 @@ not fit, a leg may only lead away from what is too near, in every direction that
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -30,7 +30,6 @@ CORNER_M: Final = 0.02
 
 _ARRIVED_M: Final = 0.02
 _CLIMB_M: Final = 0.005
-_MOVING_M_S: Final = 0.02
 _ALIGNED_RAD: Final = 0.35
 _ALIGNED_COS: Final = math.cos(_ALIGNED_RAD)
 _ALIGNED_SIN: Final = math.sin(_ALIGNED_RAD)
@@ -84,6 +83,7 @@ class RecoveryPlanner:
         peer_noise_m: error of the positions that peers report, at most.
         peer_v_max_m_s: top speed that peers are assumed to respect, where it is higher than this robot's own.
         peer_extent_m: how far a leg may take a peer, see `extent_m`, where that is more than this robot's own.
+        pair_v_max_m_s: by peer, the faster of its and this robot's top speeds, where that is less than all peers'.
 
     Attributes:
         terrain: see above.
@@ -105,17 +105,21 @@ class RecoveryPlanner:
         peer_noise_m: float = 0.0,
         peer_v_max_m_s: float = 0.0,
         peer_extent_m: float = 0.0,
+        pair_v_max_m_s: Mapping[int, float] | None = None,
     ) -> None:
         self.terrain: Final = terrain
         self.rules: Final = rules
         self.own_rules: Sequence[OwnRule] = ()
         self.v_max_m_s: Final = capabilities.v_max_m_s
+        self.moving_m_s: Final = capabilities.moving_m_s
         self._peer_v_max = max(capabilities.v_max_m_s, peer_v_max_m_s)
+        self._pair_v_max = pair_v_max_m_s or {}
         self._tracking_m = capabilities.tube_m
         self._tube = capabilities.tube_m + capabilities.position_noise_m
         self._pair_noise = capabilities.position_noise_m + peer_noise_m
         self._blind_s = period_s + capabilities.latency_s
         self._stop_m = _stop_m(capabilities)
+        self._braking_s_per_m_s = 0.5 / capabilities.brake_m_s2
         self._drift_m_s = self.v_max_m_s * _ALIGNED_SIN
         self.certified_m: Final = self._tube + self._drift_m_s * capabilities.sample_age_s
         self.path_m: Final = self.certified_m + self._tube + CORNER_M
@@ -227,7 +231,7 @@ class RecoveryPlanner:
                 return -1.0
             along = (dx * px + dy * py) / distance
             gap = distance - self._pair_noise - separation
-            half = gap / 2.0 - self._peer_v_max * (self._blind_s + age_s)
+            half = gap / 2.0 - self._pair_v_max.get(peer.robot_id, self._peer_v_max) * (self._blind_s + age_s)
             if along <= -_ALIGNED_SIN * length:
                 # Away, however the robot strays from the leg, or at rest: always at least as good as anything else.
                 left = max(half, 0.0)
@@ -335,10 +339,16 @@ class RecoveryPlanner:
         return self._leg(own, own.x_m + direction[0] * length_m, own.y_m + direction[1] * length_m, *direction)
 
     def _must_stop_first(self, own: Sample, ux: float, uy: float) -> bool:
-        """Whether the robot moves in a direction that does not lie along the leg: it would brake somewhere else."""
+        """Whether the robot moves in a direction that does not lie along the leg: it would brake somewhere else.
+
+        That is at a large angle, or at such a speed that it might come to rest farther off the leg than its tube.
+        """
         vx, vy = own.vx_m_s, own.vy_m_s
         speed = math.sqrt(vx * vx + vy * vy)
-        return speed > _MOVING_M_S and (vx * ux + vy * uy) < _ALIGNED_COS * speed
+        if speed <= self.moving_m_s:
+            return False
+        aside_m = abs(vx * uy - vy * ux) * (self._blind_s + speed * self._braking_s_per_m_s)
+        return (vx * ux + vy * uy) < _ALIGNED_COS * speed or aside_m > self._tracking_m
 
     def hold(self, situation: Situation) -> Waypoint | None:
         """Hold; where even that breaks a rule, take the motion with the largest worst margin, and count it."""

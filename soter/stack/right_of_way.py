@@ -26,8 +26,8 @@ CLEAR_M: Final = 0.70
 PATIENCE_S: Final = 4.0
 """After so long in SC a robot at phi_safer may go on whatever the order says."""
 
-WAIT_S: Final = 60.0
-"""A robot that has waited for so long to be given back is left alone by peers that are too near for that."""
+WAIT_S: Final = 30.0
+"""A robot that modules have kept from its AC for so long is left alone by peers: for three times as long, in turns."""
 
 SETTLED_S: Final = 1.0
 """A robot needs its return path once the battery's module has had it for so long; all begin with all modules in SC."""
@@ -94,6 +94,14 @@ class _Homing:
     progress_s: float
 
 
+@dataclass(slots=True)
+class _Wait:
+    """Since when a robot has been without its AC, and whether a rule about pairs has had it meanwhile."""
+
+    since_s: float
+    of_pairs: bool = False
+
+
 class RightOfWay:
     """The arbiter of who drives on and who makes room. One for a supervisor's robots; called before decisions are made.
 
@@ -133,6 +141,8 @@ class RightOfWay:
         self._met_s: dict[tuple[int, int], float] = {}
         self._encounters: dict[int, Encounter] = {}
         self._disengaged_s: dict[int, float] = {}
+        self._waits: dict[int, _Wait] = {}
+        self._held: dict[int, str] = {}
 
     def update(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         """Find out who meets whom, and who goes first."""
@@ -149,8 +159,7 @@ class RightOfWay:
             collision = self._module(robot, COLLISION)
             if collision is not None:
                 self._disengaged_s[robot_id] = collision.since_s if collision.mode is Mode.SC else now_s
-                if now_s - self._disengaged_s[robot_id] > WAIT_S:
-                    self._move_away(now_s, robots, robot.situation)
+        self._leave_alone(now_s, robots)
         if self._find_homing(now_s, robots) or self._to_leave:
             self._make_room(now_s, robots)
         if met or self._encounters:
@@ -178,11 +187,15 @@ class RightOfWay:
         return encounter is None or encounter.order[0] == robot_id
 
     def permits(self, module: str, situation: Situation) -> bool:
-        """Return whether a robot's collision module may release it; the others need no permission."""
-        if module != COLLISION or self.first(situation.robot_id):
+        """Return whether a module may release a robot: collision's and, while it is held, the one that holds it."""
+        if self._held.get(situation.robot_id) == module:
+            return False
+        if module != COLLISION:
             return True
         if situation.robot_id in self._to_leave:
             return False
+        if self.first(situation.robot_id):
+            return True
         if situation.now_s - self._disengaged_s.get(situation.robot_id, situation.now_s) >= PATIENCE_S:
             return True
         own = situation.own
@@ -232,14 +245,42 @@ class RightOfWay:
                 collision.take(now_s, f"robot {path.robot_id} has to get past to its charging station")
         self._to_leave = to_leave
 
-    def _move_away(self, now_s: float, robots: Mapping[int, RobotSupervisor], waiting: Situation) -> None:
-        """Take their robots from the ACs that keep a robot from being given back."""
-        own = waiting.own
-        for peer in waiting.peers:
-            robot = robots.get(peer.robot_id)
-            collision = None if robot is None else self._module(robot, COLLISION)
-            if collision is not None and math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) < self._safer_m:
-                collision.take(now_s, f"robot {waiting.robot_id} has waited {WAIT_S:g} s for it to move away")
+    def _leave_alone(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
+        """Take from their ACs the robots that may keep another from its own: all that meet it, and the nearest one.
+
+        Who has waited for longest comes first: one that is held itself holds nobody.
+        """
+        held: dict[int, str] = {}
+        for robot_id in sorted(robots, key=lambda each: self._waits_since_s(now_s, robots[each])):
+            wait = self._waits.get(robot_id)
+            if wait is None or robot_id in held or int((now_s - wait.since_s) / WAIT_S) % 4 == 0:
+                continue
+            own, peers = robots[robot_id].situation.own, robots[robot_id].situation.peers
+            far_m = {peer.robot_id: math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) for peer in peers}
+            # Under a rule about pairs it is the nearest that keeps it, however far away; else one may be in its way.
+            nearest_m = min(far_m.values(), default=0.0) if wait.of_pairs else 0.0
+            near_m = max(self._near_m, nearest_m)
+            for peer_id in far_m.keys() & robots.keys():
+                if far_m[peer_id] > near_m:
+                    continue
+                peer = robots[peer_id]
+                module = self._module(peer, COLLISION) or next(filter(_of_pairs, peer.modules), None)
+                if module is not None:
+                    held[peer_id] = module.name
+                    module.take(now_s, f"robot {robot_id} has waited {WAIT_S:g} s for it to keep away")
+        self._held = held
+
+    def _waits_since_s(self, now_s: float, robot: RobotSupervisor) -> float:
+        """Return since when modules other than the battery's have kept a robot from its AC; now if they do not."""
+        kept_by = [each for each in robot.modules if each.mode is Mode.SC]
+        if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
+            self._waits.pop(robot.robot_id, None)
+            return now_s
+        # What has been in SC since it was bound has waited for nobody yet.
+        since_s = now_s if math.isinf(kept_by[0].since_s) else kept_by[0].since_s
+        wait = self._waits.setdefault(robot.robot_id, _Wait(since_s))
+        wait.of_pairs = wait.of_pairs or any(map(_of_pairs, kept_by))
+        return wait.since_s
 
     def _form(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         groups: dict[int, set[int]] = {}
@@ -273,6 +314,10 @@ class RightOfWay:
     def _needs_charge(self, robots: Mapping[int, RobotSupervisor], robot_id: int) -> bool:
         robot = robots.get(robot_id)
         return self._remote_needs_charge(robot_id) if robot is None else needs_charge(robot)
+
+
+def _of_pairs(module: DecisionModule) -> bool:
+    return module.name == COLLISION or module.module.of_pairs
 
 
 def needs_charge(robot: RobotSupervisor) -> bool:

@@ -22,7 +22,6 @@ from soter.stack.events import (
 from soter.stack.kit import RobotKit
 from soter.stack.motion_planner import MotionPlanner
 
-TRIES: Final = 3
 RETRY_S: Final = 1.0
 REQUESTS_PER_ROBOT: Final = 1_000_000
 """Keeps the numbers of all robots' requests apart."""
@@ -50,7 +49,7 @@ class RobotAgent(Machine):
         self.others: dict[int, MachineRef] = {}
         self.engaged = False
         self.request_id = self.kit.robot_id * REQUESTS_PER_ROBOT
-        self.left_s = 0.0
+        self.timeout_s = self.left_s = 0.0
         self.tries = 0
         self.running_since_s = 0.0
         self.timer: Timer | None = None
@@ -81,7 +80,8 @@ class RobotAgent(Machine):
     def _visit(self, e: VisitTarget) -> Next:
         self.target = e
         self.tries = 0
-        self.left_s = self.kit.target_timeout_s
+        self.timeout_s = self.kit.target_timeout_s if e.timeout_s is None else e.timeout_s
+        self.left_s = self.timeout_s
         if self.engaged:
             self._go()
         return Stay()
@@ -98,8 +98,8 @@ class RobotAgent(Machine):
         self._stop_clock()
         self.send(self.motion_planner, AbandonPath(self.request_id))
         if e.module in UNSAFE_MODULES:
-            return self._end(Outcome.UNSAFE)
-        return self._count_failure()
+            return self._end(Outcome.UNSAFE, e.module, e.cause)
+        return self._count_failure(e.module, e.cause)
 
     @Visiting.on(PathCompleted)
     def _completed(self, e: PathCompleted) -> Next:
@@ -107,11 +107,11 @@ class RobotAgent(Machine):
             return Stay()
         if e.at_target:
             return self._end(Outcome.REACHED)
-        return self._retry()
+        return self._retry("the path ends short of it")
 
     @Visiting.on(PathFailed)
     def _failed(self, e: PathFailed) -> Next:
-        return self._retry() if e.request_id == self.request_id else Stay()
+        return self._retry(e.reason) if e.request_id == self.request_id else Stay()
 
     @Visiting.on(TryAgain)
     def _try_again(self, e: TryAgain) -> Next:
@@ -131,21 +131,19 @@ class RobotAgent(Machine):
         self.request_id += 1
         self.running_since_s = self.now()
         self.timer = self.after(self.left_s, TargetTimeout(self.target.target_id))
-        self.send(
-            self.motion_planner, PlanAndGo(self.request_id, self.target.place, self.kit.target_timeout_s, self.ref)
-        )
+        self.send(self.motion_planner, PlanAndGo(self.request_id, self.target.place, self.timeout_s, self.ref))
 
-    def _retry(self) -> Next:
+    def _retry(self, reason: str) -> Next:
         """A path that came to nothing: another one a little later, as the others may have moved by then."""
         self._stop_clock()
-        ended = self._count_failure()
+        ended = self._count_failure("", reason)
         if isinstance(ended, Stay):
             self.after(RETRY_S, TryAgain(self.target.target_id))
         return ended
 
-    def _count_failure(self) -> Next:
+    def _count_failure(self, module: str, reason: str) -> Next:
         self.tries += 1
-        return self._end(Outcome.BLOCKED) if self.tries >= TRIES else Stay()
+        return self._end(Outcome.BLOCKED, module, reason) if self.tries >= self.target.tries else Stay()
 
     def _stop_clock(self) -> None:
         if self.timer is not None:
@@ -154,7 +152,8 @@ class RobotAgent(Machine):
             self.timer.cancel()
             self.timer = None
 
-    def _end(self, outcome: Outcome) -> Next:
+    def _end(self, outcome: Outcome, module: str = "", reason: str = "") -> Next:
         self._stop_clock()
-        self.send(self.task_planner, TargetEnded(self.kit.robot_id, self.target.target_id, outcome))
+        ended = TargetEnded(self.kit.robot_id, self.target.target_id, outcome, module, reason)
+        self.send(self.task_planner, ended)
         return Goto(self.Idle)

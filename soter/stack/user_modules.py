@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import importlib
 import inspect
 import math
 import typing
@@ -13,9 +12,10 @@ from typing import Any, Final
 
 from pydantic import BaseModel
 
-from soter.config import Mission, validate_options
+from soter.config import MissionFile, validate_options
 from soter.config_tables import UserModuleTable
-from soter.errors import ConfigError, IllFormedModule, nearest
+from soter.errors import ConfigError, IllFormedModule
+from soter.loading import load_named
 from soter.rta import Node, RTAModule, Situation, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities, Waypoint
 from soter.stack.battery import Dock, GoHome
@@ -35,7 +35,6 @@ TURN_S: Final = 20.0
 LETS_GO_S: Final = 30.0
 """A module that says nothing else lets go after so long, while the battery's module needs to drive."""
 
-_MOVING_M_S: Final = 0.02
 _STEP_M: Final = 0.1
 
 
@@ -56,6 +55,8 @@ class ModuleKit:
         dock: the robot's charging station.
         home: drives the return path to it, by certified legs.
         model: the robot's speed bound, R(T) of any margin that is a distance to something at rest.
+        peer_model: the speed bound that every other robot respects, for a rule about pairs: `PairBound(kit.model,
+            kit.peer_model)`.
         timing: what the robot adds to every horizon.
         tick_s: the base tick, a period for nodes.
     """
@@ -72,6 +73,7 @@ class ModuleKit:
     dock: Dock
     home: GoHome
     model: SpeedBound
+    peer_model: SpeedBound
     timing: Timing
     tick_s: float
 
@@ -101,7 +103,7 @@ class ModuleKit:
         return own.x_m, own.y_m
 
     def go_to(self, choose: Callable[[Situation], Point], speed_m_s: float | None = None) -> Node:
-        """Return a safe controller that chooses a place when it takes charge, and goes there.
+        """Return a safe controller that chooses a place when it takes charge, and goes there; anew if it gets stuck.
 
         Args:
             choose: returns the place.
@@ -114,8 +116,12 @@ class ModuleKit:
         return GoTo(self, choose, speed_m_s)
 
 
+def _moves(situation: Situation, moving_m_s: float) -> bool:
+    return math.hypot(situation.own.vx_m_s, situation.own.vy_m_s) > moving_m_s
+
+
 class GoTo(Node):
-    """A node that chooses a place when it takes charge, and wants to go there; see `ModuleKit.go_to`."""
+    """A node that chooses a place when it takes charge, or has stood for a while; see `ModuleKit.go_to`."""
 
     name = "go-to"
     publishes = (WAYPOINT,)
@@ -123,14 +129,22 @@ class GoTo(Node):
     def __init__(self, kit: ModuleKit, choose: Callable[[Situation], Point], speed_m_s: float | None) -> None:
         self.period_s = kit.tick_s
         self._waypoint: Final = kit.waypoint
+        self._moving_m_s: Final = kit.capabilities.moving_m_s
         self._choose: Final = choose
         self._speed_m_s: Final = speed_m_s
         self._place: Point = (math.nan, math.nan)
+        self._moved_s = 0.0
 
     def engage(self, situation: Situation) -> None:
         self._place = self._choose(situation)
+        self._moved_s = situation.now_s
 
     def step(self, situation: Situation) -> None:
+        if _moves(situation, self._moving_m_s):
+            self._moved_s = situation.now_s
+        elif situation.now_s - self._moved_s > BLOCKED_S:
+            # There may have been no place at all then, or somebody in the way to it.
+            self.engage(situation)
         self._waypoint.publish(Waypoint(*self._place, speed_m_s=self._speed_m_s))
 
 
@@ -151,12 +165,12 @@ class CertifiedController(SafeController):
     def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Waypoint]) -> None:
         inner = made.sc
         super().__init__(inner.name, inner.period_s, waypoint, kit.recovery)
-        self._of_pairs: Final = made.model is not None and made.model.of_pairs
+        self._of_pairs: Final = made.of_pairs
         self._lets_go_s: Final = made.lets_go_s
         self._dock: Final = kit.dock
         self._home: Final = kit.home
         self._kept_since_s = 0.0
-        self._homewards = False
+        self._homewards = self._kept_from_charging = False
         self.publishes = inner.publishes  # type: ignore[assignment]  # a user's node may publish anything: P1b says so
         self.inner: Final = inner
         self._wanted: Final = wanted
@@ -170,8 +184,11 @@ class CertifiedController(SafeController):
         self._wanted.value = None
         self._engaged = True
         self._engaged_s = self._moved_s = situation.now_s
-        self._yields = False
-        self._kept_since_s, self._homewards = situation.now_s, False
+        self._yields = self._homewards = False
+        if not (self._kept_from_charging and self._dock.wants_charge):
+            # A robot that goes to and fro between the battery's module and this one is kept all the time.
+            self._kept_since_s = situation.now_s
+        self._kept_from_charging = self._dock.wants_charge
         self.inner.engage(situation)
 
     def motion(self, situation: Situation) -> Waypoint | None:
@@ -196,8 +213,8 @@ class CertifiedController(SafeController):
 
     def _has_to_let_go(self, situation: Situation) -> bool:
         """Whether the robot has stood, or the battery's module has waited, for as long as the contract allows."""
-        own, now_s = situation.own, situation.now_s
-        moves = math.hypot(own.vx_m_s, own.vy_m_s) > _MOVING_M_S
+        now_s, moves = situation.now_s, _moves(situation, self.recovery.moving_m_s)
+        self._kept_from_charging = self._dock.wants_charge
         if not self._homewards and moves and not self._dock.wants_charge:
             self._kept_since_s = now_s
         # Whoever is given way to does not follow, unless it has to charge: the rule would never be content.
@@ -217,7 +234,7 @@ class CertifiedController(SafeController):
         other. Where the rule is about pairs they take turns, until it is content and the AC gets them back.
         """
         own, now_s = situation.own, situation.now_s
-        if own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > _MOVING_M_S * _MOVING_M_S:
+        if _moves(situation, self.recovery.moving_m_s):
             self._moved_s = now_s
         near = min(situation.peers, key=lambda p: math.hypot(p.x_m - own.x_m, p.y_m - own.y_m), default=None)
         if near is None or self._dock.charging(situation):
@@ -236,27 +253,7 @@ class CertifiedController(SafeController):
         return self.recovery.away(situation, away_x, away_y, self._dock.path.leads_back) if self._yields else None
 
 
-def _loaded(target: str, refused: Callable[[str], ConfigError]) -> object:
-    """Import what `package.module:name` names; `refused` makes the error."""
-    module_name, colon, name = target.partition(":")
-    if not (colon and name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
-        raise refused(f"it is '{target}', allowed: a name as 'package.module:name'")
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as failure:
-        raise refused(
-            f"it is '{target}', but there is no module '{failure.name}'; check its spelling, and that it can be "
-            "imported from the folder that this runs in"
-        ) from failure
-    except Exception as failure:  # foreign code may fail in any way while it is imported
-        raise refused(f"it is '{target}', but importing '{module_name}' failed: {failure!r}") from failure
-    found: object = getattr(module, name, None)
-    if found is None:
-        raise refused(f"module '{module_name}' has no '{name}'{nearest(name, list(vars(module)))}")
-    return found
-
-
-def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit, waypoint: Topic[Any]) -> RTAModule:
+def declare_own(mission: MissionFile, table: UserModuleTable, kit: ModuleKit, waypoint: Topic[Any]) -> RTAModule:
     """Return a module of the user's own for one robot, under the name that the mission gives it.
 
     A function declares it, `declare(kit)` or `declare(kit, options)`; the annotation of the second parameter is the
@@ -278,7 +275,7 @@ def declare_own(mission: Mission, table: UserModuleTable, kit: ModuleKit, waypoi
     def refused(message: str) -> ConfigError:
         return mission.refusal(f"{key}.declare", message)
 
-    function = _loaded(target, refused)
+    function = load_named(target, refused)
     if isinstance(function, RTAModule):
         return _bound(function, target, kit, waypoint, refused)
     if not callable(function):

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tools.generator.configuration import Configuration
-from tools.generator.running import Outcome, run_here
+from soter.campaign.job import JUDGED, Done, Job, carry_out
+from soter.campaign.random.configuration import Configuration
 
 CASES = sorted((Path(__file__).parent / "cases").glob("*.toml"))
 
@@ -21,18 +21,23 @@ STUCK_S = 100.0
 """Cases are short: a robot that is in SC for so long, without charging, was there for good."""
 
 
-def assert_safe(outcome: Outcome) -> None:
-    assert (outcome.status, outcome.reason, outcome.failures) == ("accepted", "", ())
-    assert max(outcome.in_sc_s.values()) <= STUCK_S
+def judged(case: Path) -> Done:
+    return carry_out(Job("cases", 0, str(case), {}, {}, judged=True), lambda: False)
+
+
+def assert_safe(done: Done) -> None:
+    assert (done.status, done.failure, done.findings) == ("done", "", [])
+    assert done.result is not None
+    assert max(done.result[JUDGED]["in_sc_s"].values()) <= STUCK_S
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
 def test_a_case_is_refused_with_its_numbers_or_runs_without_a_violation_and_a_stall(case: Path) -> None:
-    outcome = run_here(case)
-    if outcome.status == "refused":
-        assert re.search(r"\d", outcome.reason)
+    done = judged(case)
+    if done.status == "refused":
+        assert re.search(r"\d", done.failure)
     else:
-        assert_safe(outcome)
+        assert_safe(done)
 
 
 def test_cases_with_enough_room_are_accepted(tmp_path: Path) -> None:
@@ -46,6 +51,6 @@ def test_cases_with_enough_room_are_accepted(tmp_path: Path) -> None:
             low_y = box.low_y + wider_m if box.low_y > 1.0 else box.low_y
             high_y = box.high_y - wider_m if box.low_y == 0.0 and name == "corridor" else box.high_y
             boxes.append(replace(box, low_x=low_x, low_y=low_y, high_y=high_y))
-        assert_safe(run_here(replace(case, room=replace(case.room, boxes=tuple(boxes))).write(tmp_path / name)))
+        assert_safe(judged(replace(case, room=replace(case.room, boxes=tuple(boxes))).write(tmp_path / name)))
     roomy = Configuration.read(CASES[0].parent / "narrow-1020.toml")
-    assert_safe(run_here(replace(roomy, room=replace(roomy.room, width=1.6)).write(tmp_path / "roomy")))
+    assert_safe(judged(replace(roomy, room=replace(roomy.room, width=1.6)).write(tmp_path / "roomy")))

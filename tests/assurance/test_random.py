@@ -1,20 +1,18 @@
-"""A dozen random configurations, short: both judges agree, nothing is violated. `make accept-random` runs thousands."""
+"""A dozen random configurations, short: both judges agree, nothing is violated. A campaign runs thousands."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from tools.generator.campaign import verdict
-from tools.generator.drawing import draw
-from tools.generator.running import Outcome, run_here
+from soter.campaign.job import Done, Job, carry_out
 
 SEEDS = range(1, 13)
 SHORT_S = 30.0
 
 
-def test_what_is_accepted_keeps_every_rule_by_both_judges(tmp_path: Path) -> None:
-    outcomes: dict[int, Outcome] = {}
+def test_what_is_accepted_keeps_every_rule_by_both_judges() -> None:
+    found: dict[int, Done] = {}
     for seed in SEEDS:
-        outcomes[seed] = run_here(draw(seed).write(tmp_path / str(seed)), SHORT_S)
-    assert {seed: each.failures for seed, each in outcomes.items() if each.failures} == {}
-    assert verdict(outcomes) == []
+        found[seed] = carry_out(Job("random", seed, "", {"seed": seed, "duration_s": SHORT_S}, {}), lambda: False)
+    assert {seed: each.findings or each.failure for seed, each in found.items() if each.status != "refused"} == {
+        seed: "" for seed, each in found.items() if each.status == "done"
+    }
+    assert sum(each.status == "done" for each in found.values()) >= 0.6 * len(found)

@@ -48,6 +48,9 @@ class Far:
         return wrong
 
 
+SPEED = SpeedBound(V_MAX, BRAKE)
+
+
 class Meeting:
     """One robot under a supervisor, and one of another that it hears of."""
 
@@ -56,7 +59,7 @@ class Meeting:
         self.far = Far(1)
         self.ticks = 0
         self.supervisor = Supervisor(
-            [self.rig.robot], TICK_S, 2.5, peers=PeerMonitor(SpeedBound(V_MAX, BRAKE), 0.0, PEER_SILENT_S),
+            [self.rig.robot], TICK_S, 2.5, peers=PeerMonitor(dict.fromkeys((1, 2), (SPEED, 0.0)), PEER_SILENT_S),
             still=StillPeers(STILL_S), remote=[self.far],
         )  # fmt: skip
 

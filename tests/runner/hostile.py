@@ -10,16 +10,17 @@ import sys
 import time
 from typing import Any, NoReturn
 
+from soter.controllers import Velocity, VelocityController
+from soter.controllers.adversaries import Adversary
 from soter.link.messages import Turn, encode
-from soter.sdk import Waypoint
-from soter.stack.adversaries.base import Adversary, AdversaryOptions
+from soter.sdk import RobotState, Waypoint
 
 FROM_S = 1.5
 TICK = 30
 """One that has been answered by then, or soon will be."""
 
 
-class Hostile(Adversary[AdversaryOptions]):
+class Hostile(Adversary):
     """Behaves for `FROM_S`."""
 
     began_s: float | None = None
@@ -71,9 +72,16 @@ class EatsMemory(Hostile):
             eaten.append(bytearray(1 << 24))
 
 
-class Raises(Hostile):
-    def strike(self) -> None:
-        raise ZeroDivisionError("no way")
+class Raises(VelocityController):
+    """One for each robot, that says how fast instead of where to."""
+
+    began_s: float | None = None
+
+    def velocity(self, own: RobotState, now_s: float) -> Velocity:
+        self.began_s = now_s if self.began_s is None else self.began_s
+        if now_s - self.began_s >= FROM_S:
+            raise ZeroDivisionError("no way")
+        return Velocity(0.1, 0.2)
 
 
 class Chatters(Hostile):

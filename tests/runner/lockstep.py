@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Final
 
 from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import Clock
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.link.bus import Bus
 from soter.record.recorder import Recorder
 from soter.runner import RunResult
@@ -124,6 +124,7 @@ class Site:
         network: what joins them.
         record: a folder into which every process with robots records; None for none.
         mission: name of the example that is run.
+        script: a mission in place of the example's own.
         overrides: of that mission; double underscores in names stand for dots.
 
     Attributes:
@@ -140,22 +141,24 @@ class Site:
         network: Network | None = None,
         record: Path | None = None,
         mission: str = "surveillance",
+        script: str | None = None,
         **overrides: Any,
     ) -> None:
         given: dict[str, Any] = {
             "backend": "kinematic",
             "planner": "straight-line",
-            "targets": "uniform",
+            **({"targets": "uniform"} if script is None else {"mission": script}),
             "duration_s": 60.0,
         }
         given["distribution.processes"] = {
             name: {"robots": list(ids), "planner": plans} for name, (ids, plans) in processes.items()
         }
         given |= {key.replace("__", "."): value for key, value in overrides.items()}
-        self.mission: Final[Mission] = load_mission(EXAMPLES / f"{mission}.toml", given)
+        self.mission: Final[MissionFile] = load_mission(EXAMPLES / f"{mission}.toml", given)
         self.workspace: Final[Workspace] = self.mission.read_workspace()
         self.network: Final = network or Network(delay_s=(0.001, 0.004))
-        self.specs: Final = [replace(spec, battery=1.0) for spec in robot_specs(self.mission, self.workspace)]
+        promised = {place.id: OwnTimeRobot.declared for place in self.workspace.robots}
+        self.specs: Final = [replace(spec, battery=1.0) for spec in robot_specs(self.mission, self.workspace, promised)]
         self.world: Final = World(self.workspace, self.specs, "kinematic")
         self.make_side: Final[MakeSide] = make_side or _mission_side
         self._record: Final = record
@@ -270,11 +273,9 @@ class Site:
         say = self.said.setdefault(name, []).append
         with Together(part, clock) as together:
             if not part.robots:
-                side = MissionSide(
-                    part.mission, self.workspace, 0.105, virtual_time=True, part=part, bus=part.open_bus()
-                )
+                side = _mission_side(self, part)
                 try:
-                    self.planner = _PlannerLoop(part, self.workspace, 0.105, side, together, clock)
+                    self.planner = _PlannerLoop(part, self.workspace, side, together, clock)
                     return self.planner.run(Audience(), say).result
                 finally:
                     side.close()
@@ -310,5 +311,6 @@ class Site:
         self.network.advance(max(time_s, self.network.now_s))
 
 
-def _mission_side(site: Site, part: Part) -> AcSide:
-    return MissionSide(part.mission, site.workspace, 0.105, virtual_time=True, part=part, bus=part.open_bus())
+def _mission_side(site: Site, part: Part) -> MissionSide:
+    radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
+    return MissionSide(part.mission, site.workspace, radii_m, virtual_time=True, part=part, bus=part.open_bus())

@@ -13,13 +13,14 @@ from typer.testing import CliRunner
 from soter.adapters.pybullet import KinematicBackend
 from soter.check import Finding, Verdict
 from soter.cli import app
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError, IllFormedModule
 from soter.record.reader import Recording
 from soter.runner import admission, run_mission
-from soter.runner.admission import Admission, admit
+from soter.runner.admission import Admission, admit, declare_all
 from soter.runner.run import Study
 from soter.sdk import Capabilities
+from soter.stack.own_rules import broken_on
 from soter.workspace import Box, RobotPlace, Workspace
 from tests.project.source import ROOT
 
@@ -33,11 +34,11 @@ class NeverOpened(KinematicBackend):
         raise AssertionError("it was opened")
 
 
-def mission(**changes: object) -> Mission:
+def mission(**changes: object) -> MissionFile:
     return load_mission(SURVEILLANCE, {**QUICK, **changes})
 
 
-def promised(loaded: Mission) -> dict[int, Capabilities]:
+def promised(loaded: MissionFile) -> dict[int, Capabilities]:
     return {place.id: KinematicBackend.robot_class.declared for place in loaded.read_workspace().robots}
 
 
@@ -72,7 +73,7 @@ def test_a_station_that_no_way_leads_to_is_rejected_before_anything_is_opened() 
 
 
 def test_a_rule_of_the_users_that_stations_are_too_near_for_is_rejected_with_the_margin() -> None:
-    own = {"declare": "tools.generator.attackers:declare_far", "options": {"far_m": 1.0, "spare_m": 0.3}}
+    own = {"declare": "soter.campaign.random.attackers:declare_far", "options": {"far_m": 1.0, "spare_m": 0.3}}
     stations = (Box(0.8, 0.8, 1.2, 1.2), Box(1.95, 0.8, 2.35, 1.2))
     near = Workspace(5.0, 5.0, (), (RobotPlace(1, 1.0, 1.0, stations[0]), RobotPlace(2, 3.0, 3.0, stations[1])))
     loaded = mission(**{"rta.module.far": own})
@@ -80,6 +81,74 @@ def test_a_rule_of_the_users_that_stations_are_too_near_for_is_rejected_with_the
     assert found.ill_formed is not None
     assert (found.ill_formed.module, found.ill_formed.condition) == ("far", "P2b")
     assert "-0.150 m" in found.ill_formed.text
+
+
+def _gaps(loaded: MissionFile, room: Workspace) -> set[tuple[str, str]]:
+    capabilities = {each.id: KinematicBackend.robot_class.declared for each in room.robots}
+    unproved = admit(loaded, room, capabilities).unproved
+    return {(each.module, each.condition) for each in unproved if each.verdict is Verdict.PARTLY}
+
+
+def _hall(*places: tuple[float, float]) -> Workspace:
+    robots = [
+        RobotPlace(number, x_m, y_m, Box(x_m - 0.2, y_m - 0.2, x_m + 0.2, y_m + 0.2))
+        for number, (x_m, y_m) in enumerate(places, start=1)
+    ]
+    return Workspace(2.4, 2.4, (), tuple(robots))
+
+
+@pytest.mark.parametrize(
+    ("modules", "gap"),
+    [(["geofence"], ("geofence", "P2b")), (["geofence", "battery"], ("battery", "P2a")), (["collision"], None)],
+)
+def test_several_robots_of_whom_none_makes_way_are_a_gap(modules: list[str], gap: tuple[str, str] | None) -> None:
+    loaded = mission(**{"rta.modules": modules})
+    assert _gaps(loaded, _hall((0.5, 0.5), (1.9, 1.9))) == ({gap} if gap else set())
+    assert _gaps(loaded, _hall((0.5, 0.5))) == set()
+
+
+@pytest.mark.parametrize(("phi_safer_m", "far_m", "gap"), [(0.6, None, False), (2.2, None, True), (0.6, 1.3, True)])
+def test_a_room_needs_one_place_more_than_robots(phi_safer_m: float, far_m: float | None, gap: bool) -> None:
+    """2.2 m apart two robots have room in opposite corners, and no third place to get past each other by."""
+    keys: dict[str, object] = {"rta.collision.phi_safer_m": phi_safer_m}
+    if far_m is not None:
+        own = {"declare": "soter.campaign.random.attackers:declare_far", "options": {"far_m": far_m, "spare_m": 0.9}}
+        keys["rta.module.far"] = own
+    assert (("collision", "P2b") in _gaps(mission(**keys), _hall((0.35, 0.35), (2.05, 2.05)))) is gap
+
+
+DISC = "soter.campaign.random.attackers:declare_keep_out"
+
+
+@pytest.mark.parametrize("radius_m", [0.1, 0.3, 0.5])
+def test_return_paths_lead_around_what_a_rule_of_the_users_forbids(radius_m: float) -> None:
+    """A disc in the middle of the hall, from behind which the straight way to the station would lead through it."""
+    room = Workspace(5.0, 5.0, (), (RobotPlace(1, 1.0, 2.5, Box(0.8, 2.3, 1.2, 2.7)),))
+    options = {"x_m": 2.5, "y_m": 2.5, "radius_m": radius_m, "spare_m": 0.3}
+    loaded = mission(robots=1, **{"rta.module.disc": {"declare": DISC, "options": options}})
+    assert _gaps(loaded, room) == set()
+    (made,) = declare_all(loaded, room, {1: KinematicBackend.robot_class.declared}).values()
+    rule = made.module("disc").phi_safe
+    assert rule is not None
+    assert broken_on(rule, 1, [(4.0, 2.5), (1.0, 2.5)]) is not None
+    for y_m in (2.0, 2.5, 2.6, 3.1):
+        line = [(4.0, y_m), *made.dock.path.legs(4.0, y_m)]
+        assert line[-1] == (1.0, 2.5)
+        assert broken_on(rule, 1, line) is None
+
+
+@pytest.mark.parametrize("x_m", [0.6, 2.4])
+def test_a_robot_that_a_rule_of_the_users_cuts_off_from_its_station_is_refused(x_m: float) -> None:
+    """The disc fills the only gap in a wall; who starts in front of it never gets behind it."""
+    room = Workspace(3.0, 2.0, (Box(1.2, 0.0, 1.4, 0.8), Box(1.2, 1.2, 1.4, 2.0)), (
+        RobotPlace(1, x_m, 1.0, Box(0.3, 0.8, 0.7, 1.2)),))  # fmt: skip
+    options = {"x_m": 1.3, "y_m": 1.0, "radius_m": 0.15, "spare_m": 0.2}
+    loaded = mission(robots=1, **{"rta.module.disc": {"declare": DISC, "options": options}})
+    refused = admit(loaded, room, {1: KinematicBackend.robot_class.declared}).ill_formed
+    assert (refused is not None) is (x_m > 1.3)
+    if refused is not None:
+        assert (refused.module, refused.condition) == ("battery", "P2b")
+        assert f"({x_m:g}, 1)" in refused.text
 
 
 def test_a_refused_mission_opens_nothing() -> None:

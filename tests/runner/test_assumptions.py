@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from soter.config import load_mission
-from soter.errors import IllFormedModule
+from soter.errors import IllFormedModule, Uncontrolled
 from soter.runner import RunResult, run_mission
+from soter.stack.actuator import RobotActuator
 
 SURVEILLANCE = Path(__file__).parents[2] / "examples" / "surveillance.toml"
 SAFE = {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
@@ -51,6 +52,25 @@ def test_what_breaks_an_assumption_is_in_the_result_by_number_and_robot(
 def test_a_hand_over_that_comes_too_late_is_seen_and_costs_the_lease() -> None:
     result = run(undeclared("delay", commands_s=0.5, robot=1), targets="hostile", duration_s=60.0)
     assert "the robot reports AC in charge, not SC" in result.assumptions[1]["A12"].cause
+
+
+def test_a_robot_that_somebody_took_for_a_time_is_in_the_result_and_its_peer_has_heard_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    renew = RobotActuator.renew
+
+    def taken(actuator: RobotActuator) -> None:
+        if actuator.robot.id == 1 and START_S <= actuator.robot.clock.now() < START_S + 3.0:
+            raise Uncontrolled("its pilot has it")
+        renew(actuator)
+
+    monkeypatch.setattr(RobotActuator, "renew", taken)
+    result = run()
+    found = result.uncontrolled[1]
+    assert (found.cause, found.first_s) == ("not under control: its pilot has it", START_S)
+    assert 3.0 <= found.lasted_s <= 3.5
+    assert "its pilot has it" in result.assumptions[2]["A7"].cause
+    assert "robot 1 was not under control for" in result.troubles[0]
 
 
 def test_in_a_mission_without_faults_every_assumption_holds() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.runner.check import check_mission
 from soter.runner.specs import check_bodies
@@ -19,7 +19,7 @@ SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 WIDE = {"backends.mavlink.promise": {"body_radius_m": 0.25}, "backend": "mavlink"}
 
 
-def mission(**rta: object) -> Mission:
+def mission(**rta: object) -> MissionFile:
     return load_mission(SURVEILLANCE, {f"rta.{key}": value for key, value in rta.items()})
 
 
@@ -31,7 +31,7 @@ def room(*starts: tuple[float, float], boxes: tuple[Box, ...] = ()) -> Workspace
     return Workspace(9.0, 9.0, boxes, tuple(places))
 
 
-def refused(workspace: Workspace, radius_m: dict[int, float], asked: Mission | None = None) -> str:
+def refused(workspace: Workspace, radius_m: dict[int, float], asked: MissionFile | None = None) -> str:
     try:
         check_bodies(asked or mission(), workspace, radius_m)
     except ConfigError as failure:

@@ -16,7 +16,7 @@ from soter.runner.correspondence import Correspondence
 from soter.runner.part import Part
 from soter.runner.together import Together
 from soter.stack.away import JoinedAway, OtherSideCame, VisitAway
-from soter.stack.events import Outcome, TargetEnded
+from soter.stack.events import Outcome, TargetEnded, VisitTarget
 from tests.link.air import MemoryBus, Network
 from tests.runner.lockstep import OwnPart
 
@@ -82,17 +82,18 @@ def test_events_of_the_task_planner_reach_robots_elsewhere_and_theirs_reach_it()
     pumped(network, ground, alpha)
     assert ground.heard == alpha.heard == [OtherSideCame()]
     ground.letters.kit(1).tell(JoinedAway(1, 2))
-    ground.letters.kit(1).tell(VisitAway(1, 5, (1.0, 2.0)))
+    ground.letters.kit(1).tell(VisitAway(1, VisitTarget(5, (1.0, 2.0), 30.0, 1)))
     alpha.letters.tell_task_planner(TargetEnded(1, 5, Outcome.REACHED))
     pumped(network, ground, alpha)
-    assert alpha.heard[1:] == [JoinedAway(1, 2), VisitAway(1, 5, (1.0, 2.0))]
+    assert alpha.heard[1:] == [JoinedAway(1, 2), VisitAway(1, VisitTarget(5, (1.0, 2.0), 30.0, 1))]
     assert ground.heard[1:] == [TargetEnded(1, 5, Outcome.REACHED)]
     for side in (ground, alpha):
         side.letters.close()
 
 
 NONSENSE: Final[list[Letter]] = [
-    Ended(1, 5, "vanished"), Ended(2, 5, "reached"), Ended(9, 5, "reached"), Visit(1, 5, 0.0, 0.0), Joined(1, 2),
+    Ended(1, 5, "vanished"), Ended(2, 5, "reached"), Ended(9, 5, "reached"), Visit(1, 5, 0.0, 0.0, None, 3),
+    Joined(1, 2),
 ]  # fmt: skip
 
 

@@ -11,10 +11,11 @@ import pytest
 
 from soter.errors import ConfigError, RobotUnavailable
 from soter.runner import RunResult
-from soter.runner.ac_side import AcSide, Scene
+from soter.runner.ac_side import AcSide
+from soter.runner.controller_side import ControllerSide
 from soter.runner.part import Part
-from soter.runner.sides import AdversarySide
 from tests.link.air import Network
+from tests.missions import scripts
 from tests.runner.lockstep import Site
 
 ALPHA, BETA, GROUND = "alpha", "beta", "ground"
@@ -76,6 +77,18 @@ def test_a_mission_goes_through_three_processes_as_through_one(sites: Sites) -> 
         assert not results[name].assumptions, "everybody was heard of in time"
     assert results[GROUND].robots == 0
     assert results[GROUND].violations is None
+
+
+def test_scripts_run_beside_the_task_planner_for_robots_of_other_processes(sites: Sites) -> None:
+    site = begun(sites, Site(THREE, duration_s=40.0, script="tests.missions.scripts:Roams"))
+    scripts.ARRIVALS.clear()
+    truth = site.run(45.0)
+    results = site.results
+    assert not truth.violations
+    assert {name: result.status for name, result in results.items()} == dict.fromkeys(THREE, "completed")
+    assert results[GROUND].targets_reached == results[ALPHA].targets_reached + results[BETA].targets_reached >= 2
+    assert {robot_id for robot_id, arrived in scripts.ARRIVALS if arrived} == {1, 2}
+    assert any(arrived.why.startswith("taken over by ") for _, arrived in scripts.ARRIVALS)
 
 
 def test_a_process_says_who_it_waits_for_and_why(sites: Sites) -> None:
@@ -179,15 +192,12 @@ def test_a_robot_process_that_is_started_anew_is_given_its_target_again(sites: S
     assert site.loops[ALPHA].metrics.outcomes.total() >= 2
 
 
-class RammingSide(AdversarySide):
-    """The ACs of one process ram the robots of the others too, wherever they were seen last."""
-
-    def start(self, scene: Scene) -> None:
-        super().start(replace(scene, ports={**scene.ports, **scene.peers}))
-
-
 def rams(site: Site, part: Part) -> AcSide:
-    return RammingSide(part.mission.model_copy(update={"ac": "adversary:chase"}))
+    """The ACs of one process ram the robots of the others too, wherever they were seen last."""
+    own = tuple(place for place in site.workspace.robots if place.id in part.robots)
+    return ControllerSide(
+        part.mission.model_copy(update={"ac": "adversary:chase"}), replace(site.workspace, robots=own)
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))

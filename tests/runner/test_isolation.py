@@ -19,7 +19,7 @@ import pytest
 from mcap.reader import make_reader
 
 from soter.cli.run import _exit_code
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError, RunFailed
 from soter.runner import Run, run_mission
 from soter.runner.remote_side import NICENESS, RemoteSide
@@ -42,7 +42,7 @@ HEARD_S = 0.3
 QUICK = {"backend": ZMQ, "planner": "straight-line", "duration_s": 4.0, "isolation.silent_s": SILENT_S}
 
 
-def mission(ac: str = "mission", **overrides: Any) -> Mission:
+def mission(ac: str = "mission", **overrides: Any) -> MissionFile:
     """A short mission on a wall clock; double underscores in names stand for dots."""
     name = ac if ac == "mission" or ":" in ac else f"tests.runner.hostile:{ac}"
     given = {key.replace("__", "."): value for key, value in overrides.items()}
@@ -147,7 +147,7 @@ def test_bad_options_of_the_mission_are_refused_before_anything_moves(sides: lis
 
 def test_the_mission_is_favoured_less_limited_and_taken_first() -> None:
     asked = mission(isolation__memory_mib=64)
-    side = RemoteSide(asked, asked.read_workspace(), 0.1)
+    side = RemoteSide(asked, asked.read_workspace(), {1: 0.1, 2: 0.1})
     try:
         side.ready()
         # Around it there are the processes of its box, where there are namespaces.
@@ -178,7 +178,7 @@ def test_a_mission_that_cannot_be_made_is_refused() -> None:
         ("os:getcwd", "could not be made: TypeError"),
         ("tests.runner.hostile:ends", r"could not be started \("),
     ):
-        side = RemoteSide(asked, workspace, 0.1, factory)
+        side = RemoteSide(asked, workspace, {1: 0.1, 2: 0.1}, factory)
         try:
             with pytest.raises(RunFailed, match=words):
                 side.ready()

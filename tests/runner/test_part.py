@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from soter.adapters.zenoh.bus import ZenohBus
 from soter.cli.recordings import recording_path
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.link.bus import Bus, bus_class, open_bus
 from soter.runner import run_mission
@@ -20,7 +20,7 @@ from tests.link.air import MemoryBus
 EXAMPLE = Path(__file__).parents[2] / "examples" / "distributed" / "mission.toml"
 
 
-def mission(**overrides: Any) -> Mission:
+def mission(**overrides: Any) -> MissionFile:
     return load_mission(EXAMPLE, {key.replace("__", "."): value for key, value in overrides.items()})
 
 
@@ -57,7 +57,7 @@ def test_processes_of_one_mission_agree_and_others_do_not() -> None:
 
 def test_processes_that_would_not_understand_each_other_do_not_talk(monkeypatch: pytest.MonkeyPatch) -> None:
     digest = part("alpha").digest
-    monkeypatch.setattr("soter.runner.part.VERSION", 2)
+    monkeypatch.setattr("soter.runner.part.VERSION", 99)
     assert part("alpha").digest != digest
 
 

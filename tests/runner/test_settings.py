@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.config import Mission, load_mission
+from soter.campaign.random.robots import NAME as FIGURED
+from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.registry import load_backend
 from soter.runner import run_mission
 from soter.runner.specs import promises, read_options
 from tests.project.source import ROOT
-from tools.generator.robots import NAME as FIGURED
 
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 PERIOD_S = 0.05
@@ -29,7 +29,7 @@ def ticked(tick_s: float, **changes: Any) -> dict[str, Any]:
     return {"base_tick_s": tick_s, **found, **changes}
 
 
-def mission(settings: dict[str, Any]) -> Mission:
+def mission(settings: dict[str, Any]) -> MissionFile:
     usual = {
         "backend": "kinematic", "planner": "straight-line", "duration_s": 120.0, "battery.initial": [1.0, 1.0],
         "rta.geofence.delta_s": 0.5, "rta.geofence.phi_safer_inset_m": 0.5,
@@ -37,7 +37,7 @@ def mission(settings: dict[str, Any]) -> Mission:
     return load_mission(SURVEILLANCE, {**usual, **settings})
 
 
-def promised(asked: Mission) -> None:
+def promised(asked: MissionFile) -> None:
     workspace, backend = asked.read_workspace(), load_backend(asked.backend, to_open=False)
     promises(backend, read_options(backend, asked, workspace), asked, workspace)
 

@@ -51,7 +51,7 @@ def mission(backend: type[HastyBackend], speedup: float, **overrides: Any) -> An
 
 
 def test_the_highest_speedup_is_where_the_horizon_is_used_up() -> None:
-    asked = mission(HastyBackend, 20.0, **{"rta.collision.delta_s": 0.1})
+    asked = mission(HastyBackend, 20.0, **{"rta.collision.delta_s": 0.1, "rta.collision.phi_safer_m": 0.5})
     workspace = asked.read_workspace()
     found = highest_speedup(asked, workspace, HastyBackend, read_options(HastyBackend, asked, workspace), 20.0)
     # The collision module's phi_safer leaves 0.2 m: 2 (0.22 (0.2 + L) + 0.0242) m, with L of 0.05 s times the speed-up.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, SimulatedFleet
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.rta import Mode, Report, SwitchRecord
 from soter.sdk import RobotSpec, RobotState, TruthReport, Waypoint
 from soter.stack.assembly import SafetySide, assemble
@@ -46,7 +46,7 @@ class Loop:
         **overrides: Any,
     ) -> None:
         overrides = {"backend": "kinematic", **{key.replace("__", "."): value for key, value in overrides.items()}}
-        self.mission: Mission = load_mission(MISSION, overrides)
+        self.mission: MissionFile = load_mission(MISSION, overrides)
         self.workspace = workspace or self.mission.read_workspace()
         self.reports: list[Report] = []
         self.switches: list[SwitchRecord] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
+from soter.missions.surveillance import TaskPlanner, Tasks
 from soter.stack.away import (
     AwayAgent,
     AwayKit,
@@ -14,7 +15,6 @@ from soter.stack.away import (
 )
 from soter.stack.events import Disengaged, Outcome, Reengaged, RobotJoined, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
-from soter.stack.task_planner import TaskPlanner, Tasks
 from tests.stack.test_machines import Mission
 
 PLACE = (1.0, 2.0)
@@ -64,8 +64,8 @@ class Beside:
 def test_a_start_of_the_other_process_is_told_everything_again() -> None:
     beside = Beside()
     assert beside.post(RobotJoined(1, beside.agent)) == [JoinedAway(2, 1)]
-    assert beside.post(VisitTarget(5, PLACE)) == [VisitAway(2, 5, PLACE)]
-    assert beside.post(OtherSideCame()) == [JoinedAway(2, 1), VisitAway(2, 5, PLACE)]
+    assert beside.post(VisitTarget(5, PLACE)) == [VisitAway(2, VisitTarget(5, PLACE))]
+    assert beside.post(OtherSideCame()) == [JoinedAway(2, 1), VisitAway(2, VisitTarget(5, PLACE))]
     assert beside.post(TargetEnded(2, 5, Outcome.REACHED)) == []
     assert beside.heard == [TargetEnded(2, 5, Outcome.REACHED)]
     assert beside.post(OtherSideCame()) == [JoinedAway(2, 1)], "that target is done with"
@@ -127,29 +127,35 @@ class Robots(Mission):
 
 def test_targets_are_numbered_anew_and_their_ends_told_by_the_planners_numbers() -> None:
     robots = Robots()
-    robots.say(OtherSideCame(), JoinedAway(1, 2), JoinedAway(1, 3), VisitAway(1, 70, PLACE), VisitAway(2, 71, PLACE))
+    robots.say(
+        OtherSideCame(),
+        JoinedAway(1, 2),
+        JoinedAway(1, 3),
+        VisitAway(1, VisitTarget(70, PLACE)),
+        VisitAway(2, VisitTarget(71, PLACE)),
+    )
     assert robots.given == [(1, 1, PLACE), (2, 2, PLACE)]
     robots.end(2)
     assert robots.ended == [(2, 2, Outcome.UNSAFE)]
-    assert robots.told == [TargetEnded(2, 71, Outcome.UNSAFE)]
+    assert robots.told == [TargetEnded(2, 71, Outcome.UNSAFE, "obstacle", "test")]
 
 
 def test_what_a_new_planner_gives_waits_until_the_old_target_has_ended() -> None:
     robots = Robots()
-    robots.say(OtherSideCame(), VisitAway(1, 70, PLACE))
-    robots.say(OtherSideCame(), VisitAway(1, 1, (3.0, 3.0)))
+    robots.say(OtherSideCame(), VisitAway(1, VisitTarget(70, PLACE)))
+    robots.say(OtherSideCame(), VisitAway(1, VisitTarget(1, (3.0, 3.0))))
     assert robots.given == [(1, 1, PLACE)]
     robots.end(1)
     assert robots.ended == [(1, 1, Outcome.UNSAFE)]
     assert robots.told == [], "the planner that gave it is no more"
     assert robots.given[1:] == [(1, 2, (3.0, 3.0))]
     robots.end(1)
-    assert robots.told == [TargetEnded(1, 1, Outcome.UNSAFE)]
+    assert robots.told == [TargetEnded(1, 1, Outcome.UNSAFE, "obstacle", "test")]
 
 
 def test_robots_of_others_and_unknown_ones_are_left_alone() -> None:
     robots = Robots()
-    robots.say(VisitAway(9, 1, PLACE), JoinedAway(9, 1), JoinedAway(1, 9))
+    robots.say(VisitAway(9, VisitTarget(1, PLACE)), JoinedAway(9, 1), JoinedAway(1, 9))
     assert robots.given == []
     assert robots.told == []
 
@@ -167,4 +173,4 @@ def test_a_task_planner_treats_robots_here_and_elsewhere_alike() -> None:
     runtime.create(TaskPlanner, tasks)
     runtime.run()
     assert given == [(1, 1, PLACE), (2, 2, PLACE)]
-    assert told == [JoinedAway(2, 1), VisitAway(2, 2, PLACE)]
+    assert told == [JoinedAway(2, 1), VisitAway(2, VisitTarget(2, PLACE))]

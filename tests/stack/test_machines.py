@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from soter.machine import Event, MachineRef, Runtime
+from soter.missions.surveillance import TaskPlanner, Tasks
 from soter.rta import ControlReport, GoalReport, Port, Report
 from soter.sdk import RobotState, Waypoint
-from soter.stack.events import Disengaged, GoalEnded, Outcome, PathPlanned, Place, Reengaged
+from soter.stack.events import TRIES, Disengaged, GoalEnded, Outcome, PathPlanned, Place, Reengaged
 from soter.stack.kit import RobotKit
 from soter.stack.planners import PlanRequest
-from soter.stack.robot_agent import RETRY_S, TRIES
-from soter.stack.task_planner import TaskPlanner, Tasks
+from soter.stack.robot_agent import RETRY_S
 from tests.sdk.fake import STATE
 
 TIMEOUT_S = 120.0

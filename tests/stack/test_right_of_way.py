@@ -17,11 +17,11 @@ from tests.rta.doubles import At, Rig
 class Meeting:
     """Some robots whose places, charges and modes the test sets."""
 
-    def __init__(self, *places: Point, rule: RightOfWay | None = None) -> None:
+    def __init__(
+        self, *places: Point, rule: RightOfWay | None = None, modules: tuple[str, ...] = ("collision", "battery")
+    ) -> None:
         self.rule = rule or RightOfWay()
-        self.rigs = {
-            number: Rig("collision", "battery", robot_id=number) for number in range(1, len(places) + 1)
-        }  # fmt: skip
+        self.rigs = {number: Rig(*modules, robot_id=number) for number in range(1, len(places) + 1)}
         self.robots: dict[int, RobotSupervisor] = {number: rig.robot for number, rig in self.rigs.items()}
         for robot in self.robots.values():
             for module in robot.modules:
@@ -168,10 +168,40 @@ def test_everybody_is_in_one_order_at_most_and_somebody_is_first(places: list[Po
         assert sum(meeting.rule.first(member) for member in encounter.members) == 1
 
 
-@pytest.mark.parametrize(("apart_m", "waited_s", "taken"), [(0.8, 61.0, True), (0.8, 59.0, False), (0.95, 61.0, False)])
-def test_a_peer_that_lingers_is_taken_from_its_ac_after_a_while(apart_m: float, waited_s: float, taken: bool) -> None:
-    assert WAIT_S == 60.0
-    meeting = Meeting((0.0, 0.0), (apart_m, 0.0), rule=RightOfWay(safer_m=0.9))
+@pytest.mark.parametrize(
+    ("waited_s", "held"), [(29.0, False), (31.0, True), (119.0, True), (121.0, False), (151.0, True)]
+)
+def test_peers_keep_away_from_a_robot_that_waits_for_longer_than_it_has_waited(waited_s: float, held: bool) -> None:
+    assert WAIT_S == 30.0
+    # The second lingers within phi_safer, the third is the nearest of nobody.
+    meeting = Meeting((0.0, 0.0), (0.8, 0.0), (2.5, 0.0), rule=RightOfWay(safer_m=0.9))
     meeting.mode(1, "collision", Mode.SC, since_s=10.0)
     meeting.look(10.0 + waited_s)
-    assert (meeting.rigs[2].modules["collision"].mode is Mode.SC) is taken
+    assert (meeting.rigs[2].modules["collision"].mode is Mode.SC) is held
+    assert meeting.rigs[3].modules["collision"].mode is Mode.AC
+    assert meeting.permits(3)
+
+
+def test_the_nearest_peer_keeps_away_even_beyond_phi_safer() -> None:
+    meeting = Meeting((0.0, 0.0), (0.95, 0.0), (0.0, 1.5), rule=RightOfWay(safer_m=0.9))
+    meeting.mode(1, "collision", Mode.SC, since_s=10.0)
+    meeting.look(45.0)
+    assert [meeting.permits(number) for number in (2, 3)] == [False, True]
+
+
+def test_a_peer_that_stands_in_the_way_of_any_module_keeps_away_but_not_one_that_is_far() -> None:
+    meeting = Meeting((0.0, 0.0), (0.5, 0.0), (0.0, 1.5), modules=("zone", "collision", "battery"))
+    meeting.mode(1, "zone", Mode.SC, since_s=10.0)
+    meeting.look(45.0)
+    assert [meeting.rigs[number].modules["collision"].mode for number in (2, 3)] == [Mode.SC, Mode.AC]
+
+
+def test_nobody_keeps_away_from_a_robot_whose_ac_has_failed_or_that_charges() -> None:
+    meeting = Meeting((0.0, 0.0), (0.8, 0.0), rule=RightOfWay(safer_m=0.9))
+    meeting.mode(1, "collision", Mode.SC, since_s=10.0)
+    meeting.mode(1, "battery", Mode.SC, since_s=10.0)
+    meeting.look(45.0)
+    meeting.mode(1, "battery", Mode.AC)
+    meeting.robots[1].fail_ac("it raised")
+    meeting.look(45.0)
+    assert meeting.rigs[2].modules["collision"].mode is Mode.AC

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from soter.config import Mission, load_mission, parse_mission
+from soter.campaign.random.attackers import Outside
+from soter.config import MissionFile, load_mission, parse_mission
 from soter.errors import ConfigError
 from soter.rta import Node, Region, RTAModule, Situation, Topic
 from soter.runner import RunResult, run_mission
@@ -21,17 +22,16 @@ from soter.runner.user_rules import UserRules
 from soter.sdk import TruthReport, Waypoint
 from soter.stack.battery import GoHome
 from soter.stack.own_rules import OwnRule
-from soter.stack.user_modules import CertifiedController, ModuleKit
+from soter.stack.user_modules import CertifiedController, GoTo, ModuleKit
 from tests.project.source import ROOT
 from tests.rta.doubles import At, FakeNode, module
 from tests.stack.ground import dock, planner, seen
-from tools.generator.attackers import Outside
 
 ZONE = ROOT / "examples" / "modules" / "zone.toml"
 OWN = '[rta.module.own]\ndeclare = "tests.check.planted:right"\n'
 
 
-def mission(tables: str) -> Mission:
+def mission(tables: str) -> MissionFile:
     return parse_mission(f'workspace = "w.xml"\n{tables}'.encode(), "m.toml")
 
 
@@ -123,7 +123,10 @@ def test_what_is_wrong_in_the_file_is_named(tables: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("rihgt", "zone.toml:13: rta.module.zone-speed.declare: module 'tests.check.planted' has no 'rihgt', did you"),
+        (
+            "rihgt",
+            "zone.toml:11: rta.module.zone-speed.declare: it is 'tests.check.planted:rihgt', but there is no 'rihgt'",
+        ),
         ("right", "takes no options, but `rta.module.zone-speed.options` gives zone, limit_m_s"),
         ("with_options", "rta.module.zone-speed.options.zone: unknown key"),
     ],
@@ -131,7 +134,7 @@ def test_what_is_wrong_in_the_file_is_named(tables: str, message: str) -> None:
 def test_what_is_wrong_with_a_declaration_is_named_before_anything_moves(
     name: str, message: str, tmp_path: Path
 ) -> None:
-    text = ZONE.read_text().replace("examples.modules.zone_speed:declare", f"tests.check.planted:{name}")
+    text = ZONE.read_text().replace("zone_speed.py:declare", f"tests.check.planted:{name}")
     text = text.replace("../surveillance.xml", str(ROOT / "examples" / "surveillance.xml"))
     file = tmp_path / "zone.toml"
     file.write_text(text)
@@ -276,6 +279,19 @@ def test_one_that_stands_lets_the_robot_go_home_after_as_long_as_its_contract_sa
     assert math.dist((out.value.x_m, out.value.y_m), (1.0, 1.0)) < math.dist((4.0, 1.5), (1.0, 1.0))
 
 
+@pytest.mark.parametrize("starves", [True, False])
+def test_going_to_and_fro_between_it_and_the_battery_counts_as_being_kept_from_charging(starves: bool) -> None:
+    node, out, _ = certified(None)
+    node._dock.wants_charge = starves
+    own = At(4.0, 1.5)
+    for now_s in range(0, 40, 4):
+        # In between the battery's safe controller brings it back to where this module takes it.
+        at = seen(own._replace(stamp_s=float(now_s)), now_s=float(now_s))
+        node.engage(at)
+        node.step(at)
+        assert (out.value is not None) == (starves and now_s > 30)
+
+
 @pytest.mark.parametrize(("east_m", "goes"), [(4.5, True), (3.99, True), (0.0, False)])
 def test_it_does_so_only_where_its_own_rule_allows(east_m: float, goes: bool) -> None:
     # From (1.0, 4.0) the return path leads south, past a box in the west: no farther east, and no farther west.
@@ -366,7 +382,22 @@ def test_a_rule_that_cannot_be_judged_counts_as_broken_and_the_run_goes_on(
 @pytest.mark.parametrize("limit", ["0", "-0.1", "nan", "inf", "1e-400"])
 def test_a_speed_that_nobody_can_drive_at_is_refused_before_anything_moves(tmp_path: Path, limit: str) -> None:
     text = ZONE.read_text().replace("limit_m_s = 0.1", f"limit_m_s = {limit}")
+    text = text.replace("zone_speed.py", str(ZONE.parent / "zone_speed.py"))
     path = tmp_path / "zone.toml"
     path.write_text(text.replace("../surveillance.xml", str(ROOT / "examples" / "surveillance.xml")))
     with pytest.raises(ConfigError, match="speed_m_s is"):
         run_mission(load_mission(path))
+
+
+def test_a_place_is_chosen_anew_once_the_robot_has_stood_for_a_while() -> None:
+    places = [(0.0, 0.0), (3.0, 3.0), (4.0, 4.0)]
+    out: Topic[Any] = Topic("wish")
+    kit = SimpleNamespace(tick_s=0.05, waypoint=out, capabilities=SimpleNamespace(moving_m_s=0.02))
+    node = GoTo(cast("ModuleKit", kit), lambda _: places.pop(0), None)
+    node.engage(seen(At(1.0, 1.0)))
+    wanted = []
+    for now_s, vx_m_s in ((0.0, 0.0), (4.9, 0.0), (5.1, 0.0), (5.2, 0.2), (10.1, 0.2), (15.0, 0.0), (15.2, 0.0)):
+        node.step(seen(At(1.0, 1.0, vx_m_s=vx_m_s), now_s=now_s))
+        assert out.value is not None
+        wanted.append((out.value.x_m, out.value.y_m))
+    assert wanted == [(0.0, 0.0)] * 2 + [(3.0, 3.0)] * 4 + [(4.0, 4.0)]

@@ -5,7 +5,7 @@ itself; all of them include stopping afterwards, and none of them is ever more t
 """
 
 from soter.rta.models.base import Directed, Motion, ReachModel, Threat
-from soter.rta.models.bounds import DirectedReach, DischargeBound, PairBound, SpeedBound
+from soter.rta.models.bounds import DirectedReach, DischargeBound, PairBound, PairsBound, SpeedBound
 from soter.rta.models.motion import SpeedAccelerationBound, UnicycleBound
 from soter.rta.models.space import PointMassBound
 
@@ -15,6 +15,7 @@ __all__ = [
     "DischargeBound",
     "Motion",
     "PairBound",
+    "PairsBound",
     "PointMassBound",
     "ReachModel",
     "SpeedAccelerationBound",

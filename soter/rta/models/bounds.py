@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot, nan
 from typing import ClassVar, Final
 
@@ -69,6 +70,41 @@ class PairBound(ReachModel):
         return self.own.admits(before, after, noise_m)
 
 
+class PairsBound(PairBound):
+    """The same between robots that are unlike: every pair's distance falls by what its own two robots cover.
+
+    For a slower peer this robot's own share is taken once more: each keeps to its half of the gap.
+
+    Args:
+        region: whose margin it is; its threats name the peers.
+        own: this robot's bound.
+        each: by peer, the bound that it respects.
+    """
+
+    def __init__(self, region: Directed, own: SpeedBound, each: Mapping[int, SpeedBound]) -> None:
+        super().__init__(own, SpeedBound(
+            max(bound.v_max_m_s for bound in each.values()), min(bound.brake_m_s2 for bound in each.values())
+        ))  # fmt: skip
+        self.region: Final = region
+        self.each: Final = each
+
+    def bound(self, time_s: float) -> float:
+        alone = self.own.bound(time_s)
+        return alone + max(alone, *(other.bound(time_s) for other in self.each.values()))
+
+    def reach(self, situation: Situation, time_s: float) -> float:
+        margin, alone = self.region.margin(situation), self.own.bound(time_s)
+        # What is nearest need not be what comes too near first: the margin falls by the most that any pair's part does.
+        worst = 0.0
+        for part, _, _, _, peer in self.region.threats(situation):
+            theirs = self.other if peer is None else self.each.get(peer.robot_id, self.other)
+            fall = alone + max(alone, theirs.bound(time_s)) - (part - margin)
+            # Written so that a fall that is not a number is returned, and counts as danger.
+            if not fall <= worst:
+                worst = fall
+        return worst
+
+
 class DischargeBound(ReachModel):
     """The charge falls no faster than at driving power, and the way home grows no faster than the robot drives.
 
@@ -121,12 +157,16 @@ class DirectedReach(ReachModel):
         region: whose margin it is.
         own: this robot's motion.
         other: the motion of every peer, for a region whose threats name peers.
+        each: by peer, its motion; `other` for those that are not in it.
     """
 
-    def __init__(self, region: Directed, own: Motion, other: Motion | None = None) -> None:
+    def __init__(
+        self, region: Directed, own: Motion, other: Motion | None = None, each: Mapping[int, Motion] | None = None
+    ) -> None:
         self.region: Final = region
         self.own: Final = own
         self.other: Final = other
+        self.each: Final = each or {}
 
     @property
     def of_pairs(self) -> bool:
@@ -150,7 +190,8 @@ class DirectedReach(ReachModel):
                 continue
             far = self.own.extent(own, time_s, ux, uy, uz)
             if peer is not None and self.other is not None:
-                theirs = self._extent_of(self.other, peer, own.stamp_s, time_s, -ux, -uy, -uz)
+                other = self.each.get(peer.robot_id, self.other)
+                theirs = self._extent_of(other, peer, own.stamp_s, time_s, -ux, -uy, -uz)
                 # Twice the larger of the two; written so that what is not a number stays that.
                 far = far + theirs + abs(far - theirs)
             # Written so that a fall that is not a number is returned, and counts as danger.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from soter.config import validate_options
 from soter.errors import BackendUnavailable, ConfigError, nearest
-from soter.stack.planners.base import Planner
+from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 from soter.workspace import Workspace
 
 DEFAULT_PLANNER = "ompl-bitstar"
@@ -74,7 +74,7 @@ def planner_class(name: str) -> type[Planner]:
 def build_planner(
     name: str,
     workspace: Workspace,
-    body_radius_m: float,
+    body_radius_m: float | Mapping[int, float],
     options: Mapping[str, Any] | None = None,
     source: str | None = None,
 ) -> Planner:
@@ -83,7 +83,7 @@ def build_planner(
     Args:
         name: a built-in name, or `module:Class`.
         workspace: the known fence and boxes.
-        body_radius_m: radius of the robot's round body, in metres.
+        body_radius_m: radius of the robots' round bodies, in metres; by id where they differ.
         options: the raw table `[planners.NAME]`.
         source: the mission file that the table is from, for error messages.
 
@@ -93,4 +93,26 @@ def build_planner(
     """
     cls = planner_class(name)
     checked = validate_options(cls.options_model, options or {}, source, f"planners.{name}")
+    if isinstance(body_radius_m, Mapping):
+        radii_m = set(body_radius_m.values())
+        if len(radii_m) > 1:
+            planners = {radius_m: cls(workspace, radius_m, checked) for radius_m in sorted(radii_m)}
+            return _ForEach({robot_id: planners[radius_m] for robot_id, radius_m in body_radius_m.items()})
+        (body_radius_m,) = radii_m
     return cls(workspace, body_radius_m, checked)
+
+
+class _ForEach(Planner):
+    """Asks for every robot the planner that is made for its body.
+
+    Args:
+        planners: by robot.
+    """
+
+    def __init__(self, planners: Mapping[int, Planner]) -> None:
+        largest = max(planners.values(), key=lambda each: each.body_radius_m)
+        super().__init__(largest.workspace, largest.body_radius_m, largest.options)
+        self._planners: Final = planners
+
+    def plan(self, request: PlanRequest) -> PlanResult:
+        return self._planners[request.robot_id].plan(request)

@@ -230,7 +230,7 @@ class PlanService:
     Args:
         planner: a built-in name, or `module:Class`.
         workspace: the known fence and boxes.
-        body_radius_m: radius of the robots' round bodies, in metres.
+        body_radius_m: radius of the robots' round bodies, in metres; by id where they differ.
         options: the raw table `[planners.NAME]`.
         source: the mission file that the options are from, for error messages.
         virtual_time: False for a mission on a wall clock: results are handed out as they come and nothing waits.
@@ -249,7 +249,7 @@ class PlanService:
         self,
         planner: str,
         workspace: Workspace,
-        body_radius_m: float,
+        body_radius_m: float | Mapping[int, float],
         options: Mapping[str, Any] | None = None,
         *,
         source: str | None = None,

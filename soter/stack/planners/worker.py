@@ -170,7 +170,7 @@ class WorkerSpec:
     Attributes:
         planner: name of the planner.
         workspace: the known fence and boxes.
-        body_radius_m: radius of the robot's round body.
+        body_radius_m: radius of the robots' round bodies, by id where they differ.
         options: the raw table of the planner.
         source: the mission file that the options are from, or None.
         memory_limit_bytes: address space that the planner may add to what the bare worker has.
@@ -179,7 +179,7 @@ class WorkerSpec:
 
     planner: str
     workspace: Workspace
-    body_radius_m: float
+    body_radius_m: float | Mapping[int, float]
     options: Mapping[str, Any]
     source: str | None
     memory_limit_bytes: int
