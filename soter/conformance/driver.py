@@ -7,8 +7,10 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
+from soter.errors import Uncontrolled
 from soter.sdk import Controller, Fleet, Waypoint
 
 TICK_S: Final = 0.05
@@ -53,7 +55,9 @@ def drive_until(
             if read:
                 robot.read_state()
             if renew and due:
-                robot.renew_lease()
+                # One that does not obey says so at every tick, and is not let alone for that.
+                with suppress(Uncontrolled):
+                    robot.renew_lease()
         if until():
             return True
     return False

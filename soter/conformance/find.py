@@ -12,15 +12,15 @@ from soter.sdk import Backend, Fleet
 from soter.workspace import Box, RobotPlace, Workspace
 
 # Two rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
-# from the origin that coordinates of too few bits do.
-_STARTS: Final = ((142.0, 73.5, 0.4), (145.5, 71.7, -2.2))
+# from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices.
+_STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2))
 
 
 def open_floor() -> Workspace:
     """Return a floor without boxes, with room for two robots."""
     places = tuple(
         RobotPlace(number, x_m, y_m, Box(x_m - 0.3, y_m - 0.3, x_m + 0.3, y_m + 0.3, 0.0), heading_rad)
-        for number, (x_m, y_m, heading_rad) in enumerate(_STARTS, start=1)
+        for number, x_m, y_m, heading_rad in _STARTS
     )
     return Workspace(148.0, 76.0, (), places)
 

@@ -104,7 +104,7 @@ class Harness(ABC):
     # --- optional hooks: when the SOTER side dies or hangs ----------------------------------------------------
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
-        """Start another process that opens robot 1 and drives it, and return that process. It replaces `open`.
+        """Start another process that opens the first robot and drives it, and return that process. It replaces `open`.
 
         The robots (the simulated world, say) must not live in that process: the kit stops it with SIGSTOP or kills it
         with SIGKILL, and then watches the robot through `observe`. What the process does is

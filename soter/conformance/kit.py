@@ -97,6 +97,8 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         verdict, reason = Verdict.FAIL, str(failure)
     except Exception as failure:  # noqa: BLE001 - an adapter may fail in any way, and the others must still be judged
         verdict, reason, unready = Verdict.FAIL, explain(failure), bench.capabilities is None
+        if isinstance(failure, LookupError):
+            reason += "; is a robot's id taken for an index? Ids are any numbers, in any order"
     finally:
         # Whatever ends it, a robot must not be left driving.
         wrong = _close(bench)

@@ -52,11 +52,14 @@ class Closes(Protocol):
 WIDE_ROOMS: Final = Workspace(
     150.0, 78.0, (),
     (
-        RobotPlace(1, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
-        RobotPlace(2, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
+        RobotPlace(7, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
+        RobotPlace(3, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
     ),
 )  # fmt: skip
-"""Two rooms of 2.4 m, for robots that take their time to stop."""
+"""Two rooms of 2.4 m, for robots that take their time to stop.
+
+Ids are neither 1 and 2 nor in order: they are no indices.
+"""
 
 
 def in_wide_rooms(robots: int) -> list[RobotSpec]:

@@ -64,7 +64,7 @@ class AdapterSuite:
 def _in_process(harness: Harness) -> bool:
     fleet = harness.open(1)
     try:
-        return type(fleet.robots[0]).declared.in_process
+        return fleet.robots[0].declared.in_process
     finally:
         fleet.close()
         harness.close()

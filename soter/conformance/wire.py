@@ -80,7 +80,7 @@ class WireHarness(RelayedHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return robot 1 at addresses that come as JSON; what the kit's driver process calls."""
+    """Return the first robot at addresses that come as JSON; what the kit's driver process calls."""
     target, given = json.loads(argument)
     module, _, name = target.partition(":")
     return _open(getattr(importlib.import_module(module), name), given["robots"], given["truth"], 1)

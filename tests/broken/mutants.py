@@ -11,11 +11,14 @@ from typing import Any, Final
 
 from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import VirtualClock
+from soter.conformance.find import open_floor
 from soter.errors import SoterError
 from soter.sdk import Controller, GoalStatus, RobotState, Waypoint
 from soter_sim import LIMITS
 from tests.broken.edits import edited, promising, sampled, targeted
 from tests.broken.in_process import Broken
+
+FIRST, SECOND = (place.id for place in open_floor().robots)
 
 
 class Exact(Broken):
@@ -99,7 +102,7 @@ def _only_falls(robot: Any, state: RobotState) -> RobotState:
 
 
 def _second(edit: Callable[[Any, RobotState], RobotState]) -> Callable[[Any, RobotState], RobotState]:
-    return lambda robot, state: edit(robot, state) if robot.id == 2 else state
+    return lambda robot, state: edit(robot, state) if robot.id == SECOND else state
 
 
 def _frozen_after(seconds: float, *, stamped: bool) -> Callable[[Any, RobotState], RobotState]:
@@ -370,8 +373,8 @@ SAMPLES: Final = (
             "not finite", _once_in(1000, yaw_rate_rad_s=math.inf)),
     sampled("ChargeAboveOneOnce", "Hands out a charge of 1.01 once in a thousand samples.", "state.ranges", "discarded",
             _once_in(1000, battery=1.01)),
-    sampled("OthersSampleOnce", "Hands out robot 7's sample once in a thousand.", "state.ranges", "another robot",
-            _once_in(1000, robot_id=7)),
+    sampled("OthersSampleOnce", "Hands out robot 9's sample once in a thousand.", "state.ranges", "another robot",
+            _once_in(1000, robot_id=9)),
     sampled("ChargeFrozen", "Freezes the charge at its first value.", "state.charge", "frozen", _held_charge(None)),
     sampled("ChargeInTenths", "Says the charge in steps of a tenth.", "state.charge", "frozen|fell by more",
             _held_charge(0.1)),
@@ -403,11 +406,12 @@ SAMPLES: Final = (
             _frozen_after(3.0, stamped=True)),
     sampled("DeadAfterThreeSeconds", "Is not heard any more after 3 s.", "state.frame", "nothing has been heard",
             _frozen_after(3.0, stamped=False)),
-    sampled("SecondTurnSign", "Counts turn rates of robot 2 clockwise.", "several.second", "sign",
+    sampled("SecondTurnSign", "Counts turn rates of the second robot clockwise.", "several.second", "sign",
             _second(lambda _, s: s._replace(yaw_rate_rad_s=-s.yaw_rate_rad_s))),
-    sampled("SecondMirrored", "Counts south for north for robot 2.", "several.second", "mirrored",
+    sampled("SecondMirrored", "Counts south for north for the second robot.", "several.second", "mirrored",
             _second(lambda r, s: s._replace(y_m=2.0 * r.spec.y_m - s.y_m))),
-    sampled("SecondOld", "Queues samples of robot 2.", "several.second", "queue", _second(lambda r, s: _ago(r, s, 6))),
+    sampled("SecondOld", "Queues samples of the second robot.", "several.second", "queue",
+            _second(lambda r, s: _ago(r, s, 6))),
 )  # fmt: skip
 
 TARGETS: Final = (
@@ -427,6 +431,12 @@ TARGETS: Final = (
              lambda r, t: t._replace(x_m=t.x_m + r.spec.x_m, y_m=t.y_m + r.spec.y_m)),
     targeted("HeadingMirrored", "Sends headings clockwise.", "goto.heading", "sign|another frame",
              lambda _, t: t._replace(heading_rad=None if t.heading_rad is None else -t.heading_rad)),
+    targeted("EastIsNone", "Takes a heading of exactly 0 for none.", "goto.heading", "taken for none",
+             lambda _, t: t._replace(heading_rad=t.heading_rad or None)),
+    targeted("OriginIsNone", "Takes coordinates of exactly 0 for none, and stays.", "goto.far", "0 is taken for none",
+             lambda r, t: t if t.x_m and t.y_m else t._replace(x_m=r._honest().x_m, y_m=r._honest().y_m)),
+    targeted("HeadingCutOff", "Cuts a heading off at pi, and does not wrap it.", "goto.heading", "wrap it",
+             lambda _, t: t._replace(heading_rad=t.heading_rad and min(max(t.heading_rad, -math.pi), math.pi))),
     targeted("HeadingInDegrees", "Sends headings in degrees.", "goto.heading", "frame",
              lambda _, t: t._replace(heading_rad=None if t.heading_rad is None else math.degrees(t.heading_rad))),
     targeted("TwiceTheCap", "Sends twice the speed cap.", "goto.speed_cap", "speed_m_s",
@@ -498,8 +508,8 @@ PROMISES: Final = (
            __init__=_leased(0.15), declared=replace(Broken.declared, lease_s=0.136)),
     edited("LeaseTwice", "Has a lease twice as long as promised.", "deadman.lease", "lease_s is",
            __init__=_leased(0.2)),
-    edited("LeaseTwiceOfSecond", "Has a lease three times as long for robot 2.", "several.second", "lease_s is",
-           __init__=_leased(0.3, robot_id=2)),
+    edited("LeaseTwiceOfSecond", "Has a lease three times as long for the second robot.", "several.second",
+           "lease_s is", __init__=_leased(0.3, robot_id=SECOND)),
     edited("LatencyTenPercent", "Acts 10 % later than promised.", "bounds.latency", "latency_s",
            declared=replace(Broken.declared, latency_s=0.09), **_late(2)),
     edited("LateGotos", "Acts on a goto 0.1 s late.", "bounds.latency", "latency_s", **_late(2, halts=False)),
@@ -510,10 +520,66 @@ PROMISES: Final = (
            **_late(4, every=15)),
 )  # fmt: skip
 
+
+def _indexed(index: Callable[[int, int], int]) -> Callable[..., None]:
+    """Return an `__init__` by which a robot's place in the list comes of its id and how many there are."""
+
+    def begin(self: Any, *arguments: Any) -> None:
+        Broken.__init__(self, *arguments)
+        self._index = index(self.id, len(self._v))
+
+    return begin
+
+
+def _flushes_again(self: Any, to: Controller) -> None:
+    self._mux.halt()
+    Broken._hand_over(self, to)
+
+
+def _smoothed(robot: Any, state: RobotState) -> RobotState:
+    """Return a sample with a charge that follows the real one in a minute."""
+    kept = _of(robot, "charge", lambda: [state.battery, state.stamp_s])
+    kept[0] += (state.battery - kept[0]) * min((state.stamp_s - kept[1]) / 60.0, 1.0)
+    kept[1] = state.stamp_s
+    return state._replace(battery=kept[0])
+
+
+def _resting(robot: Any, state: RobotState) -> RobotState:
+    """Return the last sample again, but for twice a second, once it has rested for 3 s."""
+    kept = _of(robot, "resting", lambda: [state, state.stamp_s])
+    if math.hypot(state.vx_m_s, state.vy_m_s) > 1e-3 or abs(state.yaw_rate_rad_s) > 1e-3:
+        kept[1] = state.stamp_s
+    elif state.stamp_s - kept[1] > 3.0 and state.stamp_s - kept[0].stamp_s < 0.5:
+        return kept[0]  # type: ignore[no-any-return]
+    kept[0] = state
+    return state
+
+
+def _one_behind(robot: Any, state: RobotState) -> RobotState:
+    """Return the sample that was due at the read before."""
+    kept = _of(robot, "behind", lambda: [state, state])
+    if state is not kept[1]:
+        kept[:] = kept[1], state
+    return kept[0]  # type: ignore[no-any-return]
+
+
 DUTIES: Final = (
+    edited("IndexByNumber", "Takes a robot's number for its place in the list.", "several.ids",
+           "another robot's", __init__=_indexed(lambda number, many: (number - 1) % many)),
+    edited("IndexFromOne", "Takes a robot's number for its place in the list, and has no such place.", "lifecycle.init",
+           "id taken for an index", __init__=_indexed(lambda number, _: number - 1)),
+    edited("FlushedAgain", "Flushes the goal of the controller in charge when its hand-over is sent again.",
+           "authority.idempotent", "that one's own goal", _hand_over=_flushes_again),
+    sampled("ChargeSmoothed", "Follows the charge in a minute.", "several.charge", "lags behind", _smoothed),
+    sampled("FirstOld", "Queues samples of the first of two robots.", "several.second", f"of robot {FIRST} queue",
+            lambda r, s: _ago(r, s, 6) if r.id == FIRST and len(r._v) > 1 else s),
+    sampled("OldAtRest", "Reports twice a second after 3 s of rest.", "authority.alternations", "report is old",
+            _resting),
+    sampled("OneBehind", "Hands out the sample that was due at the read before.", "goal.written_in_read_state",
+            "at the one before", _one_behind),
     edited("CoastsOnLease", "Coasts when its lease ends, and brakes well at a cancel.", "deadman.lease", "lease|brake",
            _connect=_with_control(_coasting)),
-    edited("OthersCharge", "Reports robot 1's charge for robot 2.", "several.charge", "charge of the other",
+    edited("OthersCharge", "Reports the first robot's charge for the second.", "several.charge", "charge of the other",
            _sample=lambda self: self._honest()._replace(battery=self._world.bodies.charge[0])),
     sampled("HeadingLags", "Hands out headings of 0.3 s ago.", "truth.bounds.noise", "heading",
             lambda r, s: s._replace(heading_rad=_ago(r, s, 6).heading_rad)),

@@ -11,7 +11,7 @@ from soter.clock import VirtualClock
 from soter.onboard.mux import Mux
 from soter.sdk import Controller, RobotState
 from tests.broken.edits import driven, wired
-from tests.broken.mutants import _ago, _count, _of, _once_in
+from tests.broken.mutants import FIRST, SECOND, _ago, _count, _of, _once_in
 from tests.broken.on_wire import BrokenWire
 from tests.conformance.wire import Intent, Vehicle, WireClock, WireRobot
 
@@ -101,17 +101,17 @@ _REAL: Final = WireRobot.declared
 
 
 def _others_after_silence(self: Any) -> RobotState | None:
-    """Hand out robot 1's samples as robot 2's own, once nothing was heard of it for a while."""
+    """Hand out the first robot's samples as the second's own, once nothing was heard of it for a while."""
     before = self.latest
     found = WireRobot._sample(self)
     if before is not None and found is not None and found.stamp_s - before.stamp_s > 1.0:
         self.confused = True
     first = _FIRST.get(id(self.clock))
-    if self.id == 1:
+    if self.id == FIRST:
         _FIRST.clear()
         _FIRST[id(self.clock)] = self
-    if getattr(self, "confused", False) and self.id == 2 and first is not None and first.latest is not None:
-        return first.latest._replace(robot_id=2)  # type: ignore[no-any-return]
+    if getattr(self, "confused", False) and self.id == SECOND and first is not None and first.latest is not None:
+        return first.latest._replace(robot_id=SECOND)  # type: ignore[no-any-return]
     return found
 
 
@@ -130,9 +130,9 @@ def _one_sample_in(many: int) -> Callable[..., RobotState | None]:
 
 
 def _second_lost(self: Any, *, renew: bool = False, **changes: Any) -> None:
-    """Send to robot 1 for good once robot 2 was silent: what was meant for 2 never arrives."""
+    """Send to the first robot for good once the second was silent: what was meant for that never arrives."""
     silent = self.latest is not None and self.clock.now() - self.latest.stamp_s > 1.0
-    self.lost = getattr(self, "lost", False) or (silent and self.id == 2)
+    self.lost = getattr(self, "lost", False) or (silent and self.id == SECOND)
     if not self.lost:
         WireRobot.want(self, renew=renew, **changes)
 
@@ -231,10 +231,10 @@ WIRED: Final = (
             clock_class=Fast),
     wired("WakesLate", "Wakes every tick 11 ms late, and promises 10 ms.", "bounds.jitter", "jitter_s",
             clock_class=WakesLate),
-    wired("EachTheFirst", "Has robot 1's samples for robot 2 once the link has come back.", "link.reconnects_each",
-          "samples of robot 1", _sample=_others_after_silence),
-    wired("SecondLost", "Sends nothing to robot 2 any more once its link has come back.", "link.reconnects_each",
-          "no longer gets its own|right way|stopped short", want=_second_lost),
+    wired("EachTheFirst", "Has the first robot's samples for the second once the link has come back.",
+          "link.reconnects_each", f"samples of robot {FIRST}", _sample=_others_after_silence),
+    wired("SecondLost", "Sends nothing to the second robot any more once its link has come back.",
+          "link.reconnects_each", "no longer gets its own|right way|stopped short", want=_second_lost),
     wired("OneSampleInFive", "Hands out one sample in five.", "state.age", "sample_age_s", _sample=_one_sample_in(5)),
     wired("ClockLearnedOnce", "Learns the vehicle's clock once and for all.", "deadman.clock_steps", "clock",
           arrived_s=_stale_clock),

@@ -32,11 +32,11 @@ def test_a_robot_whose_clock_is_set_stops_at_most_and_is_found_again(harness: Zm
         robot.goto(Waypoint(3.3, 4.1), Controller.SC)
         assert drive_until(fleet, lambda: speed(robot) > 0.2, 10.0)
         before_s = robot.read_state().vehicle_stamp_s
-        harness.step_clock(1, step_s)
+        harness.step_clock(robot.id, step_s)
         assert drive_until(fleet, lambda: abs(robot.read_state().vehicle_stamp_s - before_s - step_s) < 2.0, 10.0)
         assert drive_until(fleet, lambda: speed(robot) > 0.2, 10.0)
         assert robot.read_state().age_s(fleet.clock.now()) < 0.5
-        harness.step_clock(1, -30.0)
+        harness.step_clock(robot.id, -30.0)
         assert drive_until(fleet, lambda: speed(robot) < 1e-3, 5.0, renew=False), "no lease lives on"
 
 
@@ -47,7 +47,7 @@ def test_a_robot_that_was_switched_off_and_on_knows_nothing_of_before(harness: Z
         robot.switch_ac_sc(Controller.AC, "test")
         drive_until(fleet, lambda: False, 0.3)
         assert robot.read_state().controller is Controller.AC
-        harness.restart(1)
+        harness.restart(robot.id)
         assert drive_until(fleet, lambda: robot.read_state().vehicle_stamp_s < 100.0, 5.0, renew=False)
         assert robot.read_state().controller is None, "it follows nobody"
         assert drive_until(fleet, lambda: robot.read_state().controller is Controller.AC, 5.0)

@@ -193,8 +193,9 @@ class WireRobot(Robot):
         self.vehicle = vehicle
         self.faults = vehicle.faults
         number = len(vehicle.down)
-        self.down: Channel[Intent] = Channel(self.faults, 2 * spec.id + 10 * number)
-        self.up: Channel[RobotState] = Channel(self.faults, 2 * spec.id + 10 * number + 1)
+        seed = 2 * (vehicle.index + 1) + 10 * number
+        self.down: Channel[Intent] = Channel(self.faults, seed)
+        self.up: Channel[RobotState] = Channel(self.faults, seed + 1)
         vehicle.down.append(self.down)
         vehicle.up.append(self.up)
         self.learned = VehicleClock(rate_tolerance=0.0, steady=clock.now)
@@ -234,7 +235,7 @@ class WireRobot(Robot):
         return self.up.arrived_s.pop(id(sample), self.clock.now())
 
     def _hand_over(self, to: Controller) -> None:
-        self.want(in_charge=to, goal=None)
+        self.want(in_charge=to, goal=self.wanted.goal if to is self.wanted.in_charge else None)
 
     def _renew_lease(self) -> None:
         self.want(renew=True)

@@ -115,9 +115,11 @@ def confirmed(bench: Bench) -> None:
 
 @clause("authority.idempotent")
 def idempotent(bench: Bench) -> None:
-    """A switch to the controller in charge renews the lease and disturbs nothing."""
+    """A switch to the controller in charge renews the lease and disturbs nothing, nor does a hand-over sent again."""
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.8))
+    # What names no goal in progress now need not do so later.
+    numbered = robot.read_state().goal_id == goal.id
 
     def renew() -> bool:
         robot.switch_ac_sc(Controller.AC, "conformance")
@@ -129,6 +131,17 @@ def idempotent(bench: Bench) -> None:
         GoalStatus.REACHED,
         "switch_ac_sc() to the same controller must renew the lease, and neither flush nor end goals",
     )
+    bench.run(SETTLE_S)
+    goal = bench.get_going(robot, bench.place(robot, -0.8))
+    robot.hand_over_again()
+    cause = "_hand_over() to the controller in charge flushes that one's own goal: say again who is in charge, no more"
+    bench.run(bench.caps.latency_s + bench.caps.sample_age_s + 2 * TICK_S)
+    named = bench.look(robot).state.goal_id
+    began_s = bench.now_s
+    bench.run(bench.way_s(), lambda: not goal.active or bench.stands(robot, began_s))
+    bench.require_status(goal, GoalStatus.REACHED, f"after hand_over_again() the robot stands; {cause}")
+    if numbered:
+        bench.require(named == goal.id, f"after hand_over_again() samples name goal {named}, not {goal.id}: {cause}")
 
 
 @clause("authority.nothing_revived")
@@ -207,14 +220,16 @@ def alternations(bench: Bench) -> None:
     bench.run(within_s)
     for number in range(_ALTERNATIONS if caps.in_process else _CHECKED):
         to = Controller.AC if number % 2 else Controller.SC
-        robot.switch_ac_sc(to, "conformance")
+        switch = robot.switch_ac_sc(to, "conformance")
         # Nothing is said again meanwhile: what a renewal repeats would hide what the hand-over itself did.
         bench.run(within_s, lambda to=to: robot.read_state().controller in (to, None), renew=False)  # type: ignore[misc]
-        found = bench.look(robot).state.controller
+        state = bench.look(robot).state
+        found, old = state.controller, state.stamp_s < switch.requested_s + caps.latency_s
+        why = "the report is old, and says nothing of it" if old else "it was lost, queued or came out of order"
         bench.require(
             found in (to, None),
-            f"{within_s:.2f} s after switch number {number + 1} to {to} the robot reports {found} in charge: this "
-            "hand-over was lost, queued or came out of order",
+            f"{within_s:.2f} s after switch number {number + 1} to {to} the robot reports {found} in charge, of "
+            f"{state.age_s(bench.now_s):.2f} s ago: {why}",
         )
     bench.go(
         robot,

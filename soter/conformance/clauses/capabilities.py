@@ -16,9 +16,9 @@ _POSITIVE = ("v_max_m_s", "yaw_rate_max_rad_s", "brake_m_s2", "body_radius_m", "
 
 @clause("capabilities.sane")
 def sane(bench: Bench) -> None:
-    """`declared` is readable on the class before connecting, finite and free of contradictions."""
+    """`declared` is readable before connecting, finite and free of contradictions."""
     (robot,) = bench.open_raw().robots
-    declared = getattr(type(robot), "declared", None)
+    declared = getattr(robot, "declared", None)
     bench.require(
         isinstance(declared, Capabilities),
         f"{type(robot).__name__}.declared is a {type(declared).__name__}, expected Capabilities",

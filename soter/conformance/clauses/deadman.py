@@ -35,7 +35,15 @@ def silence(bench: Bench) -> None:
     before = bench.look(robot)
     clock = bench.fleet.clock
     clock.sleep_until(called_s + allowed_s + caps.sample_age_s)
+    first = bench.look(robot)
+    clock.sleep_until(clock.now() + TICK_S)
     rest = bench.look(robot)
+    jumped = rest.distance_m(first.x_m, first.y_m)
+    bench.require(
+        jumped <= 2.0 * caps.v_max_m_s * TICK_S + bench.still_m,
+        f"from the first sample after a pause to the next one it moved by {jumped:.3f} m, farther than it can drive: "
+        "each read hands out the sample that was due at the one before; take the newest when it is read",
+    )
     clock.sleep_until(clock.now() + 1.0)
     later = bench.look(robot)
     slipped = later.distance_m(rest.x_m, rest.y_m)

@@ -171,4 +171,9 @@ def written_in_read_state(bench: Bench) -> None:
         goal, GoalStatus.ACTIVE, "something besides read_state() wrote the handle: a thread or a callback"
     )
     robot.read_state()
+    bench.require(
+        not (goal.active and bench.run(2 * TICK_S, lambda: not goal.active)),
+        "only the read after the next one brought the goal up to date: each read hands out the sample that was due at "
+        "the one before; take the newest when it is read",
+    )
     bench.require_status(goal, GoalStatus.REACHED, "read_state() did not bring the goal up to date with the sample")

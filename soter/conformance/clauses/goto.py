@@ -13,7 +13,7 @@ from soter.conformance.driver import TICK_S
 from soter.conformance.track import Sample, turn
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
-from soter.sdk import Controller, GoalStatus, Waypoint
+from soter.sdk import Controller, GoalStatus, Robot, Waypoint
 
 _HOST_S = 0.05
 _OFF_RAD = 0.15
@@ -61,28 +61,42 @@ def far(bench: Bench) -> None:
     """A target far away, on either side of the origin, is set out for: coordinates are not wrapped or cut off."""
     robot = bench.open_one()
     for far_m, bearing_rad in _FAR:
-        at, began_s = bench.look(robot), bench.now_s
-        target = Waypoint(at.x_m + far_m * math.cos(bearing_rad), at.y_m + far_m * math.sin(bearing_rad))
-        try:
-            goal = robot.goto(target, Controller.AC)
-        except Unsupported:
-            continue
-        far_enough_m = 0.2 * bench.harness.room_m / 2.0
+        _see_it_set_out(bench, robot, _at(bench.look(robot), far_m, bearing_rad))
+    # Both coordinates are exactly 0, which is a place and not none.
+    _see_it_set_out(bench, robot, Waypoint(0.0, 0.0))
 
-        def done(at: Sample = at, began_s: float = began_s, far_enough_m: float = far_enough_m) -> bool:
-            gone_m = bench.tracks[robot.id][-1].distance_m(at.x_m, at.y_m)
-            return gone_m > far_enough_m or bench.stands(robot, began_s)
 
-        bench.run(bench.way_s(), done)
-        to = bench.tracks[robot.id][-1]
-        goal.cancel()
-        off = abs(turn(bearing_rad, math.atan2(to.y_m - at.y_m, to.x_m - at.x_m)))
-        bench.require(
-            to.distance_m(at.x_m, at.y_m) > far_enough_m and off <= _OFF_RAD,
-            f"a target at ({target.x_m:.0f}, {target.y_m:.0f}) m was set out for {off:.2f} rad off its bearing, "
-            f"{to.distance_m(at.x_m, at.y_m):.2f} m far: coordinates are wrapped, cut off or lose their sign",
-        )
-        bench.run(_REST_S)
+def _see_it_set_out(bench: Bench, robot: Robot, target: Waypoint) -> None:
+    at, began_s = bench.look(robot), bench.now_s
+    bearing_rad = math.atan2(target.y_m - at.y_m, target.x_m - at.x_m)
+    far_enough_m = 0.2 * bench.harness.room_m / 2.0
+    if at.distance_m(target.x_m, target.y_m) <= 2.0 * far_enough_m:
+        return
+    try:
+        goal = robot.goto(target, Controller.AC)
+    except Unsupported:
+        return
+
+    def done() -> bool:
+        gone_m = bench.tracks[robot.id][-1].distance_m(at.x_m, at.y_m)
+        return gone_m > far_enough_m or bench.stands(robot, began_s)
+
+    bench.run(bench.way_s(), done)
+    to = bench.tracks[robot.id][-1]
+    goal.cancel()
+    off = abs(turn(bearing_rad, math.atan2(to.y_m - at.y_m, to.x_m - at.x_m)))
+    bench.require(
+        to.distance_m(at.x_m, at.y_m) > far_enough_m and off <= _OFF_RAD,
+        f"a target at ({target.x_m:.0f}, {target.y_m:.0f}) m was set out for {off:.2f} rad off its bearing, "
+        f"{to.distance_m(at.x_m, at.y_m):.2f} m far: coordinates are wrapped, cut off, lose their sign, or 0 is taken "
+        "for none",
+    )
+    bench.run(_REST_S)
+
+
+def _at(at: Sample, way_m: float, bearing_rad: float) -> Waypoint:
+    """Return the place so far from a sample's, in that direction."""
+    return Waypoint(at.x_m + way_m * math.cos(bearing_rad), at.y_m + way_m * math.sin(bearing_rad))
 
 
 @clause("goto.accepted_is_not_reached")
@@ -162,21 +176,31 @@ def wakes(bench: Bench) -> None:
 def heading(bench: Bench) -> None:
     """A heading that is asked for is arrived with, or goto raises Unsupported and sends nothing."""
     robot = bench.open_one()
-    wanted = turn(0.0, robot.spec.heading_rad + 1.0)
-    try:
-        goal = robot.goto(bench.place(robot, 0.5)._replace(heading_rad=wanted), Controller.AC)
-    except Unsupported:
-        bench.expect_still(robot, 1.0, "an unsupported goto must send nothing")
-        return
-    bench.run(bench.way_s(), lambda: not goal.active)
-    bench.require_status(goal, GoalStatus.REACHED, "a target with a heading is not driven to")
-    bench.run(2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s)
-    off = abs(turn(wanted, bench.look(robot).heading_rad))
-    bench.require(
-        off <= 0.1,
-        f"it stands with a heading {off:.2f} rad off the one asked for: the heading was dropped (raise Unsupported), "
-        "or its sign or zero is another frame's",
-    )
+    for wanted, cause in (
+        (turn(0.0, robot.spec.heading_rad + 1.0),
+         "the heading was dropped (raise Unsupported), or its sign or zero is another frame's"),
+        (0.0, "a heading of 0.0, east, is taken for none: ask `is None`"),
+        (1.5 * math.pi, "a heading beyond pi is cut off or dropped: wrap it"),
+    ):  # fmt: skip
+        at, began_s = bench.look(robot), bench.now_s
+        # Across the heading, so that whoever heeds none arrives with another one; and back to the middle of the room.
+        ends = [_at(at, 0.25 * bench.harness.room_m, wanted + across) for across in (1.0, -1.0)]
+        target = min(ends, key=partial(bench.from_start, robot))
+        try:
+            goal = robot.goto(target._replace(heading_rad=wanted), Controller.AC)
+        except Unsupported:
+            bench.expect_still(robot, 1.0, "an unsupported goto must send nothing")
+            return
+        bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
+        bench.require_status(goal, GoalStatus.REACHED, "a target with a heading is not driven to")
+        bench.run(
+            2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s,
+            lambda began_s=began_s: bench.stands(robot, began_s),  # type: ignore[misc]
+        )
+        off = abs(turn(wanted, bench.look(robot).heading_rad))
+        bench.require(
+            off <= 0.1, f"asked for {wanted:.2f} rad, it stands with a heading {off:.2f} rad off that: {cause}"
+        )
 
 
 @clause("goto.speed_cap", truth=True)

@@ -14,6 +14,7 @@ from soter.sdk import Controller, GoalStatus
 
 _SLOWLY = 0.5
 _TRIALS = 3
+_SAME = 2e-3
 
 
 @clause("several.ids", truth=True)
@@ -106,9 +107,23 @@ def charge(bench: Bench) -> None:
         bench.require(
             drove <= before[0] and stood >= before[1],
             f"robot {driver.id} drove and its charge went from {before[0]:.4f} to {drove:.4f}, while that of robot "
-            f"{other.id} on its charger went from {before[1]:.4f} to {stood:.4f}: one has the charge of the other",
+            f"{other.id} on its charger went from {before[1]:.4f} to {stood:.4f}: "
+            f"{_whose(bench, {driver.id: drove, other.id: stood})}",
         )
         bench.go(driver, bench.place(driver, 0.0, radius_m=0.05))
+
+
+def _whose(bench: Bench, said: dict[int, float]) -> str:
+    """Return what is likely wrong with two charges, of which one rose while its robot drove, or fell on the charger."""
+    truth = bench.fleet.truth
+    real = {} if truth is None else truth.report().charges
+    mixed_up = "one has the charge of the other"
+    lags = "it lags behind: smoothed, or old"
+    if not said.keys() <= real.keys():
+        return f"{mixed_up}, or {lags}"
+    off = max(abs(each - real[number]) for number, each in said.items())
+    of_other = min(abs(each - real[other]) for (_, each), other in zip(said.items(), reversed(said), strict=True))
+    return mixed_up if of_other < _SAME < off else lags
 
 
 @clause("several.second")

@@ -284,21 +284,27 @@ def age(bench: Bench) -> None:
     robot = bench.open_one()
     # It arrives on the way, so that samples of rest are among them.
     bench.get_going(robot, bench.place(robot, 0.9))
-    ages: list[float] = []
+    # Of all that are open: they may share what carries their samples.
+    ages: dict[int, list[float]] = {each.id: [] for each in bench.fleet.robots}
 
     def look() -> bool:
-        # Before it is read: what the host does between the two is not the sample's.
-        now_s = bench.now_s
-        ages.append(robot.read_state().age_s(now_s))
+        for each in bench.fleet.robots:
+            # Before it is read: what the host does between the two is not the sample's.
+            now_s = bench.now_s
+            ages[each.id].append(each.read_state().age_s(now_s))
         return False
 
     bench.run(_AGES_S, look, closely=True)
-    cause = "samples queue up (keep only the latest), come too seldom, or sample_age_s is declared too small"
-    # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
-    bench.measure("sample_age_s", quantile(ages, 0.95), bench.caps.sample_age_s, 1e-4, cause, spread=ages)
-    bench.measure(
-        "sample_age_rare_s", quantile(ages, 0.995), bench.caps.sample_age_s + bench.caps.jitter_s, 1e-4, cause
-    )
+    for number, seen in ages.items():
+        cause = (
+            f"samples of robot {number} queue up (keep only the latest), come too seldom"
+            f"{', are crowded out by those of another' * (len(ages) > 1)}, or sample_age_s is declared too small"
+        )
+        # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
+        bench.measure("sample_age_s", quantile(seen, 0.95), bench.caps.sample_age_s, 1e-4, cause, spread=seen)
+        bench.measure(
+            "sample_age_rare_s", quantile(seen, 0.995), bench.caps.sample_age_s + bench.caps.jitter_s, 1e-4, cause
+        )
 
 
 @clause("state.never_waits")
