@@ -29,6 +29,12 @@ test-ros2: ## The tests of ROS 2, over real DDS on this host, in an environment 
 		.venv-ros2/bin/python -m pytest -n $(WORKERS) -m rclpy tests/adapters/ros2 tests/sim/ros2 tests/benchmarks; \
 	fi
 
+.PHONY: test-autopilot
+test-autopilot: ## Rovers with a real ArduRover built for SITL: make test-autopilot ARDUROVER=/path/to/ardurover
+	@test -x "$(ARDUROVER)" || { echo "ARDUROVER is '$(ARDUROVER)', allowed: an ArduRover built for SITL"; exit 2; }
+	@tools/env.sh test
+	ARDUROVER="$(ARDUROVER)" $(VENV)/python -m pytest tests/autopilot $(PYTEST_ARGS)
+
 .PHONY: test-distributed
 test-distributed: ## Cut a robot of a mission in three processes off for 30 s, in network namespaces if permitted
 	@tools/env.sh test
@@ -44,20 +50,18 @@ browser-test: ## Open pages of recordings in Chromium: play, scrub, jump; how lo
 	$(VENV)/python benchmarks/page.py $(BENCH_ARGS)
 
 .PHONY: accept
-accept: ## The long figures of docs/evaluation.md, and random configurations; takes hours, can be stopped and resumed
+accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, and random ones; takes hours, carries on
 	@tools/env.sh test
-	$(VENV)/python tools/accept.py $(ACCEPT_ARGS)
-	$(if $(ACCEPT_ARGS),,@$(MAKE) --no-print-directory accept-random)
-
-.PHONY: accept-random
-accept-random: ## Random configurations, 10 to 20 minutes each, judged by two judges; resumes (RANDOM_ARGS)
-	@tools/env.sh test
-	$(VENV)/python tools/random_missions.py --count 4000 --jobs $(WORKERS) $(RANDOM_ARGS)
+	@for name in evaluation adversaries faults; do \
+		$(VENV)/soter campaign examples/campaigns/$$name.toml $(ACCEPT_ARGS) || exit 1; \
+		$(VENV)/soter campaign report runs/$$name.sqlite --into docs/$$name.md || exit 1; \
+	done
+	$(VENV)/soter campaign examples/campaigns/random.toml $(ACCEPT_ARGS)
 
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
 	@tools/env.sh test
-	@for name in stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput zenoh_latency; do \
+	@for name in stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput zenoh_latency campaign search; do \
 		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
 	done
 

@@ -10,7 +10,7 @@ from functools import partial
 
 from benchmarks.common import SURVEILLANCE, Row, arguments, in_turns, show
 from benchmarks.replay import record, replay
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.runner import run_mission
 
 GOALS = {"straight-line": 400.0, "ompl-bitstar": 250.0}
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
     return factors
 
 
-def _wall_s(mission: Mission) -> float:
+def _wall_s(mission: MissionFile) -> float:
     return run_mission(mission).result.wall_s
 
 

@@ -22,7 +22,7 @@ from statistics import median
 from typing import Final
 
 from benchmarks.common import SURVEILLANCE, Row, arguments, in_turns, show
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.live.view import PAGE, LiveView
 from soter.runner import RunResult, run_mission
 
@@ -66,11 +66,11 @@ class Bench:
         self.size_bytes = 0
         self.told_bytes = 0
 
-    def measure(self, mission: Mission, side: str) -> float:
+    def measure(self, mission: MissionFile, side: str) -> float:
         """Run a mission; return the host time of its ticks in seconds."""
         return self.run(mission, side).wall_s
 
-    def run(self, mission: Mission, side: str) -> RunResult:
+    def run(self, mission: MissionFile, side: str) -> RunResult:
         """Run a mission; return its result."""
         path = None if side == "without" else self._folder / "run.mcap"
         with ExitStack() as stack:

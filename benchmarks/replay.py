@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from soter.adapters.pybullet import KinematicConfig, PyBulletBackend, PyBulletConfig, SimulatedFleet
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.runner import run_mission
 from soter.sdk import RobotSpec
 from soter.workspace import Workspace
@@ -80,7 +80,7 @@ class RecordingBackend(PyBulletBackend):
 NAME = f"{RecordingBackend.__module__}:{RecordingBackend.__qualname__}"
 
 
-def record(mission: Mission, engine: str) -> Tape:
+def record(mission: MissionFile, engine: str) -> Tape:
     """Run a mission on an engine and return what its wheels were told."""
     backends = {**mission.backends, NAME: {"engine": engine}}
     result = run_mission(mission.model_copy(update={"backend": NAME, "backends": backends})).result

@@ -12,23 +12,27 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from soter.config import Mission, load_mission
+    from soter.config import load_mission
+    from soter.controllers import Controller, Velocity, VelocityController
     from soter.errors import ConfigError, IllFormedModule, SoterError
-    from soter.machine import Event, Goto, Halt, Machine, Raise, Runtime, Spec, State, Stay
+    from soter.machine import Event, Goto, Machine, Runtime, State, Stay
+    from soter.missions import Mission, Robot
     from soter.registry import load_backend
-    from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Timing, Topic
+    from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Timing, Topic
     from soter.runner import Run, RunResult, run_mission
-    from soter.sdk import Backend, Capabilities, Robot
+    from soter.sdk import Backend, Capabilities, Waypoint
     from soter.stack.static_rules import Fence
 
 _HOMES = {
-    "soter.config": ("Mission", "load_mission"),
+    "soter.config": ("load_mission",),
+    "soter.controllers": ("Controller", "Velocity", "VelocityController"),
     "soter.errors": ("ConfigError", "IllFormedModule", "SoterError"),
-    "soter.machine": ("Event", "Goto", "Halt", "Machine", "Raise", "Runtime", "Spec", "State", "Stay"),
+    "soter.machine": ("Event", "Goto", "Machine", "Runtime", "State", "Stay"),
+    "soter.missions": ("Mission", "Robot"),
     "soter.registry": ("load_backend",),
-    "soter.rta": ("Node", "PairBound", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
+    "soter.rta": ("Node", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
     "soter.runner": ("Run", "RunResult", "run_mission"),
-    "soter.sdk": ("Backend", "Capabilities", "Robot"),
+    "soter.sdk": ("Backend", "Capabilities", "Waypoint"),
     "soter.stack.static_rules": ("Fence",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
@@ -37,17 +41,15 @@ __all__ = [
     "Backend",
     "Capabilities",
     "ConfigError",
+    "Controller",
     "Event",
     "Fence",
     "Goto",
-    "Halt",
     "IllFormedModule",
     "Machine",
     "Mission",
     "Node",
-    "PairBound",
     "RTAModule",
-    "Raise",
     "Region",
     "Robot",
     "Run",
@@ -55,12 +57,14 @@ __all__ = [
     "Runtime",
     "Situation",
     "SoterError",
-    "Spec",
     "SpeedBound",
     "State",
     "Stay",
     "Timing",
     "Topic",
+    "Velocity",
+    "VelocityController",
+    "Waypoint",
     "load_backend",
     "load_mission",
     "run_mission",

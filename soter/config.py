@@ -2,7 +2,8 @@
 
 A mission says nothing about the robots behind it: the same file runs on every backend. Options of one backend or
 planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model;
-so are those of an adversary, `[adversaries.NAME]`, and each `[[fault]]`.
+so are those of an adversary, `[adversaries.NAME]`, of any other controller, `[controllers.CLASS]`, of the mission,
+`[mission]`, and each `[[fault]]`.
 """
 
 from __future__ import annotations
@@ -10,11 +11,9 @@ from __future__ import annotations
 import copy
 import math
 import random
-import re
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self, TypeVar
+from typing import Annotated, Any, Final, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -25,29 +24,37 @@ from pydantic import (
 )
 
 from soter.config_tables import (
+    DEFAULT_TARGETS,
     MODULES,
+    SURVEILLANCE,
     BatteryTable,
     DistributionTable,
     IsolationTable,
+    MissionTable,
     Name,
     RawTables,
-    RobotId,
     RtaTable,
     Table,
+    Targets,
     wrong,
 )
 from soter.errors import ConfigError, nearest
+from soter.loading import file_of, seen_from
 from soter.problems import (
+    MAX_NESTING,
+    TOO_DEEP,
     Problem,
     config_error,
     cut,
     is_file,
     key_lines,
     line_of,
+    parse_toml,
     pydantic_problems,
     read_limited,
     split_key,
 )
+from soter.promises import RobotsTable
 from soter.workspace import Workspace
 from soter.workspace_xml import read_workspace
 
@@ -56,22 +63,20 @@ INITIAL_CHARGE: Final = (0.60, 1.00)
 
 COMMAND_LINE: Final = "command line"
 
-_MAX_NESTING = 20
-_TOO_DEEP = f"tables or lists are nested too deeply, allowed: at most {_MAX_NESTING} levels"
 
-
-class Mission(Table):
+class MissionFile(Table):
     """A mission, the same for every backend.
 
     Attributes:
-        app: what is done.
+        mission: what is done, and its options.
         workspace: the XML file; `load_mission` makes it relative to the mission file.
         backend: which robots.
         duration_s: how long.
         seed: everything that is drawn, is drawn from it.
-        targets: where the robots are sent: the integer points, anywhere a body fits, or up to 1 m outside the fence.
-        robots: only the first so many of the workspace, or None for all.
-        ac: who the ACs are: the mission's own machines, `adversary:NAME`, or an adversary as `module:Class`.
+        targets: short for the option `targets` of the mission.
+        robots: how many of the workspace's, and what single ones promise.
+        ac: who the ACs are: the mission's own machines, `adversary:NAME`, or a controller as `file.py:Class` or
+            `module:Class`.
         planner: its name.
         target_timeout_s: a target that takes longer is given up.
         base_tick_s: how often controllers publish and supervisors tick.
@@ -80,18 +85,19 @@ class Mission(Table):
         backends: raw options, by backend.
         planners: raw options, by planner.
         adversaries: raw options, by adversary.
+        controllers: raw options of controllers of the user's own, by the name of the class.
         isolation: limits of the mission's process.
         fault: raw tables of the faults to inject, see `soter.faults`.
         distribution: which process does what; without processes everything is in one.
     """
 
-    app: Literal["surveillance"] = "surveillance"
+    mission: MissionTable = MissionTable()
     workspace: Annotated[Path, Field(strict=False)]
     backend: Name = "pybullet"
     duration_s: Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)] = 600.0
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    targets: Literal["grid", "uniform", "hostile"] = "grid"
-    robots: RobotId | None = None
+    targets: Targets | None = None
+    robots: RobotsTable = RobotsTable()
     ac: Name = "mission"
     planner: Name = "ompl-bitstar"
     target_timeout_s: Annotated[float, Field(ge=0.1, le=1e6, allow_inf_nan=False)] = 120.0
@@ -102,6 +108,7 @@ class Mission(Table):
     backends: RawTables = Field(default_factory=dict)
     planners: RawTables = Field(default_factory=dict)
     adversaries: RawTables = Field(default_factory=dict)
+    controllers: RawTables = Field(default_factory=dict)
     fault: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = ()
     distribution: DistributionTable = DistributionTable()
 
@@ -111,6 +118,8 @@ class Mission(Table):
 
     @model_validator(mode="after")
     def _whole_ticks(self) -> Self:
+        if self.targets is not None and "targets" in self.mission.options:
+            raise wrong(("targets",), self.targets, "one of targets and mission.targets")
         for name in (*MODULES, "path"):
             delta_s = getattr(self.rta, name).delta_s
             ticks = round(delta_s / self.base_tick_s)
@@ -120,6 +129,18 @@ class Mission(Table):
                 allowed = f"a multiple of base_tick_s, which is {self.base_tick_s:g}; the nearest is {nearest_s:g}"
                 raise wrong(("rta", name, "delta_s"), delta_s, allowed)
         return self
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The mission's own options, raw: those of `[mission]`, and `targets`."""
+        short = {} if self.targets is None else {"targets": self.targets}
+        return {**short, **self.mission.options}
+
+    @property
+    def targets_from(self) -> str:
+        """The set that the surveillance mission draws its targets from; empty for any other mission."""
+        known = self.mission.use == SURVEILLANCE
+        return str(self.options.get("targets", DEFAULT_TARGETS)) if known else ""
 
     @property
     def source(self) -> str | None:
@@ -155,23 +176,26 @@ class Mission(Table):
         )
         problems = []
         ids = [place.id for place in workspace.robots]
-        for robot_id, charge in (self.battery.initial or {}).items():
-            if robot_id not in ids:
-                message = f"it is {charge:g}, but {self.workspace} has no robot {robot_id}"
-                problems.append(self._problem(f"battery.initial.{robot_id}", f"{message}; allowed: {_listed(ids)}"))
+        for key, named in (("battery.initial", self.battery.initial or {}), ("robots", self.robots.promises)):
+            for robot_id, value in named.items():
+                if robot_id not in ids:
+                    said = f"it is {value:g}, but " if isinstance(value, float) else ""
+                    message = f"{said}{self.workspace} has no robot {robot_id}; allowed: {_listed(ids)}"
+                    problems.append(self._problem(f"{key}.{robot_id}", message))
         inset_m, least_m = self.rta.geofence.phi_safer_inset_m, min(workspace.width_m, workspace.depth_m)
         if 2.0 * inset_m >= least_m:
             message = f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide"
             allowed = f"allowed: below {least_m / 2.0:g}"
             problems.append(self._problem("rta.geofence.phi_safer_inset_m", f"{message}; {allowed}"))
-        if self.robots is not None and self.robots > len(ids):
-            message = f"it is {self.robots}, but {self.workspace} has {len(ids)}"
+        count = self.robots.count
+        if count is not None and count > len(ids):
+            message = f"it is {count}, but {self.workspace} has {len(ids)}"
             advice = "for more, add robots and charging stations to the workspace file"
             problems.append(self._problem("robots", f"{message}; allowed: 1 to {len(ids)}; {advice}"))
-        problems += self._misplaced(ids if self.robots is None else ids[: self.robots])
+        problems += self._misplaced(ids[:count])
         if problems:
             raise config_error(problems, self.source)
-        return workspace if self.robots is None else workspace.with_robots(self.robots)
+        return workspace if count is None else workspace.with_robots(count)
 
     def _misplaced(self, ids: Sequence[int]) -> list[Problem]:
         """Return what is wrong with where the robots of a distributed mission are."""
@@ -212,7 +236,7 @@ def draw_charge(seed: int, robot_id: int) -> float:
     return random.Random(f"initial charge, seed {seed}, robot {robot_id}").uniform(*INITIAL_CHARGE)
 
 
-def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None) -> Mission:
+def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None) -> MissionFile:
     """Read a mission file.
 
     Args:
@@ -227,27 +251,28 @@ def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None
     path = Path(path)
     data = read_limited(path, "mission file")
     mission = parse_mission(data, str(path), overrides)
-    return mission.model_copy(update={"workspace": path.parent / mission.workspace})
+    changes: dict[str, Any] = {"workspace": path.parent / mission.workspace}
+    if file_of(mission.mission.use) is not None:
+        changes["mission"] = mission.mission.model_copy(update={"use": seen_from(path.parent, mission.mission.use)})
+    if file_of(mission.ac) is not None:
+        changes["ac"] = seen_from(path.parent, mission.ac)
+    own = {
+        name: table.model_copy(update={"declare": seen_from(path.parent, table.declare)})
+        for name, table in mission.rta.module.items()
+        if file_of(table.declare) is not None
+    }
+    if own:
+        changes["rta"] = mission.rta.model_copy(update={"module": {**mission.rta.module, **own}})
+    return mission.model_copy(update=changes)
 
 
-def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> Mission:
+def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
     """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
-    try:
-        # Some editors begin a file with a byte order mark, which TOML lets readers ignore.
-        text = data.decode().removeprefix("\ufeff")
-        raw = tomllib.loads(text)
-    except UnicodeDecodeError as failure:
-        line = data[: failure.start].count(b"\n") + 1
-        raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
-    except ValueError as failure:
-        message, at = _syntax_error(str(failure))
-        raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
-    except RecursionError as failure:
-        raise ConfigError(_TOO_DEEP, source=source) from failure
-    return _checked(raw, source, overrides, key_lines(text))
+    raw, lines = parse_toml(data, source)
+    return _checked(raw, source, overrides, lines)
 
 
-def make_mission(tables: Mapping[str, Any], source: str, overrides: Mapping[str, object] | None = None) -> Mission:
+def make_mission(tables: Mapping[str, Any], source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
     """Make a mission of its tables, such as a recording keeps; `source` names them in errors. See `load_mission`."""
     return _checked(copy.deepcopy(dict(tables)), source, overrides, {})
 
@@ -257,20 +282,31 @@ def _checked(
     source: str,
     overrides: Mapping[str, object] | None,
     lines: dict[tuple[str, ...], int],
-) -> Mission:
+) -> MissionFile:
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
-    for key, value in given.items():
+    if isinstance(raw.get("robots"), dict) and isinstance(given.get(("robots",)), int):
+        # A number of robots leaves what the file says of single ones.
+        given["robots", "count"] = given.pop(("robots",))
+    if raw.get("app") == SURVEILLANCE and "mission" not in raw:
+        # Files and recordings say so that are older than missions with names.
+        del raw["app"]
+    _name_in_table(raw)
+    if ("mission",) in given:
+        # It was short for an option of the mission that the file names.
+        raw.pop("targets", None)
+    for key, value in sorted(given.items(), key=lambda each: each[0]):
         _override(raw, key, copy.deepcopy(value))
+        _name_in_table(raw)
     _refuse_what_no_key_has(raw, source, lines)
     try:
-        mission = Mission.model_validate(raw)
+        mission = MissionFile.model_validate(raw)
     except ValidationError as failure:
         elsewhere = dict.fromkeys(given, COMMAND_LINE)
         # A table that only an override names, such as a misspelt one, is refused as a whole.
         in_file = {line[:end] for line in lines for end in range(1, len(line) + 1)}
         for key in given:
             elsewhere |= {key[:end]: COMMAND_LINE for end in range(1, len(key)) if lines and key[:end] not in in_file}
-        problems = pydantic_problems(failure, Mission, lines=lines, elsewhere=elsewhere)
+        problems = pydantic_problems(failure, MissionFile, lines=lines, elsewhere=elsewhere)
         raise config_error(problems, source) from failure
     mission._source, mission._lines, mission._overridden = source, lines, tuple(given)
     return mission
@@ -279,7 +315,7 @@ def _checked(
 def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tuple[str, ...], int]) -> None:
     """Refuse more levels than a mission can use (dotted keys nest deeper than tomllib itself recurses), and NULs."""
     level: list[tuple[tuple[str, ...], object]] = [((), raw)]
-    for _ in range(_MAX_NESTING):
+    for _ in range(MAX_NESTING):
         for key, value in level:
             if any("\0" in text for text in (*key, value if isinstance(value, str) else "")):
                 message = "it has the character U+0000, allowed: what a file can be called"
@@ -293,15 +329,13 @@ def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tup
         ]
         if not level:
             return
-    raise ConfigError(_TOO_DEEP, source=source)
+    raise ConfigError(TOO_DEEP, source=source)
 
 
-def _syntax_error(message: str) -> tuple[str, int | None]:
-    """Split what tomllib says into the message and the line; it has the line only in its text."""
-    found = re.search(r" \(at line (\d+), column (\d+)\)$", message)
-    if found is None:
-        return message, None
-    return f"{message[: found.start()]} (column {found[2]})", int(found[1])
+def _name_in_table(raw: dict[str, Any]) -> None:
+    """Make a table of a mission that is a name only, which then can have options as well."""
+    if isinstance(raw.get("mission"), str):
+        raw["mission"] = {"use": raw["mission"]}
 
 
 def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:

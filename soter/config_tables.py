@@ -16,6 +16,9 @@ from soter.workspace_xml import MAX_ROBOT_ID
 MODULES: Final = ("collision", "obstacle", "geofence", "battery")
 """The safety modules, in the order in which they take the actuator: the first of them in SC drives."""
 
+SURVEILLANCE: Final = "surveillance"
+"""The mission of a file that names none."""
+
 _TAKEN: Final = (*MODULES, "path", "supervisor")
 """Names that stand for something else in results."""
 
@@ -28,6 +31,8 @@ Charge = Annotated[float, Field(ge=0.001, le=1.0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1)]
 RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
 RawTables = dict[str, dict[str, Any]]
+Targets = Literal["grid", "uniform", "hostile"]
+DEFAULT_TARGETS: Final[Targets] = "grid"
 
 
 class Table(BaseModel):
@@ -35,6 +40,29 @@ class Table(BaseModel):
 
     # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class MissionTable(Table):
+    """What is done, `mission = "NAME"` or `[mission]`: the keys besides `use` are the mission's own options.
+
+    Attributes:
+        use: a mission by name, or a class as `file.py:Class`, `file.py` or `module:Class`; `load_mission` makes a file
+            relative to the mission file.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    use: Name = SURVEILLANCE
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, given: object) -> object:
+        return {"use": given} if isinstance(given, str) else given
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options, raw; checked by the model of the mission's class."""
+        return dict(self.model_extra or {})
 
 
 def wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
@@ -89,7 +117,7 @@ class CollisionTable(MotionTable, DistanceTable):
 
     delta_s: Period = 0.05
     phi_safe_m: Metres = 0.3
-    phi_safer_m: Metres = 0.5
+    phi_safer_m: Metres = 0.7
 
 
 class ObstacleTable(MotionTable, DistanceTable):
@@ -138,9 +166,10 @@ class PathTable(DistanceTable):
 
 
 def _as_target(text: str) -> str:
-    module, colon, function = text.partition(":")
-    if not (colon and function.isidentifier() and all(part.isidentifier() for part in module.split("."))):
-        raise not_allowed("a function as 'package.module:function'")
+    where, _, function = text.rpartition(":")
+    is_module = all(part.isidentifier() for part in where.split("."))
+    if not (function.isidentifier() and (is_module or where.endswith(".py"))):
+        raise not_allowed("a function as 'package.module:function' or 'file.py:function'")
     return text
 
 
@@ -148,7 +177,7 @@ class UserModuleTable(Table):
     """A safety module of the user's own, `[rta.module.NAME]`; see docs/writing-a-module.md.
 
     Attributes:
-        declare: the function that declares it, as `package.module:function`.
+        declare: the function that declares it, as `file.py:function` or `package.module:function`.
         before: the module before which it may drive: a shipped one, or one of the user's that stands above it. Its
             own motions are certified against the shipped rules, but those of the shipped modules know nothing of its
             rule; hence it comes first unless told otherwise.

@@ -8,6 +8,7 @@ SoterError
 |  |- BackendUnavailable  its library is not installed
 |  |- RobotUnavailable    no such robot there, it does not answer, or it refuses to get ready
 |  |- Intruder            somebody else moves the robot
+|  |- Uncontrolled        the robot does not do what it is told
 |  |- LifecycleError      a call before init() or after close()
 |  `- Unsupported         the robot cannot do that and says so
 |- IllFormedModule        a safety module whose proof obligations do not hold
@@ -65,6 +66,18 @@ class Intruder(BackendError):
     """
 
     MARK = "intruder: "
+
+    def __repr__(self) -> str:
+        return f"{self.MARK}{self}"
+
+
+class Uncontrolled(BackendError):
+    """The robot does not do what it is told, such as one that its pilot has taken; the message says what it does.
+
+    It is known by its looks, likewise.
+    """
+
+    MARK = "not under control: "
 
     def __repr__(self) -> str:
         return f"{self.MARK}{self}"

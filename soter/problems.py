@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args, get_origin
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
@@ -15,6 +16,9 @@ from soter.errors import ConfigError, nearest
 
 MAX_FILE_BYTES = 1_000_000
 """No mission and no workspace is longer; what is was not meant for us and is not even read."""
+
+MAX_NESTING = 20
+TOO_DEEP = f"tables or lists are nested too deeply, allowed: at most {MAX_NESTING} levels"
 
 _MAX_SHOWN = 20
 _MAX_VALUE_CHARS = 60
@@ -151,6 +155,38 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
     return lines
 
 
+def parse_toml(data: bytes, source: str) -> tuple[dict[str, Any], dict[tuple[str, ...], int]]:
+    """Return the tables in the bytes of a TOML file, and the lines of its keys; see `key_lines`.
+
+    Args:
+        data: the bytes.
+        source: names the file in errors.
+
+    Raises:
+        ConfigError: it is no TOML; the error has the line.
+    """
+    try:
+        # Some editors begin a file with a byte order mark, which TOML lets readers ignore.
+        text = data.decode().removeprefix("\ufeff")
+        return tomllib.loads(text), key_lines(text)
+    except UnicodeDecodeError as failure:
+        line = data[: failure.start].count(b"\n") + 1
+        raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
+    except ValueError as failure:
+        message, at = _syntax_error(str(failure))
+        raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
+    except RecursionError as failure:
+        raise ConfigError(TOO_DEEP, source=source) from failure
+
+
+def _syntax_error(message: str) -> tuple[str, int | None]:
+    """Split what tomllib says into the message and the line; it has the line only in its text."""
+    found = re.search(r" \(at line (\d+), column (\d+)\)$", message)
+    if found is None:
+        return message, None
+    return f"{message[: found.start()]} (column {found[2]})", int(found[1])
+
+
 # --- pydantic's errors in our words ------------------------------------------------------------------------
 
 NOT_ALLOWED = "not_allowed"
@@ -243,7 +279,8 @@ def _fields_at(model: type[BaseModel], where: tuple[str, ...]) -> list[str]:
     parts = iter(where)
     for part in parts:
         field = model.model_fields.get(part)
-        inner = None if field is None else field.annotation
+        # A model whose other keys are tables says of what model.
+        inner = getattr(model, "others", None) if field is None else field.annotation
         if get_origin(inner) is dict:
             # A table of tables with names of the user's own: the next part is such a name.
             inner = get_args(inner)[1] if next(parts, None) is not None else None

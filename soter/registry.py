@@ -53,6 +53,10 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "rosgraph_msgs": "ros2",
     "diagnostic_msgs": "ros2",
     "zenoh": "zenoh",
+    "cma": "campaign",
+    "scipy": "campaign",
+    "shapely": "campaign",
+    "distributed": "cluster",
     "pycdr2": "zenoh",
 }
 """Vendor libraries, and the extra of this distribution that brings each of them."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
-from soter.cli.overrides import MissionFile, Settings
+from soter.cli.overrides import MissionArgument, Settings
 from soter.cli.plain import emit
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ Exit codes:
 
 
 def ablate(
-    mission: MissionFile,
+    mission: MissionArgument,
     seeds: Annotated[str, typer.Option(metavar="A,B", help="Each variant runs once with each.")] = "1,2",
     duration: Annotated[float, typer.Option(metavar="SECONDS", help="Of each run, in the robots' time.")] = 1800.0,
     backend: Annotated[str, typer.Option(metavar="NAME", help="Simulated robots of this process.")] = "kinematic",

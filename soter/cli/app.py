@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from soter.cli import (
     ablate,
     backends,
+    campaign,
+    campaign_results,
     check,
+    compare,
     conform,
     info,
     new,
@@ -30,7 +33,6 @@ app = typer.Typer(
     help="Run-time assurance for robots: untrusted controllers do the work, declared safety modules keep the rules.",
     epilog="Example:  soter run examples/surveillance.toml --picture run.png",
     no_args_is_help=True,
-    add_completion=False,
     # A fault of SOTER itself ends in Python's own traceback, see soter.cli.exits.
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -40,12 +42,15 @@ _ROBOTS = "Robots and their adapters"
 
 for _panel, _modules in {
     "Missions": (run, check, tune, ablate),
-    "Recordings": (report, info, verify, replay),
+    "Recordings": (report, compare, info, verify, replay),
     _ROBOTS: (backends, conform),
 }.items():
     for _module in _modules:
         _command = getattr(_module, _module.__name__.rpartition(".")[2])
         app.command(epilog=getattr(_module, "EXAMPLES", None), rich_help_panel=_panel)(_command)
+campaign.campaign.command(epilog=campaign_results.REPORT_EXAMPLES)(campaign_results.report)
+campaign.campaign.command(epilog=campaign_results.COMPARE_EXAMPLES)(campaign_results.compare)
+app.add_typer(campaign.campaign, rich_help_panel="Missions")
 sim.sim.command("ros2", epilog=ros2.SIM_EXAMPLES)(ros2.sim_ros2)
 sim.sim.command("zenoh", epilog=zenoh.SIM_EXAMPLES)(zenoh.sim_zenoh)
 app.add_typer(sim.sim, rich_help_panel=_ROBOTS)
@@ -73,7 +78,18 @@ def _options(
     """Take the options that stand before a command; they have callbacks of their own."""
 
 
+def _untype_flags(command: Any) -> None:
+    """Have the help of a command, and of all below it, name no type for options that take no value."""
+    for option in command.get_params(typer.Context(command)):
+        if getattr(option, "is_flag", False):
+            option.metavar = ""
+    for each in getattr(command, "commands", {}).values():
+        _untype_flags(each)
+
+
 def main() -> None:
     """Run the command line and exit."""
     guard_streams()
-    app(prog_name="soter")
+    command = typer.main.get_command(app)
+    _untype_flags(command)
+    command(prog_name="soter")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from soter.check import Counterexample, Trial
     from soter.cli.outputs import Output, StandardOutput
-    from soter.config import Mission
+    from soter.config import MissionFile
     from soter.errors import ConfigError
     from soter.runner.bench import ModuleBench
     from soter.runner.check import Report
@@ -124,7 +124,7 @@ def _check(console: Console, subject: dict[str, Any], robots: int, patience_s: f
         status.stop()
 
 
-def _mission(subject: dict[str, Any]) -> Mission:
+def _mission(subject: dict[str, Any]) -> MissionFile:
     from soter.cli.overrides import load_with_engine, merge
 
     return load_with_engine(Path(subject["target"]), merge({"backend": subject["backend"]}, subject["settings"]), None)

@@ -92,6 +92,18 @@ class StopSignals:
     def __init__(self) -> None:
         self.received: int | None = None
         self._before: dict[signal.Signals, Any] = {}
+        self._raises = False
+
+    @contextmanager
+    def raising(self) -> Iterator[None]:
+        """Raise KeyboardInterrupt as soon as a signal comes, or has come already: for what waits and asks nobody."""
+        self._raises = True
+        try:
+            if self.received is not None:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._raises = False
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
@@ -113,6 +125,8 @@ class StopSignals:
         self._restore()
         if number == signal.SIGHUP:
             _let_go_of_terminal()
+        if self._raises:
+            raise KeyboardInterrupt
 
     def _restore(self) -> None:
         while self._before:

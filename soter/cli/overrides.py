@@ -13,9 +13,15 @@ import typer
 from soter.errors import ConfigError
 
 if TYPE_CHECKING:
-    from soter.config import Mission
+    from soter.config import MissionFile
 
-MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)]
+MissionArgument = Annotated[
+    Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)
+]
+MaybeMission = Annotated[
+    Path | None,
+    typer.Argument(metavar="[MISSION]", help="The mission file (TOML); a room of 5 m with two robots without one."),
+]
 Promising = Annotated[
     str | None, typer.Option("--backend", metavar="NAME", help="Whose robots' declared capabilities; none is opened.")
 ]
@@ -63,6 +69,13 @@ def parse_setting(setting: str) -> tuple[str, object]:
     return key, found["value"] if len(found) == 1 else text
 
 
+def from_here(name: str | None) -> str | None:
+    """Return a name from the command line; a file in it is relative to the present folder, not to the mission file."""
+    from soter.loading import seen_from
+
+    return None if name is None else seen_from(Path.cwd(), name)
+
+
 def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, object]:
     """Return the overrides that options and `--set` ask for.
 
@@ -82,7 +95,7 @@ def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, o
     return merged
 
 
-def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | None) -> Mission:
+def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | None) -> MissionFile:
     """Read a mission; `engine` becomes an option of whichever backend the mission then has.
 
     Raises:

@@ -84,7 +84,7 @@ def least_margin(robot: RobotProgress) -> str:
 
 
 class LineDisplay:
-    """A plain line at the start and every `LINE_EVERY_S` of host time.
+    """A plain line once robots move, and every `LINE_EVERY_S` of host time.
 
     Args:
         console: where to.
@@ -94,10 +94,9 @@ class LineDisplay:
     def __init__(self, console: Console, name: str) -> None:
         self._console: Final = console
         self._name: Final = name
-        self._next_s = LINE_EVERY_S
+        self._next_s = 0.0
 
     def __enter__(self) -> Self:
-        self._console.print(f"running {self._name}; Ctrl-C stops the robots", soft_wrap=True)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -105,6 +104,10 @@ class LineDisplay:
 
     def update(self, progress: Progress) -> None:
         """Print a line if it is time for one."""
+        if not self._next_s:
+            # The first news is that the robots are ready: until then the mission may be refused.
+            self._console.print(f"running {self._name}; Ctrl-C stops the robots", soft_wrap=True)
+            self._next_s = LINE_EVERY_S
         if progress.wall_s >= self._next_s:
             self._next_s = progress.wall_s + LINE_EVERY_S
             self._console.print(line(progress), soft_wrap=True)

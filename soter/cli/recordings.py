@@ -18,7 +18,7 @@ from soter.record.digest import MAGIC
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soter.config import Mission
+    from soter.config import MissionFile
     from soter.record.recorder import RecordingReport
 
 RUNS: Final = Path("runs")
@@ -27,7 +27,9 @@ RUNS: Final = Path("runs")
 _MANY: Final = 1000
 
 
-def recording_path(record: Path | None, no_record: bool, mission: Mission, process: str | None = None) -> Path | None:
+def recording_path(
+    record: Path | None, no_record: bool, mission: MissionFile, process: str | None = None
+) -> Path | None:
     """Return where to record a run, or one process of it, or None for nowhere.
 
     A recording that nobody asked for must not stop a run: where there is no place for it, that is said.
@@ -86,13 +88,13 @@ def show_recording(console: Console, report: RecordingReport) -> None:
     console.print(f"recording: {report.path} ({report.size_bytes / 1e6:.1f} MB{lacks})", soft_wrap=True)
 
 
-def _has_robots(mission: Mission, process: str | None) -> bool:
+def _has_robots(mission: MissionFile, process: str | None) -> bool:
     """Whether there is anything to record: not in a process with the task planner only."""
     table = mission.distribution.processes.get(process) if process is not None else None
     return table is None or bool(table.robots)
 
 
-def _new_file(mission: Mission, process: str | None) -> Path:
+def _new_file(mission: MissionFile, process: str | None) -> Path:
     """Make a file that was not there, named after mission, process, backend and time."""
     # A backend may be named by its class.
     backend = re.sub(r"[^\w-]+", "-", mission.backend)

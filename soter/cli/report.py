@@ -88,7 +88,7 @@ def _caption(recording: Recording) -> Caption:
     from pydantic import ValidationError
 
     from soter.cli.summary import caption
-    from soter.config import Mission
+    from soter.config import MissionFile
     from soter.errors import ConfigError
     from soter.report.caption import Caption
     from soter.runner.result import RunResult
@@ -97,7 +97,7 @@ def _caption(recording: Recording) -> Caption:
     if result is None:
         return Caption(title=f"{Path(recording.about.source).stem or 'mission'}: a recording that was cut off")
     try:
-        safer_charge = Mission.model_validate(recording.about.mission).rta.battery.phi_safer
+        safer_charge = MissionFile.model_validate(recording.about.mission).rta.battery.phi_safer
         return caption(RunResult.model_validate_json(result), safer_charge)
     except ValidationError as failure:
         raise ConfigError(f"{recording.path}: its result or mission is not of this version: {failure}") from failure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import StopSignals, guard
-from soter.cli.overrides import MissionFile, Settings
+from soter.cli.overrides import MissionArgument, Settings
 from soter.cli.plain import emit
 from soter.cli.sim import (
     BoxClearance,
@@ -25,7 +25,7 @@ from soter.cli.sim import (
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet
     from soter.adapters.ros2.simulator import Simulator
-    from soter.config import Mission
+    from soter.config import MissionFile
 
 MONITOR_EXAMPLES = """Examples:
 
@@ -74,7 +74,7 @@ def ros2_mux(
 
 
 def ros2_monitor(
-    mission: MissionFile,
+    mission: MissionArgument,
     duration: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time; until Ctrl-C if not given.")
     ] = None,
@@ -89,8 +89,8 @@ def ros2_monitor(
     with guard(), StopSignals() as stop:
         _require_ros()
         from soter.adapters.ros2.telemetry import Telemetry
-        from soter.apps.ros2_monitor import Watcher
         from soter.cli.overrides import load_with_engine, merge
+        from soter.missions.ros2_monitor import Watcher
         from soter.runner.real_time import real_time
 
         options = {"backend": "ros2", "duration_s": duration, "rta.enabled": False if no_rta else None}
@@ -145,12 +145,12 @@ def _require_ros() -> None:
     load_backend("ros2")
 
 
-def _open(mission: Mission) -> Ros2Fleet:
+def _open(mission: MissionFile) -> Ros2Fleet:
     """Open the robots of a mission for watching: they are somebody else's, and none is started."""
-    from soter.adapters.ros2.backend import Ros2Fleet
+    from soter.adapters.ros2.backend import Ros2Backend, Ros2Fleet
     from soter.adapters.ros2.options import RobotOptions, Ros2Config
     from soter.config import validate_options
-    from soter.runner.specs import robot_specs
+    from soter.runner.specs import asked, robot_specs
 
     workspace = mission.read_workspace()
     given = mission.backends.get("ros2", {})
@@ -158,7 +158,8 @@ def _open(mission: Mission) -> Ros2Fleet:
     assert isinstance(config, Ros2Config)
     robots = config.robots or {place.id: RobotOptions(namespace=f"/robot{place.id}") for place in workspace.robots}
     config = config.model_copy(update={"robots": robots})
-    return Ros2Fleet(config, robot_specs(mission, workspace), None, external_ac=True)
+    promised = asked(Ros2Backend, config, mission, workspace)
+    return Ros2Fleet(config, robot_specs(mission, workspace, promised), None, external_ac=True)
 
 
 def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:

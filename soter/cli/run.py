@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Sequence
 from contextlib import ExitStack
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
-from soter.cli.overrides import MissionFile, Settings
+from soter.cli.overrides import MaybeMission, Settings
 
 if TYPE_CHECKING:
     from soter.cli.outputs import Output, StandardOutput
-    from soter.config import Mission
+    from soter.config import MissionFile
     from soter.live.view import Kind
     from soter.runner import Run, RunResult
 
@@ -25,15 +27,21 @@ EXAMPLES = """Examples:
 
   soter run examples/surveillance.toml --targets hostile --no-rta
 
+  soter run --mission patrol.py --duration 120
+
   soter run examples/warehouse.toml --robots 3 --json result.json
 
   soter run examples/surveillance.toml --backend kinematic --ac adversary:chase
+
+  soter run examples/surveillance.toml --ac greedy.py:Greedy
 
   soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
 
   soter run examples/surveillance.toml --record run.mcap
 
   soter run examples/surveillance.toml --live
+
+  soter run examples/thesis.toml --duration 7200 --compare thesis
 
   soter run examples/distributed/mission.toml --process alpha
 
@@ -46,14 +54,26 @@ Exit codes:
 
   2  bad input, unusable backend, or a module that is ill-formed or not proved: nothing has moved
 
-  3  the run failed
+  3  the run failed, or a robot was not under control for a time
 
   130  interrupted by Ctrl-C; the robots are stopped
 """
 
 
+class Other(StrEnum):
+    """Whose figures stand beside those of a run."""
+
+    THESIS = "thesis"
+
+
 def run(
-    mission: MissionFile,
+    mission: MaybeMission = None,
+    what: Annotated[
+        str | None,
+        typer.Option(
+            "--mission", metavar="NAME", help="What is done: surveillance, FILE.py, FILE.py:Class or module:Class."
+        ),
+    ] = None,
     backend: Annotated[
         str | None, typer.Option(metavar="NAME", help="Which robots; `soter backends` lists them.")
     ] = None,
@@ -69,7 +89,7 @@ def run(
     planner: Annotated[str | None, typer.Option(metavar="NAME", help="The untrusted motion planner.")] = None,
     ac: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Who the ACs are: mission, adversary:NAME, or a class as module:Class."),
+        typer.Option(metavar="NAME", help="Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class."),
     ] = None,
     process: Annotated[
         str | None,
@@ -115,6 +135,9 @@ def run(
             "--strict", help="Exit with 1 where an assumption failed, or a robot stalled for good or never moved."
         ),
     ] = False,
+    compare: Annotated[
+        Other | None, typer.Option(help="Show the figures of the thesis that SOTER follows beside the run's.")
+    ] = None,
     force: Force = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary, only errors.")] = False,
 ) -> None:
@@ -125,21 +148,28 @@ def run(
     with guard():
         from soter.cli.live import wanted_views
         from soter.cli.outputs import json_output, picture_output, refuse_clashes
-        from soter.cli.overrides import load_with_engine, merge, module_list
+        from soter.cli.overrides import from_here, load_with_engine, merge, module_list
         from soter.cli.recordings import recording_path, unless_recorded
         from soter.errors import ConfigError
         from soter.record.signing import read_private_key
 
         if no_rta and modules is not None:
             raise ConfigError("it contradicts --no-rta; give one of them", source="command line", key="--modules")
+        if mission is None:
+            if what is None:
+                raise ConfigError("name a mission file, or with --mission what is to be done", source="command line")
+            from soter.missions import ROOM
+
+            mission = ROOM
         options = {
+            "mission": from_here(what),
             "backend": backend,
             "duration_s": duration,
             "seed": seed,
             "targets": targets,
             "robots": robots,
             "planner": planner,
-            "ac": ac,
+            "ac": from_here(ac),
             "rta.enabled": False if no_rta else None,
             "rta.modules": None if modules is None else module_list(modules),
         }
@@ -149,6 +179,11 @@ def run(
         )
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
+        if compare is not None and loaded.ac != "mission":
+            raise ConfigError(
+                f"the figures are those of the surveillance mission, but the ACs are {loaded.ac}",
+                source="command line", key="--compare",
+            )  # fmt: skip
         views = wanted_views(live, live_port, foxglove, foxglove_port)
         if sign is not None:
             read_private_key(sign, "--sign")
@@ -156,7 +191,7 @@ def run(
         with unless_recorded(recording):
             done, stopped_by = _run(
                 loaded, process, recording, sign, views, accept_unproved=accept_unproved, quiet=quiet,
-                to_stderr=str(json) == "-",
+                compared=compare is not None, to_stderr=str(json) == "-",
             )  # fmt: skip
         written = _write(done, loaded, result_file, picture_file)
         if record is not None and done.recording is not None and done.recording.failure:
@@ -169,7 +204,7 @@ def run(
 
 
 def _run(
-    mission: Mission,
+    mission: MissionFile,
     process: str | None,
     recording: Path | None,
     sign: Path | None,
@@ -177,6 +212,7 @@ def _run(
     *,
     accept_unproved: bool,
     quiet: bool,
+    compared: bool,
     to_stderr: bool,
 ) -> tuple[Run, int | None]:
     """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
@@ -192,26 +228,31 @@ def _run(
         stop = stack.enter_context(StopSignals())
         record, on_recording = stack.enter_context(shown(views, recording, console))
         display = None if quiet else stack.enter_context(make_display(console, mission.source or ""))
-        done = run_mission(
-            mission,
-            on_progress=display.update if display else None,
-            stop=stop,
-            record=record,
-            sign=sign,
-            on_recording=on_recording,
-            process=process,
-            accept_unproved=accept_unproved,
-            say=lambda words: console.print(words, soft_wrap=True, highlight=False),
-        )
+        try:
+            done = run_mission(
+                mission,
+                on_progress=display.update if display else None,
+                stop=stop,
+                connecting=stop.raising(),
+                record=record,
+                sign=sign,
+                on_recording=on_recording,
+                process=process,
+                accept_unproved=accept_unproved,
+                say=lambda words: console.print(words, soft_wrap=True, highlight=False),
+            )
+        except KeyboardInterrupt as interrupt:
+            complain("interrupted")
+            raise typer.Exit(128 + (stop.received or signal.SIGINT)) from interrupt
     if not quiet:
-        print_summary(console, done.result)
+        print_summary(console, done.result, compared=compared)
         if recording is not None and done.recording is not None:
             show_recording(console, done.recording)
     return done, stop.received
 
 
 def _write(
-    done: Run, mission: Mission, result_file: Output | StandardOutput | None, picture_file: Output | None
+    done: Run, mission: MissionFile, result_file: Output | StandardOutput | None, picture_file: Output | None
 ) -> bool:
     """Write the files that were asked for; return whether all could be written."""
     written = True
@@ -238,6 +279,6 @@ def _exit_code(result: RunResult, stopped_by: int | None, troubles: Sequence[str
         return 128 + stopped_by if stopped_by is not None else ExitCode.INTERRUPTED
     if result.violated:
         return ExitCode.VIOLATION
-    if result.status == "failed":
+    if result.status == "failed" or result.uncontrolled:
         return ExitCode.RUN_FAILED
     return ExitCode.VIOLATION if troubles else ExitCode.OK

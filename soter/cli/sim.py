@@ -126,7 +126,14 @@ def mavlink(
         ),
     ] = None,
     tcp: Annotated[bool, typer.Option("--tcp", help="TCP, with the vehicles as the server; else UDP.")] = False,
-    vehicle: Annotated[Literal["rover", "copter"], typer.Option(help="What the robots are.")] = "rover",
+    vehicle: Annotated[
+        Literal["rover", "copter"] | None,
+        typer.Option(help="What the robots are; rovers if nothing says otherwise.", show_default=False),
+    ] = None,
+    like: Annotated[
+        Literal["ardurover", "arducopter"] | None,
+        typer.Option(help="With the flaws of a real autopilot, and nothing that it lacks.", show_default=False),
+    ] = None,
     engine: Annotated[
         Literal["kinematic", "pybullet"], typer.Option(help="What moves them; copters have the kinematic one only.")
     ] = "kinematic",
@@ -163,6 +170,7 @@ def mavlink(
         from soter.sdk.values import RuleLimits
 
         try:
+            from soter_sim.mavlink.flaws import LIKE
             from soter_sim.mavlink.frames import Origin
             from soter_sim.mavlink.signing import read_key
             from soter_sim.mavlink.simulation import Settings, Simulation
@@ -172,7 +180,8 @@ def mavlink(
         room, specs = room_and_robots(workspace, robots, seed)
         try:
             settings = Settings(
-                vehicle=vehicle,
+                vehicle=vehicle or LIKE.get(like or "", "rover"),
+                like=like,
                 engine=engine,
                 udp=() if tcp else (_UDP_PORT if port is None else port,),
                 tcp=(_TCP_PORT if port is None else port,) if tcp else (),

@@ -1,4 +1,4 @@
-"""What `soter run` says at the end: the run's figures beside the thesis's."""
+"""What `soter run` says at the end: the run's figures, on request beside those of the thesis."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def differences(result: RunResult) -> list[str]:
     if result.ac != "mission":
         found.append(f"AC {result.ac} instead of the mission")
     elif result.targets_from != THESIS_TARGETS:
-        found.append(f"{result.targets_from} targets instead of {THESIS_TARGETS}")
+        found.append(f"{_aim(result)} instead of {THESIS_TARGETS}")
     if set(result.modules) != THESIS_MODULES:
         found.append(f"{_listed(result.modules) or 'no'} module{'s' if len(result.modules) != 1 else ''} "
                      "instead of all four")  # fmt: skip
@@ -96,6 +96,9 @@ def _violations(result: RunResult) -> Iterator[Row]:
 
 def _failed(result: RunResult) -> Iterator[Row]:
     """Yield what went wrong without breaking a rule, and what was not proved."""
+    for robot, each in result.uncontrolled.items():
+        text = f"for {_time(each.lasted_s)}, first after {_time(each.first_s)}: {each.cause}"
+        yield Row(f"not under control, robot {robot}", text, style="bold red")
     failed = [(number, robot, each) for robot, found in result.assumptions.items() for number, each in found.items()]
     yield Row("assumptions failed", str(len(failed)) if failed else "none was seen to", style="red" if failed else "")
     for number, robot, breach in sorted(failed, key=lambda each: (int(each[0][1:]), each[1])):
@@ -123,8 +126,7 @@ def _control(result: RunResult) -> Iterator[Row]:
         also = result.joined.get(module, 0)
         yield Row(f"  {module}", f"{count}, joined {also} more" if also else str(count))
     if total:
-        needless = result.needless
-        yield Row("  needless", f"{needless.one_delta} by one more Delta, {needless.whole_path} by the whole path")
+        yield Row("  needless", str(result.needless))
 
 
 def _targets(result: RunResult) -> Iterator[Row]:
@@ -168,7 +170,11 @@ def _errand(result: RunResult) -> str:
     """Return what the ACs were after: the mission's targets, unless somebody else took its place."""
     if result.ac != "mission":
         return f"AC {result.ac}"
-    return f"planner {result.planner}, {result.targets_from} targets"
+    return f"planner {result.planner}, {_aim(result)}"
+
+
+def _aim(result: RunResult) -> str:
+    return f"{result.targets_from} targets" if result.targets_from else f"mission {PurePath(result.does).name}"
 
 
 def headline(result: RunResult) -> str:
@@ -191,12 +197,12 @@ def outcome(result: RunResult) -> tuple[str, str]:
     return (f"{result.status}, with violations", "bold red") if result.violated else (result.status, "bold green")
 
 
-def remarks(result: RunResult) -> list[str]:
-    """Return what a reader has to know to judge the figures."""
+def remarks(result: RunResult, *, compared: bool = False) -> list[str]:
+    """Return what a reader has to know to judge the figures, `compared` with the thesis's or not."""
     found = []
     if result.process:
         found.append("These are the figures of this process alone; that of the task planner counts all targets.")
-    elif differing := differences(result):
+    elif compared and (differing := differences(result)):
         found.append(f"Not the thesis's run ({', '.join(differing)}): compare shares and rates, not totals.")
     found += [f"Robot {robot} lost its AC: {why}" for robot, why in result.failed_robots.items()]
     if not result.deterministic and result.nondeterminism:
@@ -204,8 +210,8 @@ def remarks(result: RunResult) -> list[str]:
     return found
 
 
-def print_summary(console: Console, result: RunResult) -> None:
-    """Print the summary."""
+def print_summary(console: Console, result: RunResult, *, compared: bool = False) -> None:
+    """Print the summary, `compared` with the thesis's figures or not."""
     ended, style = outcome(result)
     name = PurePath(result.mission).name or "mission"
     console.print(Text.assemble((f"{name}: ", "bold"), (ended, style)), soft_wrap=True)
@@ -213,13 +219,14 @@ def print_summary(console: Console, result: RunResult) -> None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", no_wrap=True)
     table.add_column("this run")
-    table.add_column("thesis", justify="right")
+    if compared:
+        table.add_column("thesis", justify="right")
     for block in rows(result):
         for row in block:
-            table.add_row(row.name, Text(row.value, row.style), row.thesis)
+            table.add_row(row.name, Text(row.value, row.style), *([row.thesis] if compared else []))
         table.add_section()
     console.print(table)
-    for remark in remarks(result):
+    for remark in remarks(result, compared=compared):
         console.print(remark, soft_wrap=True)
     if result.trace_sha256:
         console.print(Text(f"trace {result.trace_sha256}", "dim"), soft_wrap=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from soter.cli.exits import ExitCode, Force, complain, guard
-from soter.cli.overrides import MissionFile, Promising, Settings
+from soter.cli.overrides import MissionArgument, Promising, Settings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,7 +34,7 @@ Exit codes:
 
 
 def tune(
-    mission: MissionFile,
+    mission: MissionArgument,
     backend: Promising = None,
     settings: Settings = None,
     output: Annotated[
@@ -133,13 +133,21 @@ def _json(tuning: Tuning, mission: str) -> bytes:
 
 
 def _file(tuning: Tuning, source: Path, target: Path) -> str:
-    """Return the mission file; its workspace is named as seen from where the file is."""
+    """Return the mission file; all files in it are named as seen from where it is."""
     import os
 
+    from soter.loading import file_of
     from soter.runner.toml_text import toml
 
+    def seen(path: Path) -> str:
+        return os.path.relpath(path.resolve(), target.resolve().parent)
+
     tables = tuning.whole()
-    tables["workspace"] = os.path.relpath(tuning.mission.workspace.resolve(), target.resolve().parent)
+    tables["workspace"] = seen(tuning.mission.workspace)
+    own = tables["rta"].get("module", {}).values()
+    for table, key in ((tables, "ac"), (tables.get("mission", {}), "use"), *((each, "declare") for each in own)):
+        if (file := file_of(table.get(key, ""))) is not None:
+            table[key] = table[key].replace(str(file), seen(file), 1)
     return (
         f"# {source.name} as `soter tune` would have it, for the robots of {tuning.mission.backend}.\n\n{toml(tables)}"
     )

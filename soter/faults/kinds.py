@@ -10,7 +10,7 @@ from functools import partial
 from random import Random
 from typing import Any, Final
 
-from soter.config import Mission, validate_options
+from soter.config import MissionFile, validate_options
 from soter.errors import ConfigError, nearest
 from soter.faults.fault import Context, Fault, FaultOptions
 from soter.faults.telemetry import ClockStepOptions
@@ -57,7 +57,7 @@ class FaultTable:
         return self.options.robot in ("all", robot_id)
 
 
-def read_faults(mission: Mission, robot_ids: Sequence[int]) -> tuple[FaultTable, ...]:
+def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTable, ...]:
     """Check the `[[fault]]` tables of a mission, each with the model of its own kind.
 
     Args:
@@ -84,7 +84,7 @@ def read_faults(mission: Mission, robot_ids: Sequence[int]) -> tuple[FaultTable,
     return tables
 
 
-def _read(mission: Mission, index: int, raw: Mapping[str, Any], robot_ids: Sequence[int]) -> FaultTable:
+def _read(mission: MissionFile, index: int, raw: Mapping[str, Any], robot_ids: Sequence[int]) -> FaultTable:
     key = f"fault.{index}"
     name = raw.get("kind")
     if not isinstance(name, str):

@@ -7,7 +7,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from soter.clock import Clock
 from soter.errors import SoterError, Unsupported
@@ -22,7 +22,7 @@ _WHOLE: Final = Impairment()
 
 
 class FaultyRobot(Robot):
-    """One robot behind its faults. Made by `with_faults`, which gives each its own declared capabilities.
+    """One robot behind its faults, which declares what they leave of its promises.
 
     Commands pass the faults in the order of the tables; samples do so on their way back, in the same order. What is
     late is delivered by the fleet's clock while it sleeps, so at its very time.
@@ -34,7 +34,7 @@ class FaultyRobot(Robot):
     """
 
     def __init__(self, inner: Robot, clock: Clock, faults: Sequence[Fault[Any]]) -> None:
-        super().__init__(inner.spec, clock)
+        super().__init__(replace(inner.spec, promised=widened(inner.declared, faults)), clock)
         self.stale_after_s, self.down_after_s = inner.stale_after_s, inner.down_after_s
         self.inner: Final = inner
         self.faults: Final = tuple(faults)
@@ -272,7 +272,7 @@ class FaultyFleet(Fleet):
         robots: list[Robot] = []
         for robot in inner.robots:
             faults = [table.made_for(robot.id, seed, tick_s) for table in tables if table.hits(robot.id)]
-            robots.append(_behind(robot, clock, faults) if faults else robot)
+            robots.append(FaultyRobot(robot, clock, faults) if faults else robot)
         super().__init__(clock, robots, inner.truth)
         self._faulty: Final = tuple(robot for robot in self.robots if isinstance(robot, FaultyRobot))
         clock.robots = self._faulty
@@ -290,14 +290,3 @@ class FaultyFleet(Fleet):
 
     def _close(self) -> None:
         self.inner.close()
-
-
-def _behind(robot: Robot, clock: Clock, faults: Sequence[Fault[Any]]) -> FaultyRobot:
-    """Put a robot behind its faults: a class of its own, since what a class declares holds for all of its robots."""
-    promise = widened(type(robot).declared, faults)
-
-    class Declared(FaultyRobot):
-        declared: ClassVar[Capabilities] = promise
-
-    Declared.__name__ = Declared.__qualname__ = f"Faulty{type(robot).__name__}"
-    return Declared(robot, clock, faults)

@@ -28,6 +28,11 @@ MAX_LETTERS: Final = 16
 
 Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 
+MAX_REASON: Final = 100
+"""Characters; so that a frame of the longest letters is no longer than `MAX_FRAME_BYTES`."""
+
+Reason = Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
+
 
 class _Letter(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     pass
@@ -40,6 +45,8 @@ class Visit(_Letter, tag="visit", frozen=True):
     target_id: Id
     x_m: Coordinate
     y_m: Coordinate
+    timeout_s: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None
+    tries: Annotated[int, msgspec.Meta(ge=1, le=1000)]
 
 
 class Joined(_Letter, tag="joined", frozen=True):
@@ -55,6 +62,8 @@ class Ended(_Letter, tag="ended", frozen=True):
     robot_id: Id
     target_id: Id
     outcome: Text
+    module: Reason = ""
+    reason: Reason = ""
 
 
 Letter = Visit | Joined | Ended

@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, TypeVar
 import msgspec
 
 from soter.rta import ControlReport, GoalReport, Report
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import Capabilities, RobotState, Waypoint
 
 MAX_TURN_BYTES: Final = 1 << 16
 """The longest message of a mission: room for an `Ask` of every robot, but not for one of them to keep a tick busy."""
@@ -67,6 +67,20 @@ class PeerSeen(_Message, frozen=True):
     engaged: bool
 
 
+class Room(_Message, frozen=True):
+    """The room that one robot takes.
+
+    Attributes:
+        body_radius_m: of its body.
+        disc_m: distance that its plans keep from robots that stand in the way.
+        arrival_m: how near to a target is reached.
+    """
+
+    body_radius_m: float
+    disc_m: float
+    arrival_m: float
+
+
 class Begin(_Message, tag="begin", frozen=True):
     """The robots are ready; the first tick is near.
 
@@ -74,19 +88,19 @@ class Begin(_Message, tag="begin", frozen=True):
         fleet_s: fleet time,
         steady_s: at this moment of the host's steady clock.
         robot_ids: which robots, in the order of every `Tick.states`.
-        body_radius_m: of the largest.
-        disc_m: distance that plans keep from robots that stand in the way.
+        rooms: what room each of them takes, in the same order.
         recorded: whether changes of state are of interest.
         peer_ids: the robots that other processes command, in the order of every `Tick.peers`.
+        capabilities: what each of the robots promises.
     """
 
     fleet_s: float
     steady_s: float
     robot_ids: tuple[int, ...]
-    body_radius_m: float
-    disc_m: float
+    rooms: tuple[Room, ...]
     recorded: bool = False
     peer_ids: tuple[int, ...] = ()
+    capabilities: tuple[Capabilities, ...] = ()
 
 
 class Tick(_Message, tag="tick", frozen=True):
@@ -194,6 +208,7 @@ class Turn(_Message, tag="turn", frozen=True):
         incidents: new ones.
         moves: changes of state, oldest first, where they are recorded; those beyond the limit are left out.
         paths_replaced: how many paths of the planner were not used up to now.
+        done: whether the mission has nothing left to do.
     """
 
     tick: Id
@@ -203,6 +218,7 @@ class Turn(_Message, tag="turn", frozen=True):
     incidents: Annotated[tuple[Text, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
     paths_replaced: Id = 0
     moves: Annotated[tuple[Moved, ...], msgspec.Meta(max_length=MAX_MOVES)] = ()
+    done: bool = False
 
 
 class Busy(_Message, tag="busy", frozen=True):

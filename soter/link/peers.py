@@ -198,7 +198,7 @@ class OtherProcess:
     ) -> None:
         self.name: Final = name
         self.robots: Final = {
-            robot_id: RemoteRobot(robot_id, self, PeerMonitor(model, noise_m, math.inf))
+            robot_id: RemoteRobot(robot_id, self, PeerMonitor({robot_id: (model, noise_m)}, math.inf))
             for robot_id, (model, noise_m) in robots.items()
         }
         self.starts = 0

@@ -14,7 +14,7 @@ from soter.link.messages import Garbage, Id, Text, decoded
 from soter.sdk import RobotState
 from soter.sdk.values import MAX_COORDINATE_M
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Of statuses and letters; it changes when they do, and processes of different versions do not talk."""
 
 MAX_STATUS_BYTES: Final = 1 << 15

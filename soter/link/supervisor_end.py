@@ -19,6 +19,7 @@ from soter.link.messages import (
     Handover,
     PeerSeen,
     Refused,
+    Room,
     Started,
     TargetGiven,
     Tick,
@@ -28,7 +29,7 @@ from soter.link.messages import (
     packed,
 )
 from soter.rta import ControlReport, GoalReport, Port, Report, Request
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import Capabilities, RobotState, Waypoint
 
 MAX_MESSAGES: Final = 4
 """Messages that are read at one tick; a mission sends one."""
@@ -95,17 +96,19 @@ class SupervisorEnd:
         self,
         ports: Ports,
         fleet_s: float,
-        body_radius_m: float,
-        disc_m: float,
+        rooms: tuple[Room, ...],
         *,
         recorded: bool = False,
         peers: tuple[int, ...] = (),
+        capabilities: tuple[Capabilities, ...] = (),
     ) -> None:
-        """Tell the mission that its robots are ready, and which robots other processes command."""
+        """Tell the mission that its robots are ready, what they promise, and which robots other processes command."""
         self._ports = ports
         self._handovers = dict.fromkeys(ports, 0)
         self._heard_steady_s = self._steady()
-        self._tell(Begin(fleet_s, self._heard_steady_s, tuple(ports), body_radius_m, disc_m, recorded, peers))
+        self._tell(Begin(
+            fleet_s, self._heard_steady_s, tuple(ports), rooms, recorded, peers, capabilities,
+        ))  # fmt: skip
 
     # --- at every tick -----------------------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ ARRIVED_M: Final = 0.01
 """A robot at rest this near to its target is there and does not move again."""
 
 TUBE_M: Final = 0.02
-"""The robot stays this near to the straight segment from where it began the leg to its target."""
+"""A robot as slow as a TurtleBot3 stays this near to the straight segment from where it began the leg to its target."""
 
 OVERSHOOT_M: Final = 0.01
 """It runs at most this far beyond its target."""
@@ -80,6 +80,18 @@ class DriveLimits:
             value = getattr(self, name)
             if not 0.0 < value < inf:
                 raise ValueError(f"DriveLimits.{name} is {value}, allowed: finite and above 0")
+
+
+def tube_m(limits: DriveLimits, reaction_s: float) -> float:
+    """Return how near a vehicle stays to the straight segment to its target, whatever it did before within the cone.
+
+    Args:
+        limits: of the vehicle.
+        reaction_s: until it acts on a new target, at most.
+    """
+    # Off its new way by as much as may be, it brakes along the old one.
+    ahead_m = limits.v_max_m_s * reaction_s + limits.v_max_m_s * limits.v_max_m_s / (2.0 * limits.brake_m_s2)
+    return max(TUBE_M, _RESUME_CONE * ahead_m)
 
 
 class Drive:

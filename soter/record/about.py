@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.problems import MAX_FILE_BYTES
 from soter.record.messages import MISSION_TOML, VERSION, WORKSPACE_XML, About, ModuleAbout, PeerAbout, RobotAbout
 from soter.record.samples import state_of
@@ -22,7 +22,7 @@ DISTRIBUTIONS: Final = ("soter-rta", "mcap", "msgspec", "numpy", "pydantic", "py
 
 
 def describe(
-    mission: Mission,
+    mission: MissionFile,
     capabilities: Mapping[int, Capabilities],
     timings: Mapping[int, Timing],
     supervisors: Sequence[RobotSupervisor],
@@ -59,7 +59,7 @@ def describe(
     )
 
 
-def files(mission: Mission) -> dict[str, bytes]:
+def files(mission: MissionFile) -> dict[str, bytes]:
     """Return the mission file and the workspace file as they are now; what cannot be read is left out."""
     found = {}
     for name, path in ((MISSION_TOML, mission.source), (WORKSPACE_XML, mission.workspace)):

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import msgspec
 
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.record.about import describe, files
 from soter.record.looks import LOOK_S, FaultStatus, Looks, StallStatus
 from soter.record.messages import AC, EVENTS, Drop, Event, Switch, Target, Transition
@@ -138,7 +138,7 @@ class Recorder:
 
     def begin(
         self,
-        mission: Mission,
+        mission: MissionFile,
         workspace: Workspace,
         robots: Sequence[RobotSupervisor],
         modules: Mapping[int, Sequence[RTAModule]],

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, ClassVar, Protocol, Self
 
 from pydantic import BaseModel, ConfigDict, InstanceOf
 
 from soter.clock import Clock
+from soter.promises import Promise
 from soter.sdk.robot import Robot
 from soter.sdk.values import RULES, Capabilities, RobotSpec, RuleLimits, TruthReport, Violation
 from soter.workspace import Workspace
@@ -39,12 +41,14 @@ class BackendConfig(BaseModel):
         workspace: filled in by the runner; a simulated backend builds its world from it.
         seed: filled in by the runner.
         limits: filled in by the runner; a simulated backend judges its world by them.
+        promise: what robots promise that is not what they declare; a backend may narrow it by a model of its own.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     workspace: InstanceOf[Workspace]
     seed: int = 0
     limits: InstanceOf[RuleLimits] = RuleLimits()
+    promise: Promise = Promise()
 
 
 class Fleet(ABC):
@@ -109,12 +113,20 @@ class Backend(ABC):
 
     @classmethod
     def promises(cls, config: Any) -> Capabilities:
-        """Return what robots promise under these options, before any is opened: `declared`, unless options matter."""
-        return cls.robot_class.declared
+        """Return what robots promise under these options, before any is opened.
+
+        That is what they declare, with what `config.promise` says in its place; a backend may add to that, not leave
+        it out.
+        """
+        return replace(cls.robot_class.declared, **config.promise.given)
 
     @abstractmethod
     def open(self, config: Any, robots: Sequence[RobotSpec]) -> Fleet:
         """Open the robots; they are not ready before `init()`.
+
+        Args:
+            config: the options.
+            robots: which, and what each is to promise; see `RobotSpec.promised`.
 
         Raises:
             RobotUnavailable: they are not there.

@@ -64,7 +64,7 @@ class CommandedRobot(Robot):
         return command.encode()
 
     def _decode(self, message: bytes) -> Report:
-        """Return what the robot says; raise ValueError where that makes no sense."""
+        """Return what the robot says; raise ValueError, or anything, where that makes no sense: it is dropped then."""
         return Report.decode(message)
 
     def _release(self) -> None:
@@ -79,11 +79,11 @@ class CommandedRobot(Robot):
             report = self._decode(message)
             if report.robot != self.id:
                 raise ValueError(f"it is of robot {report.robot}, at the address of robot {self.id}")
-        except ValueError as failure:
+        except Exception as failure:  # noqa: BLE001 - a bug in `_decode` must not end the thread that hears all robots
             # Whoever it is from goes on being old until it sends something better.
             self.__dropped += 1
             if self.__dropped == 1:
-                logger.warning("robot %d: a message that makes no sense was dropped: %s", self.id, failure)
+                logger.warning("robot %d: a message that makes no sense was dropped: %r", self.id, failure)
             return
         self.__hear(report, received_s)
         with self.__changed:
@@ -141,7 +141,8 @@ class CommandedRobot(Robot):
 
     def _hand_over(self, to: Controller) -> None:
         # One message shuts the old controller's stream and flushes its goal: the robot's gate drops it with the change.
-        self.__say(controller=to.value, goal=None)
+        same = to.value == self.__command.controller
+        self.__say(controller=to.value, goal=self.__command.goal if same else None)
 
     def _renew_lease(self) -> None:
         report = self.__report

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection
+from contextlib import suppress
 from typing import ClassVar, Final
 
 from soter.clock import Clock
-from soter.errors import LifecycleError, RobotUnavailable
+from soter.errors import LifecycleError, RobotUnavailable, Uncontrolled
 from soter.sdk.goal import Goal, Switch
 from soter.sdk.values import Capabilities, Controller, GoalStatus, Link, RobotSpec, RobotState, Waypoint
 
@@ -31,7 +32,10 @@ class Robot(ABC):
     """
 
     declared: ClassVar[Capabilities]
-    """What every robot of this class promises, readable before anything is connected."""
+    """What every robot of this class promises, readable before anything is connected.
+
+    One that is to promise something else (`RobotSpec.promised`) has its own.
+    """
 
     stale_after_s: float = STALE_AFTER_S
     """A sample older than this makes the link STALE."""
@@ -42,6 +46,8 @@ class Robot(ABC):
     def __init__(self, spec: RobotSpec, clock: Clock) -> None:
         # Two underscores: a subclass may call its own attributes whatever it likes.
         self.__spec: Final = spec
+        if spec.promised is not None:
+            vars(self)["declared"] = spec.promised
         self.__id: Final = spec.id
         self.__clock: Final = clock
         self.__in_charge = Controller.SC
@@ -126,8 +132,8 @@ class Robot(ABC):
         wider = found.widened_beyond(self.declared)
         if wider is not None:
             raise RobotUnavailable(
-                f"robot {self.__id}: it claims more than its adapter declares: {wider} is {getattr(found, wider)}, "
-                f"declared {getattr(self.declared, wider)}"
+                f"robot {self.__id}: it claims more than is promised for it: {wider} is {getattr(found, wider)}, "
+                f"promised {getattr(self.declared, wider)}"
             )
         self.__capabilities = found
         self._hand_over(Controller.SC)
@@ -215,7 +221,9 @@ class Robot(ABC):
         if self.__goal is not None:
             self.__goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
             self.__goal = None
-        self._renew_lease()
+        # The switch was made all the same; a robot that does not obey says so when its lease is renewed next.
+        with suppress(Uncontrolled):
+            self._renew_lease()
         switch.effective_s = now_s
         self.__switch = switch
         return switch
@@ -260,7 +268,10 @@ class Robot(ABC):
 
     @abstractmethod
     def _hand_over(self, to: Controller) -> None:
-        """Shut the other controller's stream, flush what it had in flight, on the vehicle too; put `to` in charge."""
+        """Shut the other controller's stream, flush what it had in flight, on the vehicle too; put `to` in charge.
+
+        Called again with the same one, it says that again and leaves that one's own goal in force.
+        """
 
     @abstractmethod
     def _renew_lease(self) -> None:

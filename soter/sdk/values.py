@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 MAX_COORDINATE_M = 10_000.0
 """A coordinate beyond this is a mistake, not a place."""
 
+_MOVING_M_S: Final = 0.02
+
 MAX_HEADING_RAD = 1e6
 """A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
 
@@ -188,6 +190,11 @@ class Capabilities:
     speed_noise_m_s: float | None = None
     heading_noise_rad: float | None = None
 
+    @property
+    def moving_m_s(self) -> float:
+        """A robot that reports a speed above this moves, whatever the noise; at or below it, it may stand."""
+        return _MOVING_M_S + (self.speed_noise_m_s or 0.0)
+
     def widened_beyond(self, declared: Capabilities) -> str | None:
         """Return the name of a promise that is worse than `declared` allows, by `WIDENS`, or None."""
         for name in self.__slots__:
@@ -251,6 +258,8 @@ class RobotSpec:
         idle_s: the same when standing still.
         charge_s: time from empty to full at a charger, of a simulated robot.
         name: the robot's name on a wire that has names.
+        promised: what this robot promises, where that is known beforehand: a simulated robot is built so large, so fast
+            and with such brakes, and every robot declares it. None for what its class declares.
     """
 
     id: int
@@ -262,6 +271,7 @@ class RobotSpec:
     idle_s: float = 7200.0
     charge_s: float = 60.0
     name: str = ""
+    promised: Capabilities | None = None
 
 
 RULES = ("battery", "geofence", "collision", "obstacle")
@@ -277,12 +287,10 @@ class RuleLimits:
     Attributes:
         separation_m: two centres are no nearer.
         clearance_m: a body is no nearer to a box.
-        body_radius_m: of the disc that is a body, where it is promised to be larger than the simulated one.
     """
 
     separation_m: float = 0.3
     clearance_m: float = 0.0
-    body_radius_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

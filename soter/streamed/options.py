@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from soter.errors import RobotUnavailable
+from soter.onboard.drive import tube_m
 from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
-from soter.sdk import BackendConfig, RobotSpec
+from soter.promises import Promise
+from soter.sdk import BackendConfig, Capabilities, RobotSpec
+from soter.streamed.robot import BASE, StreamedRobot
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -95,6 +99,26 @@ class StreamedConfig(BackendConfig):
     stamped: bool = False
     discovery_s: Annotated[float, Field(gt=0.0, le=600.0)] = 10.0
     truth: str | None = None
+
+    def promised(self) -> Capabilities:
+        """Return what robots promise: those that are faster than a TurtleBot stray as much more, unless it is given."""
+        return promised(self.promise)
+
+
+def promised(promise: Promise) -> Capabilities:
+    """Return what robots promise where so much is given."""
+    declared, given = StreamedRobot.declared, promise.given
+    base = replace(declared, **given)
+    limits = replace(BASE, v_max_m_s=base.v_max_m_s, brake_m_s2=base.brake_m_s2)
+    # While clocks are learned, a position is off by so much time at top speed.
+    noise_m = declared.position_noise_m * max(1.0, base.v_max_m_s / declared.v_max_m_s)
+    derived = {"tube_m": tube_m(limits, base.latency_s + base.setpoint_period_s), "position_noise_m": noise_m}
+    return replace(base, **{**derived, **given})
+
+
+def promising(spec: RobotSpec, config: StreamedConfig) -> RobotSpec:
+    """Return a robot with what it is asked to promise: for all of them, unless something is asked of it already."""
+    return spec if spec.promised is not None else replace(spec, promised=config.promised())
 
 
 def require_places(given: Collection[int], robots: Sequence[RobotSpec], table: str) -> None:

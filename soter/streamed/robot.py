@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Final, NamedTuple
 from soter.clock import VehicleClock
 from soter.errors import Intruder, Unsupported
 from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
+from soter.onboard.station import PERIOD_S
 from soter.onboard.wire import SC, GateReport, Order
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
 from soter.streamed.motion import Charge, Motion, Pose, read_battery, read_odometry
@@ -21,15 +22,19 @@ from soter.streamed.motion import Charge, Motion, Pose, read_battery, read_odome
 logger = logging.getLogger(__name__)
 
 LEASE_S: Final = 0.15
-"""Of this the mux counts 0.13 s; it looks every 0.02 s."""
+"""Of this the mux counts 0.13 s, unless it is told otherwise; it looks every 0.02 s."""
 
 ODOMETRY_S: Final = 1.0 / 30.0
 
 SETTLED: Final = 10
 """After so many odometry messages the least delay among them is near the least there is."""
 
+BASE: Final = DriveLimits()
+"""What a base can do of which nothing else is promised."""
+
 # It steers by what it knows of the robot, which acts on that later: so it plans with less than the vehicle can do.
-_LIMITS: Final = DriveLimits(brake_m_s2=0.7, yaw_accel_rad_s2=4.0)
+_BRAKE: Final = 0.7
+_YAW_ACCEL_RAD_S2: Final = 4.0
 _PLANNED_PERIOD_S: Final = 0.1
 _REACTION_S: Final = 0.03
 _BLIND_S: Final = 0.3
@@ -89,9 +94,9 @@ class StreamedRobot(Robot):
         reverses=True,
         reports_battery=True,
         reports_controller=True,
-        v_max_m_s=_LIMITS.v_max_m_s,
-        yaw_rate_max_rad_s=_LIMITS.yaw_rate_max_rad_s,
-        brake_m_s2=1.0,
+        v_max_m_s=BASE.v_max_m_s,
+        yaw_rate_max_rad_s=BASE.yaw_rate_max_rad_s,
+        brake_m_s2=BASE.brake_m_s2,
         body_radius_m=0.105,
         latency_s=0.045,
         sample_age_s=0.07,
@@ -119,7 +124,12 @@ class StreamedRobot(Robot):
         self._origin: Final = origin
         self._external_ac: Final = external_ac
         self._rate: Final = rate
-        self._drive: Final = Drive(_LIMITS, _PLANNED_PERIOD_S * rate)
+        promised = self.declared
+        limits = DriveLimits(
+            promised.v_max_m_s, promised.yaw_rate_max_rad_s, brake_m_s2=_BRAKE * promised.brake_m_s2,
+            yaw_accel_rad_s2=_YAW_ACCEL_RAD_S2,
+        )  # fmt: skip
+        self._drive: Final = Drive(limits, _PLANNED_PERIOD_S * rate)
         self._steering: Final = threading.Lock()
         self._doing = _Doing(SC, None, None, float("-inf"))
         self._order = Order(secrets.token_hex(4), 0, SC, None)
@@ -129,6 +139,11 @@ class StreamedRobot(Robot):
         self._heard = 0
         self._intruded = float("-inf"), ""
         self.dropped: Final[Counter[str]] = Counter()
+
+    @staticmethod
+    def counted_s(promised: Capabilities) -> float:
+        """Return the lease that a mux counts, so that with its own period it is no longer than promised."""
+        return promised.lease_s - PERIOD_S
 
     # --- what an adapter hears -----------------------------------------------------------------------------
 
@@ -220,7 +235,8 @@ class StreamedRobot(Robot):
 
     def _hand_over(self, to: Controller) -> None:
         # One message shuts the old controller's stream: the mux drops what it asked for with the change.
-        self._doing = self._doing._replace(controller=to.value, target=None, goal_id=None)
+        if to.value != self._doing.controller:
+            self._doing = self._doing._replace(controller=to.value, target=None, goal_id=None)
         self._say(controller=to.value)
 
     def _renew_lease(self) -> None:
@@ -301,7 +317,7 @@ class StreamedRobot(Robot):
         with self._steering:
             doing, latest = self._doing, self._latest
             lease_age_s = (self.clock.steady_s() - doing.renewed_steady_s) * self._rate
-            if latest is None or not self._speaks_for(doing.controller) or lease_age_s >= LEASE_S:
+            if latest is None or not self._speaks_for(doing.controller) or lease_age_s >= self.declared.lease_s:
                 return
             gate = self._gate
             if gate is not None and gate.session not in {"", self._order.session}:

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import Any, Final, Generic, TypeVar
 
 from soter.clock import VehicleClock
-from soter.sdk import RobotSpec, RuleLimits, program
+from soter.sdk import Capabilities, RobotSpec, RuleLimits, program
 from soter.sdk.wire import WireFleet, describe
 from soter.streamed.robot import StreamedRobot
 from soter.workspace import Workspace
@@ -55,6 +55,11 @@ class StreamedSimulator(ABC):
         """Return which process has ended, in words; empty while all run."""
         muxes = (program.ended(f"the mux of robot {robot_id}", each) for robot_id, each in self.muxes.items())
         return program.ended("the simulated world", self.world) or next(filter(None, muxes), "")
+
+    def promised(self, robot_id: int) -> Capabilities:
+        """Return what a robot is asked to promise, which its mux is told."""
+        spec = next(spec for spec in self._robots if spec.id == robot_id)
+        return StreamedRobot.declared if spec.promised is None else spec.promised
 
     def close(self) -> None:
         """End the processes and wait until they are gone. Idempotent."""

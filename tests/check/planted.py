@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import BaseModel
 
-from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Topic
+from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Topic
 from soter.sdk import Waypoint
 from soter.stack.user_modules import ModuleKit
 
@@ -201,3 +201,9 @@ def broken(kit: ModuleKit) -> RTAModule:
 
 def too_many(kit: ModuleKit, options: Options, more: int) -> RTAModule:
     return right(kit)
+
+
+def of_equals(kit: ModuleKit) -> RTAModule:
+    """A rule about pairs whose peers are taken for robots like its own."""
+    made = right(kit)
+    return replace(made, model=PairBound(kit.model, kit.model))

@@ -74,6 +74,16 @@ def users_rule(modules: list[str], *robots: RobotPlace) -> None:
     admitted(asked, workspace, backend, read_options(backend, asked, workspace), ill_formed=False, unproved=True)
 
 
+def users_pairs() -> None:
+    """Declare a rule about pairs that takes a faster peer for one like the robot."""
+    asked = load_mission(
+        ROOT / "examples" / "surveillance.toml",
+        {"backend": "kinematic", "rta.module": {"own": {"declare": "tests.check.planted:of_equals"}}},
+    )
+    fleet = {1: PROMISED, 2: replace(PROMISED, v_max_m_s=0.5)}
+    declare_all(asked, asked.read_workspace(), fleet)
+
+
 def hasty() -> None:
     asked = mission(HastyBackend, 20.0)
     workspace = asked.read_workspace()
@@ -116,6 +126,7 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
     "so that the AC has to lose control": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(), 0.05)),
     "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), Timing(), 0.05)),
     "or backends.": ("P3", hasty),
+    "kit.peer_model would do": ("P3", users_pairs),
     "there is no path for robot 1 from its start at (1, 1)": (
         "P2b", lambda: station(1.0, 3.0, Box(0.0, 1.9, 5.0, 2.1)),
     ),

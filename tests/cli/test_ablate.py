@@ -19,12 +19,12 @@ from typer.testing import CliRunner, Result
 from soter.cli import app
 from soter.config import load_mission
 from soter.config_tables import MODULES
+from soter.controllers import ADVERSARIES
 from soter.errors import ConfigError, RunFailed
 from soter.registry import load_backend
 from soter.runner import RunResult, Study, ablate, run_mission
 from soter.runner.ablate import Outcome, Plan, Variant, variants
 from soter.runner.ablate_tables import GROUPS, HEAD, ac_only, markdown, rows
-from soter.stack.adversaries import BUILT_IN
 from tests.cli.conftest import MISSION
 from tests.project.source import ROOT
 
@@ -54,7 +54,7 @@ def test_every_part_is_varied() -> None:
     for module in MODULES:
         assert named("without a module", module).overrides["rta.modules"] == [m for m in MODULES if m != module]
         assert {f"Delta of {module}", f"phi_safer of {module}"} <= groups
-    for name in BUILT_IN:
+    for name in ADVERSARIES:
         assert named("adversary", name).intact
     assert all(any(group.startswith(begin) for begin in GROUPS) for group in groups)
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import soter
-from soter.cli import app
+from soter.cli import app, main
 from tests.project.source import ROOT
 
 # Typer itself may load pydantic.
@@ -47,6 +47,18 @@ def test_examples_in_the_help_name_files_that_exist() -> None:
     assert [name for name in named if not (ROOT / name).is_file()] == []
 
 
+@pytest.mark.parametrize("command", [[], ["run"], ["sim", "zenoh"], ["campaign", "draw"]])
+def test_help_names_no_type_for_options_that_take_no_value(
+    command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["soter", *command, "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    text = capsys.readouterr().out
+    assert "--help" in text
+    assert "bool" not in text
+
+
 def test_version() -> None:
     assert said("--version") == (0, f"soter {soter.__version__}\n")
 
@@ -55,7 +67,7 @@ def test_version() -> None:
     ("arguments", "message"),
     [
         (("run", "examples/surveillance.toml", "--sed", "2"), "No such option: --sed"),
-        (("run",), "Missing argument 'MISSION'"),
+        (("tune",), "Missing argument 'MISSION'"),
         (("fly",), "No such command 'fly'"),
         (("run", "m.toml", "--duration", "long"), "Invalid value for '--duration'"),
         (("run", "m.toml", "--robots", "2.5"), "Invalid value for '--robots'"),

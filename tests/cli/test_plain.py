@@ -127,6 +127,12 @@ CALLS: dict[str, list[list[str]]] = {
     "zenoh-mux": [["--robot", HOSTILE]],
     "zenoh-router": [["--listen", HOSTILE]],
     "new adapter": [["name", "--out", HOSTILE]],
+    "compare": [["spoilt.mcap", "plain.mcap", "-o", f"{HOSTILE}.html"], ["bad.mcap", "plain.mcap"]],
+    "campaign run": [["bad.toml"], ["good.toml"]],
+    "campaign report": [["bad.toml"]],
+    "campaign compare": [["bad.toml", "--by", HOSTILE]],
+    "campaign run-again": [["bad.toml", "1"]],
+    "campaign draw": [["1", "--engine", HOSTILE]],
 }  # fmt: skip
 
 

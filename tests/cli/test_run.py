@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from typer.testing import CliRunner, Result
 from soter import runner
 from soter.cli import app
 from soter.runner import Run, RunResult
+from soter.runner.result import UncontrolledFigures
 from tests.cli.conftest import MISSION
 from tests.project.source import ROOT
 
@@ -36,9 +38,30 @@ def test_a_run_without_violation_exits_with_0_and_sums_up() -> None:
     done = ran(*QUICK)
     assert done.exit_code == 0
     assert done.stderr == ""
-    for expected in ("completed", "violations", "AC in control", "80.2 %", "disengagements", "real time", "trace "):
+    for expected in ("completed", "violations", "AC in control", "disengagements", "real time", "trace "):
         assert expected in done.stdout
     assert all(character == "\n" or character.isprintable() for character in done.stdout)
+
+
+def test_a_mission_in_one_file_needs_no_mission_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    script = "from soter import Mission\n\nclass Stays(Mission):\n    async def run(self, robot):\n        pass\n"
+    Path("stays.py").write_text(script)
+    done = CliRunner().invoke(app, ["run", "--mission", "stays.py", "--no-record"], env={"COLUMNS": "100"})
+    assert done.exit_code == 0, done.stderr
+    assert "mission stays.py" in done.stdout
+    done = CliRunner().invoke(app, ["run", "--no-record"])
+    assert (done.exit_code, "--mission" in done.stderr) == (2, True)
+
+
+def test_the_thesiss_figures_stand_beside_a_runs_on_request() -> None:
+    assert "80.2 %" not in ran(*QUICK).stdout
+    done = ran(*QUICK, "--compare", "thesis")
+    assert done.exit_code == 0
+    assert "80.2 %" in done.stdout
+    refused = ran(*QUICK, "--ac", "adversary:ram", "--compare", "thesis")
+    assert refused.exit_code == 2
+    assert "--compare" in refused.stderr
 
 
 def test_an_adversary_takes_the_missions_place() -> None:
@@ -120,6 +143,7 @@ def ending(monkeypatch: pytest.MonkeyPatch, run: Run, **changes: object) -> None
         ({"status": "interrupted"}, 130),
         ({"status": "interrupted", "violations": {"collision": 1}}, 130),
         ({"violations": None}, 0),
+        ({"uncontrolled": {1: UncontrolledFigures(first_s=3.0, lasted_s=1.5, cause="its pilot has it")}}, 3),
     ],
 )
 def test_how_a_run_ended_decides_the_exit_code(
@@ -287,6 +311,24 @@ def test_a_signal_stops_the_run_and_keeps_its_result(tmp_path: Path, number: sig
     result = RunResult.model_validate_json(file.read_text())
     assert result.status == "interrupted"
     assert result.duration_s < 1e6
+
+
+def test_a_signal_ends_the_wait_for_robots_that_are_not_there() -> None:
+    pytest.importorskip("pymavlink")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        nobody.settimeout(60.0)
+        connection = f"backends.mavlink.connection=udpout:127.0.0.1:{nobody.getsockname()[1]}"
+        command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), "--no-record", "--set", connection]
+        with subprocess.Popen(
+            [*command, "--backend", "mavlink"], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        ) as process:
+            # It has begun to look for its robots.
+            nobody.recvfrom(1024)
+            process.send_signal(signal.SIGTERM)
+            _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 143
+    assert stderr == "error: interrupted\n"
 
 
 def test_a_run_outlives_the_reader_of_its_progress(tmp_path: Path) -> None:

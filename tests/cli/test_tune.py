@@ -23,7 +23,7 @@ def test_tables_are_printed_all_at_once() -> None:
     assert done.exit_code == 0, done.output
     tables = tomllib.loads(done.output[done.output.index("[rta.collision]") :])["rta"]
     assert list(tables) == ["collision", "geofence", "battery"]
-    assert (tables["collision"]["delta_s"], tables["collision"]["phi_safer_m"]) == (0.05, 0.415)
+    assert (tables["collision"]["delta_s"], tables["collision"]["phi_safer_m"]) == (0.05, 0.625)
     assert "today collision is ill-formed, P3: " in done.output
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from soter.clock import VirtualClock
-from soter.config import Mission
+from soter.config import MissionFile
 from soter.faults import FaultyFleet, FaultyRobot, read_faults
 from soter.sdk import Fleet, RobotSpec, RobotState
 from tests.sdk.fake import FakeRobot
@@ -36,8 +36,8 @@ class ImpairableRobot(FakeRobot):
         self._called("impair")
 
 
-def mission(*tables: dict[str, Any]) -> Mission:
-    return Mission(workspace=Path("room.xml"), fault=tables)
+def mission(*tables: dict[str, Any]) -> MissionFile:
+    return MissionFile(workspace=Path("room.xml"), fault=tables)
 
 
 def fleet_of(*tables: dict[str, Any], robots: int = 1, seed: int = 0, kind: type[FakeRobot] = FakeRobot) -> FaultyFleet:

@@ -30,12 +30,12 @@ def test_faults_of_the_vehicle_need_a_vehicle_that_has_them(table: dict[str, obj
 
 def test_each_robot_declares_what_its_own_faults_leave_of_the_promises() -> None:
     fleet = fleet_of({"kind": "delay", "commands_s": 0.03, "robot": 1}, {"kind": "bias", "x_m": 0.1}, robots=2)
-    first, second = (type(robot).declared for robot in fleet.robots)
+    first, second = (robot.declared for robot in fleet.robots)
     assert (first.latency_s, second.latency_s) == pytest.approx((0.08, 0.05))
     assert (first.position_noise_m, second.position_noise_m) == pytest.approx((0.1, 0.1))
     for robot in fleet.robots:
         robot.init(1.0)
-        assert robot.capabilities == type(robot).declared
+        assert robot.capabilities == robot.declared
 
 
 def test_a_robot_that_promises_less_than_its_class_is_refused_as_before() -> None:
@@ -44,7 +44,7 @@ def test_a_robot_that_promises_less_than_its_class_is_refused_as_before() -> Non
     assert isinstance(robot, FaultyRobot)
     assert isinstance(robot.inner, FakeRobot)
     robot.inner.found = capabilities(latency_s=1.0)
-    with pytest.raises(RobotUnavailable, match=r"latency_s is 1\.0, declared 0\.05"):
+    with pytest.raises(RobotUnavailable, match=r"latency_s is 1\.0, promised 0\.05"):
         robot.init(1.0)
 
 

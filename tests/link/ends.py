@@ -6,7 +6,7 @@ import socket
 from collections import deque
 
 from soter.child import Child, ChildDied
-from soter.link.messages import Turn, encode
+from soter.link.messages import Room, Turn, encode
 from soter.link.mission_end import MissionEnd
 from soter.link.supervisor_end import SupervisorEnd
 from soter.rta import Port, Report
@@ -60,6 +60,9 @@ class FakeChild(Child):
         self.killed = True
 
 
+ROOM = Room(0.1, 0.5, 0.1)
+
+
 class Rig:
     """The supervisor's end with two robots, begun; what ports report goes to the mission as it should."""
 
@@ -68,7 +71,7 @@ class Rig:
         self.child = FakeChild()
         self.end = SupervisorEnd(self.child, SILENT_S, steady=lambda: self.now_s)
         self.ports: dict[int, Port[Waypoint, RobotState]] = {i: Port(i, self.end.hear) for i in (1, 2)}
-        self.end.begin(self.ports, 0.0, 0.1, 0.5)
+        self.end.begin(self.ports, 0.0, (ROOM,) * len(self.ports))
 
     def tick(self, *turns: Turn, lasts_s: float = 0.05) -> list[Turn]:
         """Tell of a tick, let time pass, say what the mission says, and take it."""

@@ -27,7 +27,7 @@ MISSION = "a mission"
 
 
 def letter(number: int) -> Visit:
-    return Visit(1, number, 0.0, 0.0)
+    return Visit(1, number, 0.0, 0.0, None, 3)
 
 
 class End:
@@ -245,8 +245,8 @@ def test_garbage_is_refused(data: bytes) -> None:
 
 
 @pytest.mark.parametrize("bad", [
-    Frame(1, 2, MISSION, letters=(Visit(1, 2, float("nan"), 0.0),)),
-    Frame(1, 2, MISSION, letters=(Visit(1, 2, 1e9, 0.0),)),
+    Frame(1, 2, MISSION, letters=(Visit(1, 2, float("nan"), 0.0, None, 3),)),
+    Frame(1, 2, MISSION, letters=(Visit(1, 2, 1e9, 0.0, None, 3),)),
     Frame(-1, 2, MISSION),
     Frame(1, 2, "x" * 1000),
     Frame(1, 2, MISSION, letters=(letter(1),) * (MAX_LETTERS + 1)),

@@ -23,6 +23,7 @@ from soter.link.messages import (
     Handover,
     Moved,
     Refused,
+    Room,
     Started,
     TargetEnded,
     TargetGiven,
@@ -58,7 +59,7 @@ def test_what_a_mission_says_comes_through(message: Up) -> None:
 @pytest.mark.parametrize(
     "message",
     [
-        Begin(1.0, 2.0, (1, 2), 0.1, 0.5),
+        Begin(1.0, 2.0, (1, 2), (Room(0.1, 0.5, 0.1), Room(0.2, 0.6, 0.3))),
         Tick(9, 1.0, 1.1, 2.0, (state(1), None), (GoalEnd(1, 2, "reached"), Handover(2, False, "geofence", "why"))),
     ],
 )

@@ -27,13 +27,13 @@ from soter.link.messages import (
 )
 from soter.rta import ControlReport, GoalReport
 from soter.sdk import RobotState, Waypoint
-from tests.link.ends import Pair, state
+from tests.link.ends import ROOM, Pair, state
 
 
 @pytest.fixture
 def pair() -> Iterator[Pair]:
     made = Pair()
-    made.supervisor.send(encode(Begin(5.0, 1.0, (1, 2), 0.1, 0.5)))
+    made.supervisor.send(encode(Begin(5.0, 1.0, (1, 2), (ROOM, ROOM))))
     made.end.wait()
     yield made
     made.close()
@@ -131,7 +131,7 @@ def test_of_what_is_announced_the_first_places_cross(pair: Pair) -> None:
 def test_a_turn_that_is_too_long_announces_nothing() -> None:
     pair = Pair()
     ids = tuple(range(1, 201))
-    pair.supervisor.send(encode(Begin(5.0, 1.0, ids, 0.1, 0.5)))
+    pair.supervisor.send(encode(Begin(5.0, 1.0, ids, (ROOM,) * len(ids))))
     pair.end.wait()
     tick(pair, 1, *(Handover(i, True, "", "") for i in ids), states=tuple(state(i) for i in ids))
     for port in pair.end.ports.values():
@@ -154,7 +154,7 @@ def test_saying_what_hangs_never_waits(pair: Pair) -> None:
 
 
 def test_robots_of_other_processes_are_shown_and_take_nothing(pair: Pair) -> None:
-    pair.supervisor.send(encode(Begin(5.0, 1.0, (1, 2), 0.1, 0.5, peer_ids=(7,))))
+    pair.supervisor.send(encode(Begin(5.0, 1.0, (1, 2), (ROOM, ROOM), peer_ids=(7,))))
     pair.end.wait()
     peers = (PeerSeen(state(7, 4.0), True),)
     pair.supervisor.send(encode(Tick(1, 5.0, 5.0, 1.0, (state(1), state(2)), (), peers)))

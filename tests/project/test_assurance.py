@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 from soter.cli.app import app
 from soter.conformance import CLAUSES
+from soter.controllers import ADVERSARIES
 from soter.faults import BUILT_IN as FAULTS
 from soter.rta.assumptions import Assumption
-from soter.stack.adversaries import BUILT_IN as ADVERSARIES
 from tests.project.markdown import blocks
 from tests.project.source import ROOT
 

@@ -20,11 +20,13 @@ from tests.project.source import PACKAGES, ROOT, module_name, python_files
 ALLOWED: dict[str, set[str]] = {
     "soter.clock": set(),
     "soter.errors": set(),
+    "soter.loading": set(),
     "soter.problems": set(),
     "soter.workspace": set(),
     "soter.workspace_xml": set(),
     "soter.config": set(),
     "soter.config_tables": set(),
+    "soter.promises": set(),
     "soter.sdk": {"soter.onboard"},
     "soter.onboard": set(),
     "soter.scratch": set(),
@@ -45,14 +47,16 @@ ALLOWED: dict[str, set[str]] = {
     "soter.adapters.zenoh": {"soter.sdk", "soter.onboard", "soter.streamed"},
     "soter.adapters.zenoh.harness": {"soter.adapters.zenoh", "soter.sdk", "soter.streamed", "soter.conformance"},
     "soter.stack": {"soter.child", "soter.sandbox", "soter.machine", "soter.rta", "soter.sdk"},
+    "soter.controllers": {"soter.stack", "soter.rta", "soter.sdk", "soter.onboard"},
     "soter.check": {"soter.machine", "soter.rta"},
     "soter.conformance": {"soter.child", "soter.sdk", "soter.registry", "soter.faults"},
     "soter.record": {"soter.rta", "soter.machine", "soter.sdk"},
     "soter.report": {"soter.record"},
     "soter.live": {"soter.child", "soter.record", "soter.report"},
-    "soter.apps": {"soter.stack", "soter.rta", "soter.machine", "soter.sdk"},
+    "soter.missions": {"soter.stack", "soter.rta", "soter.machine", "soter.sdk"},
     "soter.runner": {
-        "soter.apps",
+        "soter.controllers",
+        "soter.missions",
         "soter.check",
         "soter.record",
         "soter.faults",
@@ -64,6 +68,21 @@ ALLOWED: dict[str, set[str]] = {
         "soter.rta",
         "soter.machine",
         "soter.sdk",
+    },
+    "soter.campaign": {"soter.runner", "soter.record", "soter.report", "soter.registry", "soter.sdk"},
+    # Draws from all that there is, and watches the simulated robots with eyes of its own.
+    "soter.campaign.random": {
+        "soter.campaign",
+        "soter.controllers",
+        "soter.adapters.pybullet",
+        "soter.faults",
+        "soter.registry",
+        "soter.rta",
+        "soter.runner",
+        "soter.sdk",
+        "soter.onboard",
+        "soter.stack",
+        "soter_sim",
     },
     "soter.cli": {"soter", "soter_sim"},
     "soter": {"soter"},
@@ -84,16 +103,19 @@ BASE = {
     "soter.scratch",
     "soter.clock",
     "soter.errors",
+    "soter.loading",
     "soter.problems",
     "soter.workspace",
     "soter.workspace_xml",
     "soter.config",
     "soter.config_tables",
+    "soter.promises",
 }
 # These run where nothing is installed, or must stay easy to argue about; what they import must be so as well.
 STDLIB_ONLY = {
     "soter.clock",
     "soter.errors",
+    "soter.loading",
     "soter.onboard",
     "soter.child",
     "soter.machine",
@@ -107,11 +129,10 @@ ZENOH = {"soter.adapters.zenoh", "soter_sim.zenoh"}
 # Where a library may be imported that is not Python's own; `None` is anywhere but in STDLIB_ONLY.
 LIBRARIES: dict[str, set[str] | None] = {
     "numpy": None,
-    "scipy": None,
     "pydantic": None,
     "pydantic_core": None,  # a part of pydantic: the details of its errors
     "typing_extensions": None,
-    "defusedxml": {"soter.workspace_xml"},
+    "defusedxml": {"soter.campaign.random.room", "soter.workspace_xml"},
     "msgspec": {"soter.conformance.worker", "soter.link", "soter.record"},
     "mcap": {"soter.record"},
     "cryptography": {"soter.record.signing"},
@@ -133,11 +154,28 @@ LIBRARIES: dict[str, set[str] | None] = {
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
     "foxglove": {"soter.live"},
+    "scipy": {"soter.campaign.intervals"},
+    "shapely": {"soter.campaign.random"},
+    "cma": {"soter.campaign.search"},
+    "distributed": {"soter.campaign.cluster"},
     "PIL": {"soter.report"},  # what matplotlib writes pictures with
 }
 # Libraries of a backend, a planner or an output. Outside the adapters and the simulation, each of them is
 # known to one module only.
-VENDORS = {"pybullet", "pymavlink", "mavsdk", "rclpy", "zenoh", "pycdr2", "ompl", "matplotlib", "foxglove"}
+VENDORS = {
+    "pybullet",
+    "pymavlink",
+    "mavsdk",
+    "rclpy",
+    "zenoh",
+    "pycdr2",
+    "ompl",
+    "matplotlib",
+    "foxglove",
+    "scipy",
+    "cma",
+    "distributed",
+}
 MANY_MODULES = {"soter.adapters", "soter_sim"}
 
 

@@ -16,7 +16,13 @@ MOST_LINES = 400
 MOST_PUBLIC_NAMES = 30
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
 TEXT_SUFFIXES = {".md", ".py", ".pyi", ".sh", ".toml", ".txt", ".urdf", ".xml", ".yml"}
-FOLDERS = ("soter", "sim", "tests", "examples", "benchmarks", "tools", "docs", "typings", "requirements")
+FOLDERS = (".github", "soter", "sim", "tests", "examples", "benchmarks", "tools", "docs", "typings", "requirements")
+
+
+def test_a_citation_names_this_version() -> None:
+    named = re.search(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert named is not None
+    assert named[1] == soter.__version__
 
 
 def lines_of_code(path: Path) -> int:

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from soter.conformance import CLAUSES
+from soter.controllers import ADVERSARIES
 from soter.faults import BUILT_IN as FAULTS
 from soter.rta.assumptions import Assumption
-from soter.stack.adversaries import BUILT_IN as ADVERSARIES
 from soter.stack.declaration import GEOFENCE, OBSTACLE
 from soter.stack.right_of_way import BATTERY, COLLISION
 from tests.project.source import ROOT

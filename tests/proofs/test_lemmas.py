@@ -101,13 +101,10 @@ MUTATIONS: dict[tuple[str, str], Mutation] = {
     ),
     ("lemma_1", "lease left out"): attribute(Timing, "silent_s", lambda *_: 0),
     ("lemma_1", "latency left out"): attribute(
-        RTAModule, "horizon_s", lambda m, t: t.ahead_s(m.delta_s) + t.sample_age_s + t.jitter_s
-    ),
-    ("lemma_1", "age left out"): attribute(
-        RTAModule, "horizon_s", lambda m, t: t.ahead_s(m.delta_s) + t.latency_s + t.jitter_s
+        Timing, "look_s", lambda timing, delta_s: timing.ahead_s(delta_s) + timing.jitter_s
     ),
     ("lemma_1", "jitter left out"): attribute(
-        RTAModule, "horizon_s", lambda m, t: t.ahead_s(m.delta_s) + t.latency_s + t.sample_age_s
+        Timing, "look_s", lambda timing, delta_s: timing.ahead_s(delta_s) + timing.latency_s
     ),
     ("lemma_1", "stopping left out"): attribute(SpeedBound, "bound", lambda bound, time_s: bound.v_max_m_s * time_s),
     ("lemma_1", "keep left out"): attribute(DecisionModule, "_leaves_room", lambda *_: True),

@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from soter.config import Mission, load_mission
+from soter.config import MissionFile, load_mission
 from soter.record.digest import RECORD
 from soter.runner import Run, run_mission
 from tests.project.source import ROOT
@@ -25,7 +25,7 @@ SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 QUICK: dict[str, object] = {"backend": "kinematic", "planner": "straight-line"}
 
 
-def mission(**overrides: object) -> Mission:
+def mission(**overrides: object) -> MissionFile:
     """A mission on the kinematic engine; double underscores in names stand for dots."""
     given = {name.replace("__", "."): value for name, value in overrides.items()}
     return load_mission(SURVEILLANCE, {**QUICK, **given})

@@ -118,13 +118,13 @@ def test_replay_names_what_differs(kinematic: Recorded, tmp_path: Path) -> None:
 
 
 def test_replay_answers_what_if(kinematic: Recorded) -> None:
-    done = ran("replay", kinematic.path, "--set", "rta.collision.delta_s=0.2")
+    done = ran("replay", kinematic.path, "--set", "rta.collision.delta_s=0.4")
     assert done.exit_code == 1
     for words in ("A run would be refused: module 'collision' is ill-formed (P3)", " drives, ", "Open loop",
                   "disengagements by collision: "):  # fmt: skip
         assert words in done.stdout
-    said = json.loads(ran("replay", kinematic.path, "--set", "rta.collision.delta_s=0.2", "--json").stdout)
-    assert said["settings"] == {"rta.collision.delta_s": 0.2}
+    said = json.loads(ran("replay", kinematic.path, "--set", "rta.collision.delta_s=0.4", "--json").stdout)
+    assert said["settings"] == {"rta.collision.delta_s": 0.4}
     assert said["before"]["collision"] > 0
     assert said["after"]["collision"] > 0
     assert {spell["replayed"] for spell in said["spells"]} >= {"AC", "collision"}

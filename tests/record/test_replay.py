@@ -51,7 +51,7 @@ def test_runs_under_faults_are_replayed_too(tmp_path: Path, name: str) -> None:
     "overrides",
     [
         {"rta__enabled": False},
-        {"rta__modules": ["geofence"]},
+        {"rta__modules": ["geofence"], "robots": 1},
         {"rta__path__enabled": True},
         {"robots": 1},
     ],
@@ -243,10 +243,10 @@ def _flipped(value: float) -> float:
 
 
 def test_other_settings_are_answered_in_open_loop(kinematic: Recorded) -> None:
-    found = replay(kinematic.recording, {"rta.geofence.delta_s": 0.1})
+    found = replay(kinematic.recording, {"rta.collision.delta_s": 0.1})
     # A module that looks half as often needs more of the margin, so it fires sooner, and where it did not at all.
-    assert found.after["geofence"] > found.before["geofence"]
-    assert found.before["geofence"] == kinematic.run.result.disengagements["geofence"]
+    assert found.after["collision"] > found.before["collision"]
+    assert found.before["collision"] == kinematic.run.result.disengagements["collision"]
     assert found.spells
     assert all(spell.end_s > spell.start_s and spell.recorded != spell.replayed for spell in found.spells)
     assert found.after["supervisor"] == 0

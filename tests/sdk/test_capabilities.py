@@ -57,5 +57,5 @@ def test_what_is_no_number_is_worse_than_any(name: str) -> None:
 def test_a_robot_that_brakes_less_than_its_adapter_declares_does_not_get_ready() -> None:
     robot = FakeRobot()
     robot.found = replace(CAPABILITIES, brake_m_s2=0.5)
-    with pytest.raises(RobotUnavailable, match=r"brake_m_s2 is 0\.5, declared 1\.0"):
+    with pytest.raises(RobotUnavailable, match=r"brake_m_s2 is 0\.5, promised 1\.0"):
         robot.init(1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable
 from functools import partial
@@ -144,6 +145,41 @@ def test_what_makes_no_sense_or_is_anothers_is_dropped(robot: Rig, caplog: pytes
             robot.receive(message)
     assert robot.read_state() == before
     assert len(caplog.records) == 1, "one line, however many there are"
+
+
+class Careless(Rig):
+    """Decodes what has a place only; of all else it raises whatever Python does."""
+
+    def _decode(self, message: bytes) -> Report:
+        round(json.loads(message)["x_m"], 9)
+        return super()._decode(message)
+
+
+@pytest.mark.parametrize("edit", [{"x_m": None}, {"x_m": []}])
+def test_whatever_decoding_raises_costs_that_message_only(
+    edit: dict[str, object], caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Careless()
+    robot.init(5.0)
+    before = robot.read_state()
+    said = json.loads(robot.vehicle.report().encode())
+    with caplog.at_level(logging.WARNING):
+        for message in (json.dumps({**said, **edit}), "{}", "[]", "null"):
+            robot.receive(message.encode())
+    assert robot.read_state() == before
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    robot.step(0.1)
+    assert robot.read_state().stamp_s > before.stamp_s
+
+
+def test_a_hand_over_sent_again_keeps_the_goal_and_one_to_the_other_does_not(robot: Rig) -> None:
+    goal = robot.goto(Waypoint(2.0, 1.0), SC)
+    robot.hand_over_again()
+    again = robot.said[-1].goal
+    assert again is not None
+    assert again.id == goal.id
+    robot.switch_ac_sc(AC, "test")
+    assert robot.said[-1].goal is None
 
 
 def test_a_report_that_was_overtaken_is_not_believed(robot: Rig) -> None:

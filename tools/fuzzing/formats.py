@@ -114,7 +114,7 @@ def _messagepack() -> Format:
         (Failed(1, "it fell"),), ("it rained",), 0, (Moved(1.0, "m", 1, "n", "a", "b", "e", "d"),),
     )  # fmt: skip
     status = Status("alpha", 7, "m", 1, 2.0, (RobotStatus(state, True, "", False),), (Echo("beta", 8, 1.0, 0.1),))
-    frame = Frame(7, 8, "m", 1, 2, 3, 4, (Visit(1, 2, 1.0, 1.0), Ended(1, 2, "reached")))
+    frame = Frame(7, 8, "m", 1, 2, 3, 4, (Visit(1, 2, 1.0, 1.0, 60.0, 3), Ended(1, 2, "reached")))
 
     def read(data: bytes) -> None:
         for each in (decode_up, decode_frame, decode_status):

@@ -50,12 +50,12 @@ def test_a_robot_goes_where_it_is_told_and_stops_when_the_link_is_cut(harness: L
         assert goal.status is GoalStatus.REACHED
         robot.goto(Waypoint(start.x_m + 0.5, start.y_m), Controller.SC)
         assert drive_until(fleet, lambda: math.hypot(*robot.read_state()[7:9]) > 0.1, 10.0)
-        harness.cut(1)
+        harness.cut(robot.id)
         drive_until(fleet, lambda: False, 0.8)
         assert fleet.truth is not None
-        stopped = fleet.truth.pose(1)
+        stopped = fleet.truth.pose(robot.id)
         drive_until(fleet, lambda: False, 0.3)
-        assert fleet.truth.pose(1) == stopped
+        assert fleet.truth.pose(robot.id) == stopped
         assert other.read_state()[3:6] == pytest.approx(far[3:6])
 
 

@@ -69,9 +69,9 @@ def speed(robot: Robot) -> float:
     return math.hypot(state.vx_m_s, state.vy_m_s)
 
 
-def really(fleet: Fleet, robot_id: int = 1) -> tuple[float, float, float]:
+def really(fleet: Fleet, place: int = 0) -> tuple[float, float, float]:
     assert fleet.truth is not None
-    return fleet.truth.pose(robot_id)
+    return fleet.truth.pose(fleet.robots[place].id)
 
 
 def gone(pid: int) -> bool:
@@ -96,7 +96,7 @@ def test_a_robot_is_where_it_says_and_goes_where_it_is_told(harness: ZmqHarness)
         assert math.dist(really(fleet)[:2], (142.1, 73.9)) <= 0.02
         state = robot.read_state()
         assert (state.x_m, state.y_m, state.heading_rad) == pytest.approx(really(fleet), abs=0.01)
-        assert really(fleet, 2) == pytest.approx((146.5, 74.2, -2.1))
+        assert really(fleet, 1) == pytest.approx((146.5, 74.2, -2.1))
         assert fleet.truth is not None
         assert fleet.truth.report().violations == ()
 
@@ -104,7 +104,7 @@ def test_a_robot_is_where_it_says_and_goes_where_it_is_told(harness: ZmqHarness)
 def test_no_call_waits_for_the_robot(harness: ZmqHarness) -> None:
     with harness.open(1) as fleet:
         robot = ready(fleet)
-        harness.cut(1)
+        harness.cut(fleet.robots[0].id)
         took = []
         for turn in range(50):
             began_s = time.perf_counter()
@@ -113,7 +113,7 @@ def test_no_call_waits_for_the_robot(harness: ZmqHarness) -> None:
             robot.read_state()
             robot.renew_lease()
             took.append(time.perf_counter() - began_s)
-        harness.restore(1)
+        harness.restore(fleet.robots[0].id)
         assert sorted(took)[25] < 0.005
 
 
@@ -144,13 +144,13 @@ def test_a_link_that_is_lost_stops_the_robot_and_comes_back(harness: ZmqHarness)
         robot = ready(fleet)
         robot.goto(Waypoint(143.3, 74.1), SC)
         assert tick(fleet, lambda: speed(robot) > 0.2)
-        harness.cut(1)
+        harness.cut(fleet.robots[0].id)
         assert tick(fleet, lambda: robot.read_state().link is Link.STALE)
         assert tick(fleet, lambda: robot.read_state().link is Link.DOWN)
         stopped = really(fleet)
         tick(fleet, lambda: False, 0.5)
         assert really(fleet) == stopped
-        harness.restore(1)
+        harness.restore(fleet.robots[0].id)
         assert tick(fleet, lambda: robot.read_state().link is Link.UP and speed(robot) > 0.2)
 
 
