@@ -121,7 +121,7 @@ def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: flo
     found = [
         grown(Box(float(xs[low]), float(ys[strip[0]]), float(xs[high]), float(ys[strip[-1]])), step_m + beside_m)
         for strip in strips
-        for low, high in _runs(broken[strip[0] : strip[-1] + 1].any(axis=0))
+        for low, high in _runs(np.any(broken[strip[0] : strip[-1] + 1], axis=0))
     ]
     x_m, y_m = place.charger.centre
     return [] if any(box[0] <= x_m <= box[2] and box[1] <= y_m <= box[3] for box in found) else found
