@@ -212,7 +212,7 @@ def test_what_is_not_acknowledged_is_repeated_and_many_letters_go_in_several_fra
     assert other.heard == [[list(range(1, MAX_MESSAGES + 4))]]
 
 
-def test_a_letter_to_nobody_is_dropped_and_too_many_are_refused() -> None:
+def test_a_message_to_nobody_is_dropped_and_too_many_are_refused() -> None:
     channel = Channel(1, MISSION, lambda: 2)
     channel.send(message(1))
     (frame,) = channel.due(0.0)
@@ -221,7 +221,7 @@ def test_a_letter_to_nobody_is_dropped_and_too_many_are_refused() -> None:
     air.heal()
     for _ in range(MAX_WAITING):
         air.ends[0].say()
-    with pytest.raises(OverflowError, match="1000 letters"):
+    with pytest.raises(OverflowError, match="1000 messages"):
         air.ends[0].say()
 
 

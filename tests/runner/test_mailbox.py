@@ -121,7 +121,7 @@ def exchanged(network: Network, host: Side, post: Post) -> None:
         network.advance(network.now_s + 0.05)
 
 
-def test_another_missions_letters_and_garbage_are_ignored_and_said_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_another_missions_messages_and_garbage_are_ignored_and_said_once(caplog: pytest.LogCaptureFixture) -> None:
     network = Network()
     ground, stranger = Side(network, "ground"), MemoryBus(network, "stranger")
     for _ in range(3):
