@@ -1,4 +1,4 @@
-"""The page of ten minutes, in a real browser: opened, played, scrubbed, read. Nothing may be logged or asked for.
+"""The page of four minutes, in a real browser: opened, played, scrubbed, read. Nothing may be logged or asked for.
 
 It needs Chromium (on Debian: apt-get install chromium) and Playwright, which drives it. Without them it was NOT RUN.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import cmath
 import json
 import math
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +21,7 @@ from tests.report.chromium import NEEDED, moment, opened, until
 
 pytestmark = NEEDED
 
-DURATION_S = 600.0
+DURATION_S = 240.0
 MOST_BYTES = 8_000_000
 MOST_OPENING_S = 3.0
 PHONE = {"width": 390, "height": 844}
@@ -113,7 +112,7 @@ def test_it_shows_the_figures_of_the_recording(browser: Any, made: Made) -> None
         assert f"{100.0 * drivers.count(0) / len(drivers):.1f} %" in figures
         assert page.locator("#rows tr").count() == len(made.content.disengagements)
         about = page.inner_text("#about")
-        for expected in ("seed", "12,000 of 0.05 s, 0 dropped", "soter-rta", "kinematic"):
+        for expected in ("seed", "4,800 of 0.05 s, 0 dropped", "soter-rta", "kinematic"):
             assert expected in about
 
 
@@ -140,7 +139,7 @@ def test_assumptions_that_failed_are_named_listed_and_on_the_time_line(browser: 
 
 def test_what_it_draws_is_what_was_recorded(browser: Any, made: Made) -> None:
     with opened(browser, made.path) as page:
-        for time_s in (0.0, 100.0, 300.0, 599.0):
+        for time_s in (0.0, 100.0, 150.0, 239.0):
             page.evaluate("(timeS) => soter.player.seek(timeS)", time_s)
             for robot in moment(page)["robots"]:
                 series = made.content.series[robot["id"]]
@@ -171,37 +170,28 @@ def test_a_robot_is_drawn_where_it_is_in_the_colour_of_who_drives_it(browser: An
                 assert min(distance(each, rgb(wanted)) for each in found) < 6.0, (switch.time_s, robot["id"])
 
 
-def test_it_plays_pauses_and_stops_at_the_end(browser: Any, made: Made) -> None:
-    with opened(browser, made.path) as page:
-        # Slow enough for the end to be far when a busy host comes to the click.
+def test_it_plays_at_its_speed_pauses_and_stops_at_the_end(browser: Any, made: Made) -> None:
+    with opened(browser, made.path, still=True) as page:
         page.select_option("#speed", "5")
         before = page.evaluate("soter.page.plan.canvas.toDataURL()")
         page.evaluate("soter.player.seek(60)")
         page.click("#play")
-        until(page, "soter.player.timeS > 62")
+        page.clock.run_for(2000)
+        assert page.evaluate("soter.player.timeS") == pytest.approx(70.0, abs=0.2)
         assert page.get_attribute("#play", "aria-label") == "Pause"
         page.click("#play")
+        page.clock.run_for(100)
         assert page.get_attribute("#play", "aria-label") == "Play"
-        stopped_s = moment(page)["timeS"]
+        stopped_s = page.evaluate("soter.player.timeS")
         assert page.evaluate("soter.page.plan.canvas.toDataURL()") != before
-        page.wait_for_timeout(150)
+        page.clock.run_for(500)
         assert page.evaluate("soter.player.timeS") == stopped_s
         page.select_option("#speed", "100")
-        page.evaluate("soter.player.seek(590)")
+        page.evaluate("soter.player.seek(soter.run.lastS - 10)")
         page.click("#play")
-        until(page, "!soter.player.playing")
+        page.clock.run_for(1000)
+        assert not page.evaluate("soter.player.playing")
         assert page.evaluate("soter.player.timeS") == pytest.approx(made.content.last_s)
-
-
-def test_a_speed_is_that_many_times_real_time(browser: Any, made: Made) -> None:
-    with opened(browser, made.path) as page:
-        page.select_option("#speed", "5")
-        page.click("#play")
-        until(page, "soter.player.timeS > 0")
-        began_s, host_s = page.evaluate("soter.player.timeS"), time.monotonic()
-        until(page, f"soter.player.timeS > {began_s + 5.0}")
-        # Frames that come late on a busy machine make it slower, never faster.
-        assert time.monotonic() - host_s > 0.8
 
 
 def test_scrubbing_moves_the_run(browser: Any, made: Made) -> None:
