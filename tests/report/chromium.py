@@ -27,6 +27,7 @@ NEEDED = [
 ]
 """Marks of every test that opens a page."""
 
+LOOKS = Path(__file__).with_name("looks.js").read_text(encoding="utf-8").partition("\n")[2].strip()
 WAIT_S = 30.0
 DESKTOP = {"width": 1440, "height": 900}
 
@@ -93,4 +94,12 @@ def moment(page: Any) -> dict[str, Any]:
     """What the page shows, once it has drawn what was asked for."""
     until(page, "soter.page.moment && soter.page.moment.timeS === soter.player.timeS")
     found: dict[str, Any] = page.evaluate("soter.page.moment")
+    return found
+
+
+def looks_wrong(page: Any) -> list[Any]:
+    """What lies over each other on a page, and what is too pale to be read."""
+    found: list[Any] = page.evaluate(
+        f"(() => {{ const looks = {LOOKS}; return [...looks.overlaps(), ...looks.pale()]; }})()"
+    )
     return found

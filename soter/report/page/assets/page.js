@@ -6,6 +6,7 @@
   const LONGEST_FRAME_S = 0.25; // of host time; a page that slept does not leap
   const LONGEST_STEP_S = 1; // of host time; it is not expected that a run takes longer to grow
   const UNHURRIED = 1.25; // who takes longer than a run takes to grow seldom has to stand still
+  const ADDRESS_MS = 400; // browsers let nobody change the address much more often
   const byId = (id) => document.getElementById(id);
 
   // --- colours ---------------------------------------------------------------------------------------------
@@ -99,9 +100,9 @@
       this.setSpeed(SPEEDS[Math.min(SPEEDS.length - 1, Math.max(0, at))]);
     }
 
-    // To the next disengagement, or with -1 to the one before.
+    // To the next disengagement or violation, or with -1 to the one before.
     step(by) {
-      const times = this.run.disengagements.map((each) => each.timeS);
+      const times = this.run.events;
       const found = by > 0 ? times.find((each) => each > this.timeS + 1e-6) : times.filter((each) => each < this.timeS - 1e-6).pop();
       if (found !== undefined) this.jump(found);
     }
@@ -161,7 +162,9 @@
       const jump = (timeS) => this.player.jump(timeS);
       this.jump = jump;
       this.words();
+      this.tip = new soter.Tip();
       this.plan = new soter.Plan(byId("plan"), run, this.style);
+      soter.handlePlan(this.plan, this.tip, () => this.moment, () => this.later());
       this.table = new soter.Disengagements(run, this.style, jump);
       this.makeCharts();
       this.theme();
@@ -170,6 +173,7 @@
       for (const id of ["main", "transport"]) byId(id).hidden = false;
       this.resize();
       new ResizeObserver(() => this.resize()).observe(byId("main"));
+      addEventListener("resize", () => this.resize());
     }
 
     words() {
@@ -295,6 +299,29 @@
       byId("speed").value = String(player.speed);
       this.moment = moment;
       if (soter.live) soter.live.say();
+      this.address ??= setTimeout(() => this.tellAddress(), ADDRESS_MS);
+    }
+
+    // The moment is part of the address, so that it can be kept and sent; at the beginning and in a frame there is none.
+    tellAddress() {
+      this.address = undefined;
+      const { run, player } = this;
+      if (window.parent !== window || player.following) return;
+      const fragment = player.timeS > run.firstS ? `#t=${Number(player.timeS.toFixed(2))}` : "";
+      if (fragment !== location.hash) history.replaceState(null, "", fragment || location.pathname + location.search);
+    }
+
+    copyLink() {
+      this.tellAddress();
+      const button = byId("copy-link");
+      const said = (text) => {
+        byId("copied").textContent = text;
+        setTimeout(() => { byId("copied").textContent = ""; }, 2000);
+      };
+      // Pages in files and of other hosts may have no clipboard; then the address is there to be copied.
+      const text = location.href;
+      (navigator.clipboard ? navigator.clipboard.writeText(text) : Promise.reject()).then(() => said("link copied"), () => said(text));
+      button.focus();
     }
 
     // The part of the run that charts show goes along with the moment, a part at a time.
@@ -312,7 +339,7 @@
       for (const chart of this.charts) chart.show(begin, end);
     }
 
-    // Behind the slider: who was in control, a row for each robot.
+    // Behind the slider: who drove, a row for each robot, and across them where a rule was broken.
     drawOverview() {
       if (this.band) return;
       this.band = true;
@@ -334,6 +361,15 @@
         }
       });
       context.globalAlpha = 1;
+      const edge = Math.max(3, Math.round(canvas.height / 4));
+      for (const { startS, endS } of this.run.truth.violations) {
+        const left = ((startS - firstS) / span) * canvas.width;
+        const wide = Math.max(3, (((endS ?? lastS) - startS) / span) * canvas.width);
+        context.fillStyle = this.style.colours.alarm;
+        context.fillRect(left, 0, wide, edge);
+        context.fillRect(left, canvas.height - edge, wide, edge);
+        context.fillRect(left, 0, 2, canvas.height);
+      }
     }
 
     // --- what a user does ----------------------------------------------------------------------------------
@@ -341,16 +377,21 @@
     scrubbable(chart) {
       const seek = (event) => this.player.seek(chart.timeAt(event.clientX - chart.canvas.getBoundingClientRect().left));
       let holding = false;
+      const tell = (event) => this.tip.show(chart.tell(chart.timeAt(event.clientX - chart.canvas.getBoundingClientRect().left)), event.clientX, event.clientY);
       chart.canvas.addEventListener("pointerdown", (event) => {
         if (event.button !== 0) return;
         holding = true;
         chart.canvas.setPointerCapture(event.pointerId);
         this.player.pause();
         seek(event);
+        tell(event);
       });
       chart.canvas.addEventListener("pointermove", (event) => {
         if (holding) seek(event);
-        else if (chart.describe) chart.canvas.title = chart.describe(chart.timeAt(event.offsetX));
+        if (holding || event.pointerType === "mouse") tell(event);
+      });
+      chart.canvas.addEventListener("pointerleave", (event) => {
+        if (event.pointerType === "mouse") this.tip.hide();
       });
       for (const name of ["pointerup", "pointercancel"]) chart.canvas.addEventListener(name, () => { holding = false; });
     }
@@ -377,6 +418,8 @@
       }
       byId("help-open").addEventListener("click", () => byId("help").showModal());
       byId("theme").addEventListener("click", () => this.otherTheme());
+      byId("copy-link").addEventListener("click", () => this.copyLink());
+      addEventListener("hashchange", () => goTo(player));
       // The system decides until somebody has chosen here.
       matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ({ matches }) => {
         if (!this.chosen) this.setTheme(matches ? "dark" : "light");
@@ -426,6 +469,7 @@
         n: () => player.step(1),
         p: () => player.step(-1),
         t: () => this.otherTheme(),
+        c: () => this.copyLink(),
         "?": () => byId("help").showModal(),
       };
       const act = keys[event.key];
@@ -435,13 +479,20 @@
     }
   }
 
+  // To the moment that the address names; return whether it does.
+  function goTo(player) {
+    const at = /^#t=([0-9.]+)$/.exec(location.hash);
+    if (at) player.seek(Number(at[1]));
+    return Boolean(at);
+  }
+
   function begin(run) {
     soter.page = new Page(run);
     soter.player = soter.page.player;
-    const at = /^#t=([0-9.]+)$/.exec(location.hash);
-    if (at) soter.player.seek(Number(at[1]));
-    else if (run.goesOn) soter.player.follow();
-    else soter.player.seek(run.firstS);
+    if (!goTo(soter.player)) {
+      if (run.goesOn) soter.player.follow();
+      else soter.player.seek(run.firstS);
+    }
     soter.openedMs = performance.now();
   }
 
