@@ -6,6 +6,7 @@
   const LEFT = 46; // CSS pixels for what stands beside a curve
   const RIGHT = 10;
   const AXIS = 18;
+  const UNTOLD_M = 0.5; // of margins that are compared with nothing but 0
   const STEPS_S = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400];
 
   function clock(timeS, digits = 1) {
@@ -219,7 +220,7 @@
           if (Number.isFinite(module.reach[at])) reach = Math.max(reach, module.reach[at]);
         }
       }
-      const level = Math.max(this.edge ?? 0, reach, 1e-3);
+      const level = Math.max(this.edge ?? 0, reach) || UNTOLD_M;
       const high = Math.min(Math.max(most, level * 1.15), level * 3);
       const low = Math.min(0, Number.isFinite(least) ? least : 0);
       return [low - 0.06 * (high - low), high * 1.04];
@@ -409,6 +410,8 @@
   Object.assign(window.soter, {
     Lane, Margin, Charge, clock, percent,
     knowsCharge: (robot) => robot.charge.low.some((each) => !Number.isNaN(each)),
-    colourOf: (run, name) => (run.drivers.find((each) => each.name === name) || { colour: "#888888" }).colour,
+    colourOf: (run, name) => (
+      [...run.drivers, ...run.robots.flatMap((robot) => robot.modules)].find((each) => each.name === name) || { colour: "#888888" }
+    ).colour,
   });
 })();

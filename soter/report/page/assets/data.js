@@ -118,7 +118,7 @@ window.soter = {};
       drivers: part.drivers, workspace: part.workspace, rows: {},
       robots: part.robots.map(({ id, colour, radiusM, modules }) => ({
         id, colour, radiusM, rows: {}, poses: {}, charge: {}, goals: {}, ways: {},
-        modules: modules.map(({ name, unit, edge, horizonReach }) => ({ name, unit, edge, horizonReach })),
+        modules: modules.map(({ name, colour: own, unit, edge, horizonReach }) => ({ name, colour: own, unit, edge, horizonReach })),
       })),
     };
     take(run, part, get);

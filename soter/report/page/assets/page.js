@@ -213,9 +213,9 @@
       this.charged = new Set(run.robots.filter((robot) => soter.knowsCharge(robot)));
       for (const id of ["lanes", "margins", "charges"]) byId(id).replaceChildren();
       run.robots.forEach((robot, at) => this.charts.push(new soter.Lane(lanes, run, style, robot, at === run.robots.length - 1)));
-      const names = run.drivers.slice(1).map((each) => each.name).filter((name) => (
-        run.robots.some((robot) => robot.modules.some((each) => each.name === name && each.low.length))
-      ));
+      const known = run.robots.flatMap((robot) => robot.modules).filter((each) => each.low.length && (run.goesOn || each.low.some((value) => Number.isFinite(value))));
+      const names = [...new Set(known.map((each) => each.name))];
+      const judged = run.drivers.length === 1;
       for (const name of names) {
         const plot = soter.element("figure", {}, soter.element("figcaption", {}));
         byId("margins").append(plot);
@@ -226,9 +226,10 @@
         plot.firstChild.append(soter.element("b", {}, name), `${unit}${edge}${reach}`);
         this.charts.push(chart);
       }
-      byId("margins-note").textContent = names.length
-        ? "One curve a robot. Below 0 the rule is broken as the module knows it (red). Below the coloured line, its reach R(H), the module takes over; from the dashed line on it gives the robot back. Large margins leave the plot at the top."
-        : run.drivers.length > 1 ? "No margin was recorded." : "No safety modules took part in this run.";
+      byId("margins-note").textContent = names.length && judged
+        ? "No safety module took part: these are the margins that ground truth goes by, from the recorded positions. One curve a robot. Below 0 the rule is broken (red)."
+        : names.length ? "One curve a robot. Below 0 the rule is broken as the module knows it (red). Below the coloured line, its reach R(H), the module takes over; from the dashed line on it gives the robot back. Large margins leave the plot at the top."
+          : "No margin was recorded.";
       const battery = run.robots.flatMap((robot) => robot.modules).find((each) => each.name === "battery");
       if (this.charged.size) {
         const plot = soter.element("figure", { class: "whole" }, soter.element("figcaption", {}));

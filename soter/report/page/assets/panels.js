@@ -3,6 +3,7 @@
 (() => {
   const { clock, percent, colourOf } = window.soter;
   const CHARGE = "of a charge"; // the unit of margins that are parts of one
+  const UNTOLD_M = 0.25; // the scale of margins that are compared with nothing but 0
   const LATE_ROWS = 4000; // beyond these a table only makes a page slow
 
   function element(name, attributes = {}, ...children) {
@@ -297,7 +298,7 @@
 
   // A gauge ends a bit above the margin from which on a robot is given back.
   function scaleOf(module) {
-    return Math.max(module.edge ?? 0, module.horizonReach ?? 0, 1e-3) * 2;
+    return (Math.max(module.edge ?? 0, module.horizonReach ?? 0) || UNTOLD_M) * 2;
   }
 
   function set(holder, text) {
