@@ -33,7 +33,19 @@ from tests.waiting import wait_until
 
 pytestmark = NEEDED
 
-ENDLESS = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "1e6", "--live", "--no-record", "-q")
+ENDLESS = (
+    "--backend",
+    "kinematic",
+    "--planner",
+    "straight-line",
+    "--duration",
+    "1e6",
+    "--pace",
+    "10",
+    "--live",
+    "--no-record",
+    "-q",
+)
 
 
 @pytest.fixture(scope="module")

@@ -174,7 +174,8 @@ def _dots(found: Sequence[Group], name: str) -> str:
             )
         middle = x(median(value for _, value in values))
         marks.append(f'<line class="middle" x1="{middle}" x2="{middle}" y1="{y - 9:.1f}" y2="{y + 9:.1f}"/>')
-        label = escape(f"{group.part} {group.name}")
+        # The setting first: where there is little room, parts of one name are told apart by it.
+        label = escape(group.part if group.name == "-" else f"{group.name} · {group.part}")
         labels.append(f'<li title="{label}">{label}</li>')
     ends = f'<text x="1%" y="{height - 3:.0f}">{low:.3g}</text>'
     ends += f'<text x="99%" y="{height - 3:.0f}" text-anchor="end">{high:.3g}</text>'
