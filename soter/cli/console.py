@@ -39,14 +39,23 @@ def is_live(console: Console) -> bool:
     return console.file.isatty() and not console.is_dumb_terminal
 
 
-def print_table(console: Console, head: Sequence[str], rows: Iterable[Sequence[RenderableType]]) -> None:
-    """Print a table whose first column gives way where there is little room: it is folded, and nothing is cut off."""
+def print_table(
+    console: Console, head: Sequence[str], rows: Iterable[Sequence[RenderableType]], gives_way: int = 0
+) -> None:
+    """Print a table of which one column gives way where there is little room: it is folded, and nothing is cut off.
+
+    Args:
+        console: where to.
+        head: names of the columns.
+        rows: their cells.
+        gives_way: index of the column that is folded.
+    """
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for index, column in enumerate(head):
-        table.add_column(column, no_wrap=index > 0, overflow="fold")
+        table.add_column(column, no_wrap=index != gives_way, overflow="fold")
     for row in rows:
         table.add_row(*row)
     console.print(table)
