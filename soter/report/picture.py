@@ -22,7 +22,7 @@ from matplotlib.patches import Rectangle
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Broken, Caption
 from soter.report.colours import MODULES, ROBOTS, ac_colour, driver_colour
-from soter.report.strokes import LAST_S, end_s, marks, shares, stretches, time_unit, until, ways_since_s
+from soter.report.strokes import end_s, marks, shares, stretches, time_unit, until, ways_since_s
 
 WIDTH_PX: Final = 1600
 HEIGHT_PX: Final = 1200
@@ -89,7 +89,7 @@ def make_figure(run: RunTracks, caption: Caption, until_s: float | None = None) 
     scale = min(height_px / (extent[3] - extent[1]), _MOST_PLAN_PX / (extent[2] - extent[0]))
     width_px = scale * (extent[2] - extent[0])
     plan = _axes(figure, _LEFT_PX, _TOP_PX, width_px, scale * (extent[3] - extent[1]))
-    _plan(plan, shown, extent, since_s)
+    _plan(plan, shown, extent, since_s, ends=until_s is None)
     for each in caption.broken:
         _broken(plan, run, each)
     key_px = _LEFT_PX + width_px + 80.0
@@ -138,7 +138,7 @@ def _bare(axes: Axes) -> None:
 # --- seen from above ---------------------------------------------------------------------------------------
 
 
-def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float], since_s: float) -> None:
+def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float], since_s: float, *, ends: bool) -> None:
     workspace = run.workspace
     axes.set_xlim(extent[0], extent[2])
     axes.set_ylim(extent[1], extent[3])
@@ -158,10 +158,10 @@ def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float],
         axis.set_ticks([step * index for index in range(int(length_m / step) + 1)])
     axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=_SOFT, fontsize=8, ha="left", va="top")
     shown_s = end_s(run) - since_s
-    if since_s > 0.0 and math.isclose(shown_s, LAST_S):
+    if since_s > 0.0 and ends:
         axes.text(
-            0.5, 0.004, f"the last {LAST_S / 60.0:g} minutes", transform=axes.transAxes, ha="center", va="bottom",
-            color=_SOFT, fontsize=8.5, style="italic", zorder=9,
+            0.5, 0.004, f"ways of the last {shown_s / 60.0:.2g} min", transform=axes.transAxes, ha="center",
+            va="bottom", color=_SOFT, fontsize=8.5, style="italic", zorder=9,
         )  # fmt: skip
 
 
