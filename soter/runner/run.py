@@ -68,6 +68,7 @@ def run_mission(
     on_progress: Callable[[Progress], None] | None = None,
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
+    pace: Callable[[float], None] | None = None,
     connecting: AbstractContextManager[object] | None = None,
     study: Study | None = None,
     accept_unproved: bool = False,
@@ -84,6 +85,8 @@ def run_mission(
         on_progress: called when the robots begin to move, and every `progress_every_s` of host time.
         progress_every_s: see there.
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
+        pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
+            virtual time: a wall clock has a pace of its own.
         connecting: entered while robots on a wire get ready, when nobody is asked; what it raises ends the run.
         study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
             is part of the question: it is run.
@@ -103,7 +106,7 @@ def run_mission(
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
     """
-    audience = Audience(on_progress, progress_every_s, stop or (lambda: False))
+    audience = Audience(on_progress, progress_every_s, stop or (lambda: False), pace)
     workspace = mission.read_workspace()
     part = None if process is None else Part.of(mission, workspace, process)
     if part is not None and not part.robots:
@@ -314,6 +317,8 @@ class _Loop:
                     audience.show(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
+            if audience.pace is not None:
+                audience.pace(self.ticks * base_tick_s)
             if lost := self.fleet.lost():
                 raise RunFailed(lost)
             if self.user_rules is not None:
