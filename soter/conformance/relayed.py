@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from soter.conformance import driver
 from soter.conformance.harness import Harness, specs_at
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
 from soter.workspace import Box, RobotPlace, Workspace
 
 
@@ -54,17 +54,18 @@ WIDE_ROOMS: Final = Workspace(
     (
         RobotPlace(7, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
         RobotPlace(3, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
+        RobotPlace(12, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
     ),
 )  # fmt: skip
-"""Two rooms of 2.4 m, for robots that take their time to stop.
+"""Three rooms of 2.4 m, for robots that take their time to stop.
 
 Ids are neither 1 and 2 nor in order: they are no indices.
 """
 
 
-def in_wide_rooms(robots: int) -> list[RobotSpec]:
-    """Return the first robots of `WIDE_ROOMS`, with a battery that is not full."""
-    return specs_at(WIDE_ROOMS.robots[:robots])
+def in_wide_rooms(robots: int, promised: Capabilities | None = None) -> list[RobotSpec]:
+    """Return the first robots of `WIDE_ROOMS`, with a battery that is not full, and what they are asked to promise."""
+    return specs_at(WIDE_ROOMS.robots[:robots], promised)
 
 
 class RelayedHarness(Harness):
@@ -75,6 +76,7 @@ class RelayedHarness(Harness):
 
     charges_at_start = True
     contacts = True
+    robots_most = len(WIDE_ROOMS.robots)
 
     def __init__(self) -> None:
         self.fleet: Fleet | None = None

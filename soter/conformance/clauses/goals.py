@@ -104,6 +104,26 @@ def cancel(bench: Bench) -> None:
             bench.expect_stop(robot, called_s, "while it drives backwards a cancel does not stop it")
 
 
+@clause("goal.of_sc")
+def of_sc(bench: Bench) -> None:
+    """What ends a goal of the AC ends one of the SC: a cancel, its time-out, and a lease that ends."""
+    robot = bench.open_one(Controller.SC)
+    goal = bench.get_going(robot, bench.place(robot, 0.9), Controller.SC)
+    called_s = bench.now_s
+    goal.cancel()
+    bench.expect_stop(robot, called_s, "a cancel stops goals of the AC only")
+    bench.get_going(robot, bench.place(robot, -0.9), Controller.SC)
+    bench.expect_stop(
+        robot, bench.now_s, "the lease counts for goals of the AC only", extra_s=bench.caps.lease_s, renew=False
+    )
+    timeout_s = 0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s
+    goal = robot.goto(bench.place(robot, 0.9, timeout_s=timeout_s), Controller.SC)
+    bench.run(timeout_s + 1.0, lambda: not goal.active)
+    called_s = bench.now_s
+    bench.require_status(goal, GoalStatus.TIMED_OUT, "the goal's own time-out counts, in fleet time")
+    bench.expect_stop(robot, called_s, "the time-out of a goal stops goals of the AC only")
+
+
 @clause("goal.cancel_early")
 def cancel_early(bench: Bench) -> None:
     """A cancel stops a robot that is still gaining speed as soon as one that drives evenly."""
@@ -123,6 +143,9 @@ def cancel_early(bench: Bench) -> None:
         "cancel_early_s", quantile(begins_s, 0.5), caps.latency_s + caps.setpoint_period_s, bench.fit_s + _SAMPLE_S,
         "a stop waits until the robot is up to speed", spread=begins_s,
     )  # fmt: skip
+    robot.goto(bench.place(robot, 0.8), Controller.AC).cancel()
+    bench.run(caps.latency_s + 2 * TICK_S)
+    bench.expect_still(robot, 1.0, "a cancel right after its goto is lost: it stops only what moves already")
 
 
 @clause("goal.cancel_own")

@@ -129,10 +129,29 @@ def _whose(bench: Bench, said: dict[int, float]) -> str:
 @clause("several.second")
 def second(bench: Bench) -> None:
     """What holds of the first robot holds of the second."""
-    bench.second = True
-    for check in (state.start, state.frame, state.yaw_rate, state.age, goals.cancel, deadman.lease):
+    bench.judged = 2
+    for check in (
+        state.start, state.frame, state.velocity, state.yaw_rate, state.age, goals.cancel, deadman.lease,
+    ):  # fmt: skip
         check(bench)
         bench.close()
+
+
+@clause("several.third")
+def third(bench: Bench) -> None:
+    """What holds of two robots holds of a third: it is stopped, by a cancel and when its lease ends."""
+    bench.judged = 3
+    if bench.harness.robots_most < bench.judged:
+        raise NotTested("not declared: the harness's attribute 'robots_most' is 2")
+    for check in (state.start, goals.cancel):
+        check(bench)
+        bench.close()
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.expect_stop(
+        robot, bench.now_s, "what watches the leases of two robots leaves out the third", renew=False,
+        extra_s=bench.caps.lease_s,
+    )  # fmt: skip
 
 
 @clause("several.lease", truth=True)
