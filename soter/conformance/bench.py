@@ -47,7 +47,7 @@ class Bench:
     Attributes:
         figures: what was measured.
         tracks: by robot, what was seen while driving, oldest first; one sample for each stamp.
-        judged: which robot of how many clauses about one judge: the first, the second or the third.
+        judged: how many robots clauses about one open, of which they judge the last.
         promised: what the robots are asked to promise; None for what they declare.
         faulty: the clause has broken the link, so that silence is no surprise.
     """

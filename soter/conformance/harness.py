@@ -50,7 +50,8 @@ class Harness(ABC):
             2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
         charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.
         contacts: whether the robots are simulated, so that they may be driven into each other, and truth counts that.
-        robots_most: how many robots a fleet may have, 2 or 3: what is right for two can be wrong for the third.
+        robots_most: how many robots `open` can give, 2 or more; best as many as are to drive together, since what is
+            right for two can be wrong for the third.
         limits: what the truth of simulated robots was told to judge by, or None; best not what it does by itself.
         connect_timeout_s: what the kit passes to `Robot.init`.
         speedup: how many seconds of fleet time may pass in one second of the host; needed for `start_driver` only.

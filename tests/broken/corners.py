@@ -147,7 +147,7 @@ def _waits_for_an_answer(robot: Any, timeout_s: float) -> None:
 CORNERS: Final[tuple[type[Broken], ...]] = (
     edited("MinuteLease", "Counts its lease by the seconds of a minute.", "deadman.wraps", "seconds of a minute",
            __init__=_by_the_minute),
-    edited("ThirdUnwatched", "Watches the leases of two robots, and not the third's.", "several.third", "the third",
+    edited("ThirdUnwatched", "Watches the leases of two robots, and not the third's.", "several.last", "behind them",
            __init__=_leased(1e6, robot_id=THIRD)),
     edited("Docks", "Ends its way once it is near its target, whatever its lease says.", "deadman.arriving", "near its",
            _connect=_with_control(_docks)),

@@ -17,8 +17,8 @@ _CHARGE = 0.02
 _SOON = ((60.0, "the seconds of a minute"), (65.536, "milliseconds in 16 bits"))
 # Where clocks can be set, both at once, and what else begins anew no sooner than after an hour.
 _LATER = (
-    (491520.0, "the seconds of a minute, or milliseconds in 16 bits"),
     (4294.967296, "microseconds in 32 bits"),
+    (491520.0, "the seconds of a minute, or milliseconds in 16 bits"),
 )
 
 
@@ -73,7 +73,11 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
         bench.faulty = True
         bench.harness.step_clock(robot.id, math.ceil(shown_s / every_s) * every_s - shown_s)
         bench.run(_LEARNS_S)
-    bench.go(robot, bench.place(robot, 0.0))
+    bench.go(
+        robot, bench.place(robot, 0.0),
+        cause="its clock was set forward, and it does not obey since: leases and stamps are said by a clock that it no "
+        "longer has, or in too few digits",
+    )  # fmt: skip
     state = robot.read_state()
     wraps_s = math.ceil(state.vehicle_stamp_s / every_s) * every_s + state.stamp_s - state.vehicle_stamp_s
     bench.run(wraps_s - leg_s - bench.now_s)
