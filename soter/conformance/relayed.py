@@ -84,6 +84,16 @@ class RelayedHarness(Harness):
         self.relay: Relay | None = None
         self.witness: Witness | None = None
         self._drivers: list[subprocess.Popen[bytes]] = []
+        self._promised: Capabilities | None = None
+
+    def specs(self, robots: int) -> list[RobotSpec]:
+        """Return the first robots of `WIDE_ROOMS`, with what they are asked to promise in `open_promising`."""
+        return in_wide_rooms(robots, self._promised)
+
+    def open_promising(self, promised: Capabilities) -> Fleet:
+        """Open one robot that is asked to promise this; what `promising` is where `open` opens `specs`."""
+        self._promised = promised
+        return self.open(1)
 
     def close(self) -> None:
         for process in self._drivers:
@@ -97,7 +107,7 @@ class RelayedHarness(Harness):
         for each in (self.relay, self.witness, self.simulator):
             if each is not None:
                 each.close()
-        self.fleet = self.relay = self.witness = self.simulator = None
+        self.fleet = self.relay = self.witness = self.simulator = self._promised = None
 
     def driven(self, opener: str, argument: str, target: Waypoint) -> subprocess.Popen[bytes]:
         """Start a driver as `soter.conformance.driver.spawn` does; it is ended by `close`."""

@@ -42,18 +42,14 @@ class WireHarness(RelayedHarness):
     def impair(self, addresses: Mapping[int, Any]) -> WireRelay:
         """Return a relay to the robots at these addresses."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._promised: Capabilities | None = None
-
     def open(self, robots: int) -> Fleet:
-        self._promised = None
-        return self._opened(robots)
+        self.relay = self.impair(self._start(robots).robots)
+        self.fleet = self._connect()
+        return self.fleet
 
     def promising(self, promised: Capabilities) -> Fleet:
         """Return a fleet of one fresh robot that was asked to promise this."""
-        self._promised = promised
-        return self._opened(1)
+        return self.open_promising(promised)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator, backend = self._start(1), self.backend
@@ -73,16 +69,10 @@ class WireHarness(RelayedHarness):
         """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
         self._simulated().restart(robot_id)
 
-    def _opened(self, robots: int) -> Fleet:
-        self.relay = self.impair(self._start(robots).robots)
-        self.fleet = self._connect()
-        return self.fleet
-
     def _connect(self) -> Fleet:
         simulator, relay = self._simulated(), self.relay
         assert isinstance(relay, WireRelay)
-        robots = in_wide_rooms(len(simulator.robots), self._promised)
-        return _open(self.backend, relay.addresses, simulator.truth, robots)
+        return _open(self.backend, relay.addresses, simulator.truth, self.specs(len(simulator.robots)))
 
     def _simulated(self) -> Simulator:
         assert isinstance(self.simulator, Simulator)
@@ -90,7 +80,7 @@ class WireHarness(RelayedHarness):
 
     def _start(self, robots: int) -> Simulator:
         config: Any = self.backend.config_model(workspace=WIDE_ROOMS, limits=self.limits)
-        self.simulator = simulator = self.backend.simulate(config, in_wide_rooms(robots, self._promised))
+        self.simulator = simulator = self.backend.simulate(config, self.specs(robots))
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
