@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 from soter.conformance.record import Record
 from soter.sdk.values import WIDENS, Widens
-
-OTHERWISE: Final = "truth.capabilities.asked"
-"""The clause that measures robots which promise something else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +39,7 @@ def measured_of(record: Record) -> list[Measured]:
     for outcome in record.outcomes:
         for figure in outcome.figures:
             known = found.get(figure.name)
-            if known is None or outcome.clause.id == OTHERWISE:
+            if known is None:
                 continue
             share = _share(figure.name, figure.value, known.promised)
             if known.share is None or share > known.share:
