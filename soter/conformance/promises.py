@@ -71,7 +71,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
             "place is known to a tenth"
         ),
     ),
-    "overshoot_m": (("bounds.overshoot",), "the farthest of five legs"),
+    "overshoot_m": (("bounds.overshoot",), "the farthest of five legs, and of one backwards"),
     "position_noise_m": (
         ("truth.bounds.noise", "endurance.minute"),
         (

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import socket
+from collections.abc import Callable
 from typing import Any, Final
 
 from soter.onboard.mux import Mux
-from soter.sdk import Controller, Goal, RobotState, RuleLimits
-from tests.broken.edits import edited, sampled, wired
+from soter.sdk import Controller, Goal, RobotState, RuleLimits, Waypoint
+from tests.broken.edits import edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.mutants import THIRD, _leased, _of, _with_control
 from tests.broken.on_wire import BrokenWire
@@ -82,6 +83,27 @@ def _flushes_what_moves(robot: Any, to: Controller) -> None:
 def _halts_what_moves(robot: Any) -> None:
     if robot._v[robot._index] != 0.0 or robot._yaw_rate[robot._index] != 0.0:
         Broken._halt(robot)
+
+
+def _alive_only(act: Callable[[Any], None]) -> Callable[[Any], None]:
+    def edit(robot: Any) -> None:
+        if robot._mux.alive(robot._world.now_s):
+            act(robot)
+
+    return edit
+
+
+def _flushes_alive(robot: Any, to: Controller) -> None:
+    kept = robot._mux.command
+    Broken._hand_over(robot, to)
+    if not robot._mux.alive(robot._world.now_s):
+        robot._mux.command = kept
+
+
+def _beyond_backwards(_: Any, to: Waypoint) -> Waypoint:
+    if to.heading_rad is None:
+        return to
+    return to._replace(x_m=to.x_m - 0.04 * math.cos(to.heading_rad), y_m=to.y_m - 0.04 * math.sin(to.heading_rad))
 
 
 def _of_its_kind(robot: Any, *arguments: Any) -> None:
@@ -161,6 +183,16 @@ CORNERS: Final[tuple[type[Broken], ...]] = (
            "begun to do", _hand_over=_flushes_what_moves),
     edited("CancelsWhatMoves", "Loses a cancel that comes before the robot has begun to move.", "goal.cancel_early",
            "right after its goto", _halt=_halts_what_moves),
+    edited("DeadCancel", "Loses a cancel that comes while its lease is dead.", "authority.while_dead", "a cancel while",
+           _halt=_alive_only(Broken._halt)),
+    edited("DeadSwitch", "Flushes nothing at a switch while its lease is dead.", "authority.while_dead",
+           "a switch while", _hand_over=_flushes_alive),
+    sampled("EightBits", "Names goals by eight bits.", "goal.ids", "too few bits",
+            lambda _, s: s._replace(goal_id=None if s.goal_id is None else s.goal_id & 0xFF)),
+    targeted("CapsOfAcOnly", "Keeps speed caps of goals without a heading only.", "goto.speed_cap", "of the SC",
+             lambda _, to: to if to.heading_rad is None else to._replace(speed_m_s=None)),
+    targeted("BeyondBackwards", "Runs 4 cm beyond targets that it reverses to.", "bounds.overshoot", "too late",
+             _beyond_backwards),
     edited("LeaseOfItsKind", "Has the lease of its kind where it was asked to promise a shorter one.",
            "truth.capabilities.asked", "what its kind declares", __init__=_of_its_kind),
     edited("LimitsLost", "Lets the truth judge by other limits than the mission's.", "truth.bounds.body",

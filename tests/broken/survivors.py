@@ -69,6 +69,12 @@ SURVIVORS: Final = (
         "What the clauses are about, such as a lease that nobody watches. Let the harness open as many as you drive.",
     ),
     Survivor(
+        "Does otherwise once its charge is lower than that of the trials.",
+        "They begin with a tenth, and end before that is used up.",
+        "A robot that goes home by itself then heeds no lease: the battery's module ends most runs before. Try it "
+        "with a battery that is nearly flat.",
+    ),
+    Survivor(
         "Says places that are off in one part of its map, or drives worse there.",
         "The kit drives in three rooms.",
         "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",

@@ -72,6 +72,23 @@ def at_once(bench: Bench) -> None:
     )  # fmt: skip
 
 
+@clause("authority.while_dead")
+def while_dead(bench: Bench) -> None:
+    """A cancel or a switch made while the lease is dead counts: a renewal revives nothing."""
+    robot = bench.open_one()
+    for what in ("a cancel", "a switch"):
+        goal = bench.get_going(robot, bench.place(robot, 0.9))
+        bench.run(bench.orphaned_s() + TICK_S, renew=False)
+        if what == "a cancel":
+            goal.cancel()
+        else:
+            robot.switch_ac_sc(Controller.SC, "conformance")
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+        bench.expect_still(
+            robot, 1.5, f"{what} while the lease is dead is lost: the renewal revives what it was to end"
+        )
+
+
 @clause("authority.obeys_at_once", truth=True)
 def obeys_at_once(bench: Bench) -> None:
     """After a switch the new controller's goal moves the robot within the latency."""

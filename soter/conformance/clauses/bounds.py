@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import Sample, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
+from soter.errors import Unsupported
 from soter.sdk import Controller, Robot, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
@@ -20,6 +22,7 @@ _TURNS = 0.6
 _ASIDE_RAD = 0.7
 _ASIDE_M = 0.6
 _OFF_RAD = 0.15
+_BACK = 0.4
 _FAR_FROM = 0.8
 _FAR_TO = 4.0
 
@@ -100,6 +103,17 @@ def _legs(bench: Bench) -> list[tuple[Sample, Waypoint, list[Sample]]]:
         bench.go(robot, target)
         bench.run(1.0)
         legs.append((began, target, bench.since(robot, began_s)))
+    if bench.caps.reverses:
+        began, began_s = bench.look(robot), bench.now_s
+        back_m = _BACK * bench.harness.room_m / 2.0
+        target = Waypoint(
+            began.x_m - back_m * math.cos(began.heading_rad), began.y_m - back_m * math.sin(began.heading_rad),
+            heading_rad=began.heading_rad, radius_m=0.05,
+        )  # fmt: skip
+        with suppress(Unsupported):
+            bench.go(robot, target)
+            bench.run(1.0)
+            legs.append((began, target, bench.since(robot, began_s)))
     return legs
 
 

@@ -13,6 +13,7 @@ from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus
 
+_MANY = 300
 _REPLACED = 4
 _EARLY = 2
 _GAINS = 0.15
@@ -23,14 +24,15 @@ _SAMPLE_S = 0.02
 def ids(bench: Bench) -> None:
     """Every goal has an id of its own, and samples name the goal in progress, or none."""
     robot = bench.open_one()
-    goals = [robot.goto(bench.place(robot, 0.5), Controller.AC) for _ in range(5)]
-    bench.require(len({goal.id for goal in goals}) == 5, "two goals have one id: goto() is overridden")
+    # More than eight bits can number.
+    goals = [robot.goto(bench.place(robot, 0.5), Controller.AC) for _ in range(_MANY)]
+    bench.require(len({goal.id for goal in goals}) == _MANY, "two goals have one id: goto() is overridden")
     bench.run(bench.caps.latency_s + bench.caps.sample_age_s + 4 * TICK_S)
     seen = bench.look(robot).state.goal_id
     bench.require(
         seen in (None, goals[-1].id),
-        f"the sample names goal {seen}, the one in progress is {goals[-1].id}: an older goal, or the vehicle's own "
-        "count",
+        f"the sample names goal {seen}, the one in progress is {goals[-1].id}: an older goal, the vehicle's own count, "
+        "or a number of too few bits",
     )
 
 
