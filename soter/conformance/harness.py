@@ -49,6 +49,11 @@ class Harness(ABC):
         side_by_side: whether several fleets may be open at once on this host, by processes that know nothing of each
             other: their robots are simulated, each fleet has its own, and ports are free ones. `soter conform --jobs`
             tries one clause after another where it is False.
+        starts_robots: whether `open` starts them afresh, where their specs say. Where it only connects to one that is
+            there, the kit lets it drive back to its start before each clause, and stops it when it leaves its room.
+        robots_most: how many `open` can return.
+        clause_limit_s: a clause that takes longer on the host hangs, and fails.
+        judges: whether figures are judged by what is declared; where they are only taken, no clause fails by them.
     """
 
     name: str
@@ -58,6 +63,10 @@ class Harness(ABC):
     connect_timeout_s: float = 10.0
     speedup: float = 1.0
     side_by_side: bool = False
+    starts_robots: bool = True
+    robots_most: int = 2
+    clause_limit_s: float = 180.0
+    judges: bool = True
 
     @abstractmethod
     def open(self, robots: int) -> Fleet:

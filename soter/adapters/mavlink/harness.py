@@ -20,8 +20,10 @@ from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, Vehicle
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness, in_wide_rooms
+from soter.errors import RobotUnavailable
 from soter.sdk import Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
 
@@ -37,13 +39,14 @@ class Relay(ImpairedRelay):
 
     Args:
         adapter_port: on which the adapter listens.
+        listens: where the vehicles send; port 0 for any that is free.
 
     Attributes:
         port: to which the vehicles send.
     """
 
-    def __init__(self, adapter_port: int) -> None:
-        self._vehicles: Final = _bound()
+    def __init__(self, adapter_port: int, listens: tuple[str, int] = (_HOST, 0)) -> None:
+        self._vehicles: Final = _bound(listens)
         self._adapter: Final = _bound()
         self.port: Final[int] = self._vehicles.getsockname()[1]
         self._parser: Final = mav.MAVLink(None)
@@ -91,9 +94,9 @@ class Relay(ImpairedRelay):
         return _EVERYBODY
 
 
-def _bound() -> socket.socket:
+def _bound(at: tuple[str, int] = (_HOST, 0)) -> socket.socket:
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    opened.bind((_HOST, 0))
+    opened.bind(at)
     opened.setblocking(False)
     return opened
 
@@ -128,6 +131,23 @@ class MavlinkHarness(RelayedHarness):
         simulator = self._start(robots, relay.port)
         self.fleet = self._opened(port, simulator.truth, robots)
         return self.fleet
+
+    @staticmethod
+    def between(config: MavlinkConfig) -> tuple[Relay, MavlinkConfig] | None:
+        """Return a relay to given vehicles that send to a UDP port, and options that lead to it.
+
+        Raises:
+            RobotUnavailable: the port is taken.
+        """
+        address = None if config.connection is None else Address.parse(config.connection)
+        if address is None or address.kind != "udpin":
+            return None
+        port = free_port()
+        try:
+            relay = Relay(port, (address.host, address.port))
+        except OSError as failure:
+            raise RobotUnavailable(f"'{address}' cannot be listened at: {failure}") from failure
+        return relay, config.model_copy(update={"connection": f"udpin:{_HOST}:{port}"})
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
