@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from pydantic import ValidationError
+
 from soter.conformance.clause import CLAUSES, Clause
 from soter.conformance.given import Given
 from soter.conformance.measured import measured_of
@@ -138,8 +140,9 @@ def _advised(given: Given, record: Record, margin: float) -> tuple[Sequence[Advi
             better = each.promised
         judge = "truth" if each.clause.startswith("truth.") else "own estimate"
         advice.append(Advice(each.name, each.promised, each.measured, better, each.clause, judge))
-    found = {each.name: each.declared for each in advice if each.measured is not None}
-    return advice, _table(given, found)
+    table = _table(given, {each.name: each.declared for each in advice if each.measured is not None})
+    # What the backend does not let its robots promise stays as it is.
+    return [each if each.name in table else replace(each, declared=each.promised) for each in advice], table
 
 
 def _spared(name: str, measured: float, margin: float) -> float:
@@ -172,4 +175,14 @@ def _table(given: Given, wanted: Mapping[str, float]) -> Mapping[str, float]:
             if at_high > at_low:
                 needed = max(low + low * (value - at_low) / (at_high - at_low), 0.0)
                 told[name] = _rounded(needed, _STEP, down=WIDENS[name] is Widens.DOWN)
-    return told
+    given_options = {key: getattr(config, key) for key in config.model_fields_set}
+    while True:
+        try:
+            type(config).model_validate({**given_options, "promise": told})
+        except ValidationError as failure:
+            # One rule may only be looked at once another is kept.
+            refused = {str(part) for error in failure.errors() for part in error["loc"]} & told.keys()
+            told = {name: value for name, value in told.items() if name not in refused}
+            if refused:
+                continue
+        return told
