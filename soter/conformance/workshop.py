@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from typing import Final, Self
 
-from soter.child import Child, ChildDied
 from soter.conformance.clause import Clause
 from soter.conformance.find import named
 from soter.conformance.given import Given
@@ -22,6 +21,7 @@ from soter.conformance.record import Outcome, Record, Subject, Verdict
 from soter.conformance.tally import Tally
 from soter.conformance.worker import Ready, Told, decode
 from soter.errors import BackendError
+from soter.isolation.child import Child, ChildDied
 
 _START_S: Final = 210.0
 """A process that is not ready for the first clause by then is killed."""
