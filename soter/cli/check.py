@@ -177,9 +177,9 @@ def _print(console: Console, report: Report) -> None:
 
 def _print_what_would_do(console: Console, subject: dict[str, Any]) -> None:
     """Print the tables of all modules that keep distances, with numbers that fit each other, or why there are none."""
+    from soter.check.tune import what_would_do
+    from soter.config.toml_text import toml
     from soter.errors import ConfigError
-    from soter.runner.toml_text import toml
-    from soter.runner.tune import what_would_do
 
     try:
         tuning = what_would_do(_mission(subject))

@@ -37,7 +37,7 @@ def read_given(
     from soter.conformance.given import Given
     from soter.errors import ConfigError
     from soter.registry import load_backend
-    from soter.runner.specs import asked, read_options, robot_specs
+    from soter.specs import asked, read_options, robot_specs
 
     loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
     workspace = loaded.read_workspace()

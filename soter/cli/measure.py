@@ -67,8 +67,8 @@ def measure(
         from soter.cli.conform_output import Outcomes
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, json_output, refuse_clashes
+        from soter.config.toml_text import toml
         from soter.conformance.survey import STEPS, survey
-        from soter.runner.toml_text import toml
 
         given = read_given(mission, backend, settings, robot, room)
         refuse_clashes({"--output": output, "--json": json}, (mission,), force=force)

@@ -13,10 +13,10 @@ from typing import Any, Final
 from soter.clock import VehicleClock
 from soter.conformance.relayed import Relay, RelayedHarness
 from soter.errors import ConfigError
+from soter.geometry.workspace import Workspace
 from soter.registry import load_backend
 from soter.sdk import BackendConfig, Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
-from soter.workspace import Workspace
 
 _CONNECT_S: Final = 90.0
 _CLAUSE_S: Final = 900.0

@@ -10,7 +10,7 @@ import pytest
 
 from soter.adapters.mavlink.backend import MavlinkBackend
 from soter.adapters.mavlink.options import MavlinkConfig
-from soter.adapters.pybullet import KinematicBackend
+from soter.adapters.pybullet.backend import KinematicBackend, KinematicConfig
 from soter.conformance import CLAUSES, Overall, Verdict, find_harness, judge, select
 from soter.conformance.bench import Bench
 from soter.conformance.figure import Failed
@@ -18,14 +18,14 @@ from soter.conformance.given import Given, GivenHarness
 from soter.conformance.record import overall
 from soter.conformance.survey import survey
 from soter.errors import ConfigError
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Controller, Fleet, RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 
 FIELD = Workspace(20.0, 20.0, (Box(15.0, 15.0, 16.0, 16.0),), (RobotPlace(4, 8.0, 7.0, Box(7.5, 6.5, 8.5, 7.5), 0.4),))
 
 
 def given(room_m: float = 3.0, **promises: float) -> Given:
-    config = KinematicBackend.config_model(workspace=FIELD, promise=promises)
+    config = KinematicConfig.model_validate({"workspace": FIELD, "promise": promises})
     spec = RobotSpec(4, 8.0, 7.0, 0.4, promised=KinematicBackend.promises(config))
     return Given("kinematic", config, spec, room_m)
 
@@ -38,7 +38,7 @@ class Elsewhere(GivenHarness):
     def open(self, robots: int) -> Fleet:
         place = replace(FIELD.robots[0], x_m=8.0 + self.off_m, heading_rad=2.0)
         spec = replace(self._given.spec, x_m=place.x_m, heading_rad=2.0)
-        config = self._given.config.model_copy(update={"workspace": replace(FIELD, robots=(place,))})
+        config = KinematicConfig(workspace=replace(FIELD, robots=(place,)))
         fleet = KinematicBackend().open(config, [spec])
         # What the kit is told is where the mission file has it.
         vars(fleet.robots[0])["_Robot__spec"] = self._given.spec
