@@ -157,7 +157,9 @@ class MachineContext(Intake):
                 result = handler.call(self.machine, argument)
             else:
                 result = handler.call(self.machine)
-        except Exception as exc:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as exc:
             raise self.failure(exc) from exc
         if result.__class__ is CoroutineType:
             self.coro = result
@@ -173,11 +175,13 @@ class MachineContext(Intake):
         except StopIteration as stop:
             self.coro = None
             return stop.value
-        except BaseException as exc:
+        except KeyboardInterrupt:
             self.coro = None
-            if isinstance(exc, Exception):
-                raise self.failure(exc) from exc
             raise
+        except BaseException as exc:
+            # Who exits, or cancels what is not there, has failed as well; nothing of that ends the program.
+            self.coro = None
+            raise self.failure(exc) from exc
         if request.__class__ is not Wait or request.context is not self:
             what = "receive() of another machine" if isinstance(request, Wait) else type(request).__name__
             line = coro.cr_frame.f_lineno if coro.cr_frame is not None else "?"
@@ -212,7 +216,9 @@ class MachineContext(Intake):
             coro.throw(GeneratorExit)
         except (GeneratorExit, StopIteration):
             return
-        except Exception as exc:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as exc:
             if not quietly:
                 raise self.failure(exc, "while being abandoned, raised ") from exc
             return

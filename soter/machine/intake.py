@@ -218,7 +218,7 @@ class Intake:
             wait.seen += 1
         return wanted
 
-    def failure(self, exc: Exception, prefix: str = "") -> MachineError:
+    def failure(self, exc: BaseException, prefix: str = "") -> MachineError:
         """Describe an exception that came out of user code."""
         return self.error(f"{prefix}{type(exc).__name__}: {exc}")
 

@@ -183,9 +183,9 @@ class RobotScript(Machine):
         await self.sleep(0.0)
         try:
             await script.run(Robot(self, robot_id, stage, agent))
-        except RunFailed:
+        except (RunFailed, KeyboardInterrupt, GeneratorExit):
             raise
-        except Exception as failure:
+        except BaseException as failure:
             file = Path(script.run.__code__.co_filename) if hasattr(script.run, "__code__") else None
             raise ScriptFailed(described(failure, file)) from failure
         script.on_end()

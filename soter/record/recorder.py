@@ -41,6 +41,9 @@ long as this one did, comes within it: where ticks are slow, every tick crosses 
 LATE_S: Final = 60.0
 """Fleet time by which what a mission tells of may differ from that of the tick at which it is recorded."""
 
+MOST_CHANGES: Final = 1000
+"""Changes of machines that are recorded of one tick: what a mission does must not be too much for the file."""
+
 _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
 
 
@@ -62,7 +65,7 @@ class RecordingReport(NamedTuple):
         failure: why it is not complete; empty if it is.
         dropped_ticks: how many ticks are missing in it.
         size_bytes: of the file.
-        refused: messages of the mission's that are not in it, because of their times.
+        refused: messages of the mission's that are not in it, because of their times or because there were too many.
     """
 
     path: Path
@@ -91,7 +94,7 @@ class Recorder:
         self.path: Final = path
         self._stop: Final = stop
         self._sign: Final = sign
-        self._refused = 0
+        self._refused = self._changes = 0
         self._waits: Final = waits
         self._pipe: WriterPipe | None = None
         self._taps: Final[dict[int, Tap]] = {}
@@ -204,11 +207,18 @@ class Recorder:
 
     def on_transition(self, transition: Transition) -> None:
         """Record a change of state of one of the mission's machines; when it was, is judged at the tick."""
-        self._note(transition)
+        self._changes += 1
+        if self._changes <= MOST_CHANGES:
+            self._note(transition)
+            return
+        if self._changes == MOST_CHANGES + 1:
+            text = "the mission's machines change more than %d times in a tick; the rest is not recorded"
+            logger.warning(text, MOST_CHANGES)
+        self._refused += 1
 
     def tick(self, now_s: float, tick: int) -> None:
         """Record one tick; call it when everything that belongs to it has happened."""
-        self._now_s = now_s
+        self._now_s, self._changes = now_s, 0
         pipe = self._pipe
         if pipe is None or pipe.failure:
             self._events = []

@@ -117,7 +117,7 @@ class ControllerHost:
             return
         try:
             call()
-        except Exception as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
+        except (Exception, SystemExit) as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
             cause = f"{driver.name} failed: {failure!r}"
             logger.error("robots %s: %s", ", ".join(map(str, driver.robot_ids)), cause)
             self.failures.update(dict.fromkeys(driver.robot_ids, cause))

@@ -29,6 +29,10 @@ from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 
 logger = logging.getLogger(__name__)
 
+_MOST_SAYINGS: Final = 100
+"""What a mission says in one tick; the rest is counted."""
+_LONGEST_SAYING: Final = 4000
+
 TASK_PLANNER: Final = "TaskPlanner"
 HERE: Final = "local"
 
@@ -71,6 +75,7 @@ class MachineHost:
         # Robots of a task planner elsewhere need no mission: what they are to do comes over the bus.
         self._plays: Final = make_mission(mission) if part is None or part.planner else None
         self._scene: Scene | None = None
+        self._said = 0
         self._runtime: Final = Runtime(
             now=self._now, on_failure=self._failed, node=HERE if part is None else part.name
         )  # fmt: skip
@@ -118,7 +123,7 @@ class MachineHost:
             )  # fmt: skip
             try:
                 self._plays.start(stage)
-            except Exception as failure:
+            except (Exception, SystemExit) as failure:
                 logger.exception("the mission failed")
                 self.failures[None] = f"the mission failed: {failure!r}"
         elif part is not None and messages is not None:
@@ -155,6 +160,9 @@ class MachineHost:
                     plan = guard.judge(state, now_s, request, plan)
                 self._runtime.post(machine, PathPlanned(plan.request_id, plan.path, plan.reason, plan.reaches_goal))
         self._runtime.run()
+        if self._said > _MOST_SAYINGS:
+            logger.warning("... and %d more in this tick", self._said - _MOST_SAYINGS)
+        self._said = 0
 
     @property
     def current_handler(self) -> str | None:
@@ -196,8 +204,11 @@ class MachineHost:
 
     def _say(self, name: str, text: str) -> None:
         """Log what the mission says, and record it as something that happens to a machine of its name."""
+        self._said += 1
+        if self._said > _MOST_SAYINGS:
+            return
         # Half a surrogate pair is text in Python, and nowhere else.
-        text, scene = text.encode("utf-8", "replace").decode(), self._scene
+        text, scene = text[:_LONGEST_SAYING].encode("utf-8", "replace").decode(), self._scene
         # Nobody has to set up logging to see what a script says.
         logger.warning("%s", text)
         if scene is not None and scene.on_transition is not None:

@@ -117,6 +117,30 @@ class NeverLetsGo(Mission):
             await robot.go_to(1.0, 1.0)
 
 
+class Chatters(Mission):
+    """Talks without end, and at length."""
+
+    async def run(self, robot: Robot) -> None:
+        for _ in range(20_000):
+            self.log("x" * 1000)
+        self.log("y" * 1_000_000)
+        await robot.sleep(1000.0)
+
+
+class Exits(Mission):
+    """Would end the whole program."""
+
+    async def run(self, robot: Robot) -> None:
+        raise SystemExit(7)
+
+
+class Cancels(Mission):
+    """Ends by what is no `Exception`."""
+
+    async def run(self, robot: Robot) -> None:
+        raise asyncio.CancelledError("never mind")
+
+
 class GoesNowhere(Mission):
     async def run(self, robot: Robot) -> None:
         refused = 0

@@ -156,6 +156,8 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other() -> None:
         ("AwaitsAnything", "RuntimeError: no running event loop"),
         ("GoesNowhere", "ValueError: "),
         ("UsesOther", "after() of UsesOther 2"),
+        ("Exits", "SystemExit: 7"),
+        ("Cancels", "CancelledError: "),
     ],
 )
 def test_what_a_script_may_not_do_is_named(name: str, words: str) -> None:
@@ -172,6 +174,24 @@ def test_a_script_that_does_not_let_go_costs_no_result(tmp_path: Path, caplog: p
     assert run.recording is not None
     assert not run.recording.failure
     assert any("NeverLetsGo" in line for line in caplog.messages)
+
+
+def test_a_script_that_talks_without_end_is_recorded_all_the_same(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        run = run_mission(told("Chatters", duration_s=1.0), record=tmp_path / "run.mcap")
+    assert run.recording is not None
+    assert not run.recording.failure
+    assert [line for line in caplog.messages if line.endswith(" more in this tick")]
+    assert sum(map(len, caplog.messages)) < 1_000_000
+    said = [
+        each
+        for tick in Recording(tmp_path / "run.mcap").ticks()
+        for each in tick.events
+        if getattr(each, "event", "") == "log"
+    ]
+    assert 0 < len(said) < 1000
 
 
 def test_a_script_that_never_awaits_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
