@@ -35,6 +35,7 @@ _PATIENCE_S: Final = 3.0
 _ASTRAY_RAD: Final = 0.3
 _CREEPS: Final = 0.1
 _BACK: Final = 0.05
+_NEAR_M: Final = 0.05
 
 
 class Bench:
@@ -115,8 +116,9 @@ class Bench:
             f"the robot stands {off_m:.1f} m from its start, ({spec.x_m:g}, {spec.y_m:g}), outside of its room of "
             f"{room_m:g} m: put it there, or correct its start or the origin",
         )
-        if off_m > _BACK * room_m:
-            self.go(robot, Waypoint(spec.x_m, spec.y_m), Controller.SC, cause="it does not drive back to its start")
+        if off_m > max(_BACK * room_m, 2.0 * self.near_m):
+            start = Waypoint(spec.x_m, spec.y_m, radius_m=2.0 * self.near_m)
+            self.go(robot, start, Controller.SC, cause="it does not drive back to its start")
             self.run(SETTLE_S)
         self._turned[robot.id] = self.look(robot).heading_rad
         del self.tracks[robot.id][:-1]
@@ -239,7 +241,7 @@ class Bench:
         (at_x_m, at_y_m, heading_rad), scale = self.home(robot), self.harness.room_m / 2.0
         c, s = math.cos(heading_rad), math.sin(heading_rad)
         x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
-        return Waypoint(at_x_m + x_m, at_y_m + y_m, **options)
+        return Waypoint(at_x_m + x_m, at_y_m + y_m, **{"radius_m": 2.0 * self.near_m, **options})
 
     def go(
         self,
@@ -277,7 +279,9 @@ class Bench:
 
     def stands(self, robot: Robot, since_s: float) -> bool:
         """Whether for a while now nothing has moved, or been heard, of a robot that has had time to: no use to wait."""
-        patience_s = _PATIENCE_S + 2.0 * self.caps.latency_s + self.caps.sample_age_s
+        # So long that what moves gets farther than what only seems to.
+        patience_s = max(_PATIENCE_S, 4.0 * self.still_m / self.caps.v_max_m_s)
+        patience_s += 2.0 * self.caps.latency_s + self.caps.sample_age_s
         track, from_s = self.tracks[robot.id], self.now_s - patience_s
         if from_s < since_s:
             return False
@@ -365,6 +369,11 @@ class Bench:
         )
 
     # --- judging ---------------------------------------------------------------------------------------------
+
+    @property
+    def near_m(self) -> float:
+        """How near to a target a robot is asked to come: as near as it can know that it is there."""
+        return max(_NEAR_M, 0.0 if self.capabilities is None else self.capabilities.position_noise_m)
 
     @property
     def still_m(self) -> float:
