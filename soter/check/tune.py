@@ -153,7 +153,7 @@ def _apart(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int
     far = _separated(mission, collision.phi_safe_m, collision.phi_safe_m + _FAR_M)
     try:
         for made in declare_all(far, workspace, capabilities).values():
-            made.check_module(made.module(COLLISION), mission.base_tick_s)
+            made.module(COLLISION).check(made.timing, mission.base_tick_s)
     except IllFormedModule as failure:
         safe_m = failure.would_do.get("phi_safe_m", collision.phi_safe_m)
         if safe_m > collision.phi_safe_m:
@@ -292,7 +292,7 @@ class _Search:
             way = choice.phi_safer - module.edge_margin() if choice.module == BATTERY else 0.0
             costs.append((reach, usual + asked - reach, asked + way))
             try:
-                made.check_module(module, self._mission.base_tick_s)
+                module.check(made.timing, self._mission.base_tick_s)
             except IllFormedModule as failure:
                 why_not = why_not or _reason(failure)
                 would_do_s = max(would_do_s, failure.would_do.get("delta_s", 0.0))
