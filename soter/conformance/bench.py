@@ -36,6 +36,7 @@ _ASTRAY_RAD: Final = 0.3
 _CREEPS: Final = 0.1
 _BACK: Final = 0.05
 _NEAR_M: Final = 0.05
+_MAY_BE: Final = 0.2
 
 
 class Bench:
@@ -282,7 +283,7 @@ class Bench:
     def stands(self, robot: Robot, since_s: float) -> bool:
         """Whether for a while now nothing has moved, or been heard, of a robot that has had time to: no use to wait."""
         # So long that what moves gets farther than what only seems to.
-        patience_s = max(_PATIENCE_S, 4.0 * self.still_m / self.caps.v_max_m_s)
+        patience_s = max(_PATIENCE_S, 4.0 * self.still_m / self._slow_m_s)
         patience_s += 2.0 * self.caps.latency_s + self.caps.sample_age_s
         track, from_s = self.tracks[robot.id], self.now_s - patience_s
         if from_s < since_s:
@@ -373,6 +374,11 @@ class Bench:
     # --- judging ---------------------------------------------------------------------------------------------
 
     @property
+    def _slow_m_s(self) -> float:
+        """How fast a robot is at least that goes as fast as it can; what is only measured may be far from its promise."""
+        return self.caps.v_max_m_s * (1.0 if self.harness.judges else _MAY_BE)
+
+    @property
     def near_m(self) -> float:
         """How near to a target a robot is asked to come: as near as it can know that it is there."""
         return max(_NEAR_M, 0.0 if self.capabilities is None else self.capabilities.position_noise_m)
@@ -416,7 +422,7 @@ class Bench:
     def way_s(self) -> float:
         """Return a time in which a robot gets anywhere in its room, generously."""
         caps = self.caps
-        return 3.0 * self.harness.room_m / caps.v_max_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
+        return 3.0 * self.harness.room_m / self._slow_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
 
     def orphaned_s(self) -> float:
         """Return how long after the last renewal of its lease a robot at top speed may still move."""
