@@ -375,7 +375,7 @@ class Bench:
 
     @property
     def _slow_m_s(self) -> float:
-        """How fast a robot is at least that goes as fast as it can; what is only measured may be far from its promise."""
+        """The least top speed to reckon with; a robot that is only measured may be far from its promise."""
         return self.caps.v_max_m_s * (1.0 if self.harness.judges else _MAY_BE)
 
     @property
