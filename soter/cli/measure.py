@@ -103,14 +103,14 @@ def _show(console: Console, found: Survey) -> None:
 
     table = Table(box=None, pad_edge=False, header_style="dim")
     right = ("declared", "measured", "had better be")
-    for name in ("promise", *right, "judged by", "clause"):
+    for name in ("promise", *right, "judged by"):
         table.add_column(name, justify="right" if name in right else "left", no_wrap=True)
     for each in found.advice:
         if each.measured is None:
-            table.add_row(each.name, f"{each.promised:.3g}", "-", "-", "not measured", "")
+            table.add_row(each.name, f"{each.promised:.3g}", "-", "-", "not measured")
         else:
             row = (each.name, f"{each.promised:.3g}", f"{each.measured:.3g}", f"{each.declared:.3g}")
-            table.add_row(*row, each.judge, each.clause)
+            table.add_row(*row, each.judge)
     console.print()
     console.print(table)
 

@@ -35,6 +35,8 @@ _PATIENCE_S: Final = 3.0
 _ASTRAY_RAD: Final = 0.3
 _CREEPS: Final = 0.1
 _BACK: Final = 0.05
+_NEAR_M: Final = 0.05
+_MAY_BE: Final = 0.2
 
 
 class Bench:
@@ -117,8 +119,9 @@ class Bench:
             f"the robot stands {off_m:.1f} m from its start, ({spec.x_m:g}, {spec.y_m:g}), outside of its room of "
             f"{room_m:g} m: put it there, or correct its start or the origin",
         )
-        if off_m > _BACK * room_m:
-            self.go(robot, Waypoint(spec.x_m, spec.y_m), Controller.SC, cause="it does not drive back to its start")
+        if off_m > max(_BACK * room_m, 2.0 * self.near_m):
+            start = Waypoint(spec.x_m, spec.y_m, radius_m=2.0 * self.near_m)
+            self.go(robot, start, Controller.SC, cause="it does not drive back to its start")
             self.run(SETTLE_S)
         self._turned[robot.id] = self.look(robot).heading_rad
         del self.tracks[robot.id][:-1]
@@ -241,7 +244,7 @@ class Bench:
         (at_x_m, at_y_m, heading_rad), scale = self.home(robot), self.harness.room_m / 2.0
         c, s = math.cos(heading_rad), math.sin(heading_rad)
         x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
-        return Waypoint(at_x_m + x_m, at_y_m + y_m, **options)
+        return Waypoint(at_x_m + x_m, at_y_m + y_m, **{"radius_m": 2.0 * self.near_m, **options})
 
     def go(
         self,
@@ -279,7 +282,9 @@ class Bench:
 
     def stands(self, robot: Robot, since_s: float) -> bool:
         """Whether for a while now nothing has moved, or been heard, of a robot that has had time to: no use to wait."""
-        patience_s = _PATIENCE_S + 2.0 * self.caps.latency_s + self.caps.sample_age_s
+        # So long that what moves gets farther than what only seems to.
+        patience_s = max(_PATIENCE_S, 4.0 * self.still_m / self._slow_m_s)
+        patience_s += 2.0 * self.caps.latency_s + self.caps.sample_age_s
         track, from_s = self.tracks[robot.id], self.now_s - patience_s
         if from_s < since_s:
             return False
@@ -369,6 +374,16 @@ class Bench:
     # --- judging ---------------------------------------------------------------------------------------------
 
     @property
+    def _slow_m_s(self) -> float:
+        """The least top speed to reckon with; a robot that is only measured may be far from its promise."""
+        return self.caps.v_max_m_s * (1.0 if self.harness.judges else _MAY_BE)
+
+    @property
+    def near_m(self) -> float:
+        """How near to a target a robot is asked to come: as near as it can know that it is there."""
+        return max(_NEAR_M, 0.0 if self.capabilities is None else self.capabilities.position_noise_m)
+
+    @property
     def still_m(self) -> float:
         """A robot whose pose changes by no more than this is at rest."""
         return STILL_M + (0.0 if self.truth else 2.0 * self.caps.position_noise_m)
@@ -407,7 +422,7 @@ class Bench:
     def way_s(self) -> float:
         """Return a time in which a robot gets anywhere in its room, generously."""
         caps = self.caps
-        return 3.0 * self.harness.room_m / caps.v_max_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
+        return 3.0 * self.harness.room_m / self._slow_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
 
     def orphaned_s(self) -> float:
         """Return how long after the last renewal of its lease a robot at top speed may still move."""

@@ -21,6 +21,7 @@ from soter.sdk.truth import StreamedTruth
 _CONNECT_S: Final = 90.0
 _CLAUSE_S: Final = 900.0
 _LEAST_ROOM_M: Final = 2.0
+_ROOM_TO_NOISE: Final = 12.0
 _BY_RELAY: Final = ("cut", "delay", "loss", "duplicate", "reorder")
 
 
@@ -53,15 +54,18 @@ class Given:
         Raises:
             ConfigError: it is too small, leaves the workspace or touches a box.
         """
-        spec = self.spec
-        radius_m = self.radius_m + (0.0 if spec.promised is None else spec.promised.body_radius_m)
+        spec, promised = self.spec, self.spec.promised
+        assert promised is not None
+        radius_m = self.radius_m + promised.body_radius_m
+        # Targets are so far apart that the robot can know at which of them it is.
+        least_m = max(_LEAST_ROOM_M, _ROOM_TO_NOISE * promised.position_noise_m)
         to_fence_m = min(spec.x_m, spec.y_m, workspace.width_m - spec.x_m, workspace.depth_m - spec.y_m)
         to_box_m = min((box.distance_m(spec.x_m, spec.y_m) for box in workspace.boxes), default=math.inf)
         free_m = min(to_fence_m, to_box_m)
-        if self.room_m < _LEAST_ROOM_M or radius_m > free_m:
+        if self.room_m < least_m or radius_m > free_m:
             what = "the fence" if to_fence_m <= to_box_m else "a box"
             most_m = 2.0 * (free_m - radius_m) + self.room_m
-            allowed = f"{_LEAST_ROOM_M:g} to {most_m:.1f}" if most_m >= _LEAST_ROOM_M else "none; start it elsewhere"
+            allowed = f"{least_m:g} to {most_m:.1f}" if most_m >= least_m else "none; start it elsewhere"
             raise ConfigError(
                 f"a circle of {self.room_m:g} m and its body take {radius_m:.2f} m around the start of robot "
                 f"{spec.id}, ({spec.x_m:g}, {spec.y_m:g}), and {what} is {free_m:.2f} m away; allowed: {allowed}",

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from soter.conformance.clause import CLAUSES, Clause
 from soter.conformance.given import Given
 from soter.conformance.measured import measured_of
+from soter.conformance.promises import MEASURED_BY
 from soter.conformance.record import Outcome, Record, Verdict
 from soter.conformance.workshop import Workshop
 from soter.registry import load_backend
@@ -130,9 +131,12 @@ def _adjusted(given: Given, seen: Mapping[str, float]) -> Given:
 
 
 def _advised(given: Given, record: Record, margin: float) -> tuple[Sequence[Advice], Mapping[str, float]]:
+    failed = {each.clause.id.removeprefix("truth.") for each in record.outcomes if each.verdict is Verdict.FAIL}
+    # What else was seen of it may be far from the worst.
+    unknown = {name for name, (by, _) in MEASURED_BY.items() if failed & {key.removeprefix("truth.") for key in by}}
     advice = []
     for each in measured_of(record):
-        if each.measured is None:
+        if each.measured is None or each.name in unknown:
             advice.append(Advice(each.name, each.promised, None, each.promised))
             continue
         better = _spared(each.name, each.measured, margin)

@@ -50,6 +50,8 @@ def test_a_room_that_is_not_free_is_refused(room_m: float) -> None:
     with pytest.raises(ConfigError, match=r"--room: .* allowed: 2 to 13\.8"):
         given(room_m).check(FIELD)
     given(13.7).check(FIELD)
+    with pytest.raises(ConfigError, match=r"allowed: 6 to 13\.8"):
+        given(5.9).promising(position_noise_m=0.5).check(FIELD)
 
 
 def test_it_is_driven_back_to_the_middle_of_its_room_before_each_clause() -> None:

@@ -119,7 +119,7 @@ def _legs(bench: Bench) -> list[tuple[Sample, Waypoint, list[Sample]]]:
     legs = []
     for ahead, left in _LEGS[: bench.trials(len(_LEGS))]:
         began, began_s = bench.look(robot), bench.now_s
-        target = bench.place(robot, ahead, left, radius_m=0.05)
+        target = bench.place(robot, ahead, left, radius_m=bench.near_m)
         bench.go(robot, target)
         bench.run(1.0)
         legs.append((began, target, bench.since(robot, began_s)))

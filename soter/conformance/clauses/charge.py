@@ -48,7 +48,7 @@ def charge(bench: Bench) -> None:
     _never_jumps(bench, robot)
     if not bench.harness.charges_at_start:
         return
-    bench.go(robot, bench.place(robot, 0.0, radius_m=0.05))
+    bench.go(robot, bench.place(robot, 0.0, radius_m=bench.near_m))
     low = _charge(robot.read_state())
     bench.run(5.0 + 2.5 * _PERCENT * robot.spec.charge_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
     bench.require(

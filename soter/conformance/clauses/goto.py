@@ -44,7 +44,7 @@ def arrives(bench: Bench) -> None:
     """The robot arrives in each direction, and the goal is REACHED within its own radius."""
     robot = bench.open_one()
     for ahead, left in ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0)):
-        target = bench.place(robot, ahead, left, radius_m=0.05)
+        target = bench.place(robot, ahead, left, radius_m=bench.near_m)
         bench.go(robot, target)
         off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
         # What is true now may be a little further on than the sample that was judged.
@@ -103,7 +103,7 @@ def _at(at: Sample, way_m: float, bearing_rad: float) -> Waypoint:
 def accepted_is_not_reached(bench: Bench) -> None:
     """A goal that was sent is ACTIVE until the robot is there, however near it is."""
     robot = bench.open_one()
-    target = bench.place(robot, 0.8, radius_m=0.05)
+    target = bench.place(robot, 0.8, radius_m=bench.near_m)
     goal = robot.goto(target, Controller.AC)
     bench.require_status(goal, GoalStatus.ACTIVE, "what was only sent has not been reached")
 
@@ -125,8 +125,9 @@ def accepted_is_not_reached(bench: Bench) -> None:
 def radius(bench: Bench) -> None:
     """A larger radius ends a goal earlier, a smaller one later: the radius belongs to the goal."""
     distances = []
-    for radius_m in (0.4, 0.05):
+    for times in (8.0, 1.0):
         robot = bench.open_one()
+        radius_m = times * bench.near_m
         target = bench.place(robot, 0.8, radius_m=radius_m)
         bench.go(robot, target)
         off_m = bench.look(robot).distance_m(target.x_m, target.y_m)

@@ -111,7 +111,7 @@ def charge(bench: Bench) -> None:
             f"{other.id} on its charger went from {before[1]:.4f} to {stood:.4f}: "
             f"{_whose(bench, {driver.id: drove, other.id: stood})}",
         )
-        bench.go(driver, bench.place(driver, 0.0, radius_m=0.05))
+        bench.go(driver, bench.place(driver, 0.0, radius_m=bench.near_m))
 
 
 def _whose(bench: Bench, said: dict[int, float]) -> str:

@@ -112,7 +112,7 @@ def frame(bench: Bench) -> None:
     for name, east, north in (("east", 1.0, 0.0), ("north", 0.0, 1.0), ("west", -1.0, 0.0), ("south", 0.0, -1.0)):
         before = bench.look(robot)
         target = bench.place(robot, 0.0)._replace(x_m=before.x_m + east * step, y_m=before.y_m + north * step)
-        bench.go(robot, target._replace(radius_m=0.05))
+        bench.go(robot, target._replace(radius_m=bench.near_m))
         after = bench.look(robot)
         along = (after.x_m - before.x_m) * east + (after.y_m - before.y_m) * north
         across = (after.y_m - before.y_m) * east - (after.x_m - before.x_m) * north
