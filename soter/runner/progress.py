@@ -100,7 +100,7 @@ _LAST_S: Final = 1.0
 """How long the end of a run waits for what is being shown."""
 
 
-class Aside:
+class ProgressThread:
     """A thread that shows the latest progress there is, beside the ticks. A context manager.
 
     A terminal that is slow, or that somebody has stopped, delays none of them.

@@ -177,7 +177,7 @@ def heading(bench: Bench) -> None:
     """A heading that is asked for is arrived with, or goto raises Unsupported and sends nothing."""
     robot = bench.open_one()
     for wanted, cause in (
-        (turn(0.0, robot.spec.heading_rad + 1.0),
+        (turn(0.0, bench.home(robot)[2] + 1.0),
          "the heading was dropped (raise Unsupported), or its sign or zero is another frame's"),
         (0.0, "a heading of 0.0, east, is taken for none: ask `is None`"),
         (1.5 * math.pi, "a heading beyond pi is cut off or dropped: wrap it"),
@@ -223,6 +223,20 @@ def speed_cap(bench: Bench) -> None:
         "low_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
         "a low speed_m_s is not kept: the vehicle does not go as slowly",
     )  # fmt: skip
+    bench.run(SETTLE_S)
+    bench.tracks[robot.id].clear()
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.go(robot, bench.place(robot, -0.1, speed_m_s=cap), Controller.SC)
+    with suppress(Unsupported):
+        bench.go(
+            robot, bench.place(robot, 0.4, speed_m_s=cap)._replace(heading_rad=robot.spec.heading_rad), Controller.SC
+        )
+    seen, off = bench.fastest(robot)
+    bench.measure(
+        "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
+        "the speed_m_s of a goal of the SC, or of one with a heading, is not passed on to the vehicle",
+    )  # fmt: skip
+    robot.switch_ac_sc(Controller.AC, "conformance")
     # A cap is the goal's own: the next one comes up to speed again.
     bench.get_going(robot, bench.place(robot, -0.8), cause="the cap of an earlier goal is kept")
 
@@ -237,7 +251,7 @@ def v_max(bench: Bench) -> None:
     goal = None
     if bench.caps.reverses:
         with suppress(Unsupported):
-            goal = robot.goto(ends[0]._replace(heading_rad=robot.spec.heading_rad), Controller.AC)
+            goal = robot.goto(ends[0]._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
             bench.run(bench.way_s(), lambda: not goal.active)
     for end in ends[goal is not None :]:
         bench.go(robot, end)
