@@ -173,7 +173,8 @@ def _show(found: Sequence[Row], console: Console) -> None:
     from soter.sdk import RULES
 
     compared = ac_only(found)
-    lines, remarks, group = [], [], ""
+    lines: list[tuple[str | Text, ...]] = []
+    remarks, group = [], ""
     for row in found:
         name = row.variant.name
         if row.variant.group != group:

@@ -19,10 +19,10 @@ def backends(json: Annotated[bool, typer.Option("--json", help="Print it as JSON
 
         rows = list_backends()
         if json:
-            from dataclasses import asdict, is_dataclass
+            from dataclasses import asdict
             from json import dumps
 
-            emit(dumps([asdict(row) if is_dataclass(row) else row._asdict() for row in rows], indent=2))
+            emit(dumps([asdict(row) for row in rows], indent=2))
             return
         from soter.cli.console import make_console, print_table
 

@@ -148,8 +148,8 @@ def test_a_pace_holds_virtual_time_to_the_clock_and_makes_up_for_nothing(monkeyp
         slept.append(duration_s)
         host_s += duration_s
 
-    monkeypatch.setattr(cli_live.time, "monotonic", lambda: host_s)
-    monkeypatch.setattr(cli_live.time, "sleep", sleep)
+    monkeypatch.setattr("soter.cli.live.time.monotonic", lambda: host_s)
+    monkeypatch.setattr("soter.cli.live.time.sleep", sleep)
     stopped = False
     pace = cli_live.pace_of(2.0, mission(), lambda: stopped)
     assert pace is not None

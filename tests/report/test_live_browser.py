@@ -41,7 +41,7 @@ ENDLESS = (
     "--duration",
     "1e6",
     "--pace",
-    "10",
+    "20",
     "--live",
     "--no-record",
     "-q",
@@ -103,6 +103,8 @@ def test_a_run_is_followed_scrubbed_returned_to_and_seen_to_its_end(browser: Any
             until(page, f"soter.player.following && soter.player.timeS > {began_s}")
             assert places(page) != before
 
+            # Ten seconds back there still is a disengagement to go back to.
+            until(page, "soter.run.events.length && soter.player.timeS > soter.run.events[0] + 11")
             page.keyboard.press("Shift+ArrowLeft")
             until(page, "document.getElementById('live-state').textContent.endsWith('behind live')")
             seen = moment(page)["timeS"]

@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from rclpy.clock import Clock
@@ -8,6 +8,9 @@ from rclpy.qos import QoSProfile
 
 class Publisher:
     def publish(self, msg: Any) -> None: ...
+
+class Subscription:
+    topic_name: str
 
 class Logger:
     def info(self, message: str) -> bool: ...
@@ -31,6 +34,10 @@ class Node:
         start_parameter_services: bool = ...,
         parameter_overrides: list[Parameter] | None = ...,
     ) -> None: ...
+    @property
+    def context(self) -> Context: ...
+    @property
+    def subscriptions(self) -> Iterator[Subscription]: ...
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile | int) -> Publisher: ...
     def destroy_publisher(self, publisher: Publisher) -> bool: ...
     def create_subscription(
