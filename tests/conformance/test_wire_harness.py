@@ -47,6 +47,8 @@ def test_a_robot_that_was_switched_off_and_on_knows_nothing_of_before(harness: Z
         robot.switch_ac_sc(Controller.AC, "test")
         drive_until(fleet, lambda: False, 0.3)
         assert robot.read_state().controller is Controller.AC
+        # What is under way would be taken by the robot that knows nothing.
+        drive_until(fleet, lambda: False, 0.2, renew=False)
         harness.restart(robot.id)
         assert drive_until(fleet, lambda: robot.read_state().vehicle_stamp_s < 100.0, 5.0, renew=False)
         assert robot.read_state().controller is None, "it follows nobody"
