@@ -34,12 +34,16 @@ PYTHON
 compile pybullet "$scratch/pybullet.in"
 
 # The largest first, so that the others take its versions and can share an environment.
-compile check pyproject.toml --extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --group test --group browser --group lint
-for name in core demo test ros2; do
+test=(--group test --group browser --group notebook)
+for extra in ompl report mavlink foxglove zenoh sign campaign cluster notebook; do test+=(--extra "$extra"); done
+compile check pyproject.toml "${test[@]}" --group lint --group docs --group release
+for name in core demo docs test ros2; do
     case $name in
         core) arguments=() ;;
-        demo) arguments=(--extra ompl --extra report) ;;
-        test) arguments=(--extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --group test --group browser) ;;
+        # With what the README goes on to after the demo.
+        demo) arguments=(--extra ompl --extra report --extra mavlink --extra campaign) ;;
+        docs) arguments=(--group docs) ;;
+        test) arguments=("${test[@]}") ;;
         # For an environment of its own, see tools/env.sh.
         ros2) arguments=(--extra ompl --extra ros2 --extra zenoh --extra campaign --group test) ;;
     esac
