@@ -48,7 +48,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Lead links to where things are on the site, and drop the tests' marks."""
     source = next((path for path, uri in PLACES.items() if uri == page.file.src_uri), f"docs/{page.file.src_uri}")
     if page.file.src_uri.startswith("files/"):

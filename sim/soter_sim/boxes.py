@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from soter.workspace import Box
+from soter.geometry.workspace import Box
 from soter_sim.sweep import BoxEdges, point_to_box
 
 NEAR_M: Final = 2.0

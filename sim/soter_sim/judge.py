@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Final
 
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RuleLimits
-from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
 from soter_sim.boxes import NEAR_M, Boxes
 from soter_sim.sweep import (

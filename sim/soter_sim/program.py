@@ -13,9 +13,9 @@ from typing import Final
 
 from pydantic import TypeAdapter
 
+from soter.geometry.workspace import Workspace
 from soter.onboard.program import Ending
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.real_time import RealTimeWorld
 
 _NICE: Final = -10

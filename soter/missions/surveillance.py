@@ -8,15 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from soter.config_tables import DEFAULT_TARGETS
-from soter.config_tables import Targets as TargetSet
+from soter.config.tables import DEFAULT_TARGETS
+from soter.config.tables import Targets as TargetSet
+from soter.geometry.workspace import Workspace
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.missions.mission import Mission
 from soter.missions.stage import Stage
 from soter.stack.away import AwayKit, robot_agent
 from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
-from soter.workspace import Workspace
 
 OUTSIDE_M: Final = 1.0
 """How far outside the fence hostile targets lie, at most."""

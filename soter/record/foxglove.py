@@ -12,7 +12,7 @@ from typing import Annotated, Final
 
 from msgspec import Meta, Struct
 
-from soter.workspace import Box, Workspace
+from soter.geometry.workspace import Box, Workspace
 
 FRAME: Final = "workspace"
 """The frame that everything stands in: ENU, metres."""

@@ -16,6 +16,8 @@ from msgspec import UNSET, Struct
 from zstandard import ZstdError
 
 from soter.errors import ConfigError
+from soter.geometry.workspace import Workspace
+from soter.geometry.workspace_xml import parse_workspace
 from soter.record import foxglove, messages
 from soter.record.content import Content, Tick, Way
 from soter.record.digest import Proof, State, opened, prove
@@ -40,8 +42,6 @@ from soter.record.messages import (
 from soter.record.tracks import RunTracks, Track
 from soter.record.unpack import Unpacker
 from soter.rta import SwitchRecord
-from soter.workspace import Workspace
-from soter.workspace_xml import parse_workspace
 
 MAX_RECORD_BYTES: Final = 1 << 26
 MAX_ATTACHED_BYTES: Final = 1 << 27

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import msgspec
 
 from soter.config import MissionFile
+from soter.geometry.workspace import Workspace
 from soter.record.about import describe, files
 from soter.record.looks import LOOK_S, FaultStatus, Looks, StallStatus
 from soter.record.messages import AC, EVENTS, Drop, Event, Switch, Target, Transition
@@ -26,7 +27,6 @@ from soter.record.tap import GoalActuator, Tap
 from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Ticks, Way, packed, tamed
 from soter.rta import Mode, RemotePeer, RobotSupervisor, RTAModule, SwitchRecord, Timing
 from soter.sdk import Capabilities, RobotState, Truth
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 

@@ -13,9 +13,9 @@ from typing import Any, Final
 import msgspec
 from msgspec import Raw, Struct
 
+from soter.geometry.workspace import Workspace
 from soter.record.messages import Event
 from soter.sdk import RobotState
-from soter.workspace import Workspace
 
 _LENGTH: Final = struct.Struct("<I")
 

@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import Any, Final, Self
 
 from soter.config import MissionFile
-from soter.config_tables import MotionModel
+from soter.config.tables import MotionModel
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import DischargeBound, Motion, PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
@@ -30,7 +31,6 @@ from soter.stack.safe_controller import WAYPOINT
 from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Terrain, grown
 from soter.stack.user_modules import ModuleKit, declare_own
-from soter.workspace import Box, RobotPlace, Workspace
 
 OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"

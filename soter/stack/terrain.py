@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.workspace import Box, Workspace
+from soter.geometry.workspace import Box, Workspace
 
 CELL_M: Final = 0.1
 """Side of the cells among which a place to retreat to is chosen."""
