@@ -30,7 +30,7 @@ PLACES: Final = {
 _LANGUAGES: Final = {".md": "markdown", ".py": "python", ".sh": "bash", ".xml": "xml", ".toml": "toml", ".yml": "yaml"}
 _FENCE: Final = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 _LINK: Final = re.compile(r"\]\((?![a-z]+:|#)(?P<path>[^)#\s]+)(?P<rest>#[^)\s]*)?\)")
-_MARKS: Final = re.compile(r"^(```[a-z0-9]+)((?: +(?:no-run|continued|exit-\d+))+)(.*)$", re.MULTILINE)
+_MARKS: Final = re.compile(r"^(```[a-z0-9]+)((?: +(?:no-run|continued|exit-[0-9-]+))+)(.*)$", re.MULTILINE)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -32,6 +32,8 @@ def programs() -> list[object]:
         for block in blocks(page):
             if block.language == "python":
                 code = code + "\n" + block.code if "continued" in block.marks else block.code
+                if any(mark.startswith("title=") for mark in block.marks):
+                    continue  # a file of a tutorial
                 name = f"{page.relative_to(ROOT)}:{block.line}"
                 found.append(pytest.param(name, code, "no-run" in block.marks, id=name))
     return found
