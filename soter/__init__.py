@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from soter.config import load_mission
     from soter.controllers import Controller, Velocity, VelocityController
     from soter.errors import ConfigError, IllFormedModule, SoterError
+    from soter.interactive import run
     from soter.machine import Event, Goto, Machine, Runtime, State, Stay
     from soter.missions import Mission, Robot
     from soter.registry import load_backend
     from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Timing, Topic
-    from soter.runner import Run, RunResult, run_mission
+    from soter.runner import RunResult, run_mission
     from soter.sdk import Backend, Capabilities, Waypoint
     from soter.stack.static_rules import Fence
 
@@ -27,11 +28,12 @@ _HOMES = {
     "soter.config": ("load_mission",),
     "soter.controllers": ("Controller", "Velocity", "VelocityController"),
     "soter.errors": ("ConfigError", "IllFormedModule", "SoterError"),
+    "soter.interactive": ("run",),
     "soter.machine": ("Event", "Goto", "Machine", "Runtime", "State", "Stay"),
     "soter.missions": ("Mission", "Robot"),
     "soter.registry": ("load_backend",),
     "soter.rta": ("Node", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
-    "soter.runner": ("Run", "RunResult", "run_mission"),
+    "soter.runner": ("RunResult", "run_mission"),
     "soter.sdk": ("Backend", "Capabilities", "Waypoint"),
     "soter.stack.static_rules": ("Fence",),
 }
@@ -52,7 +54,6 @@ __all__ = [
     "RTAModule",
     "Region",
     "Robot",
-    "Run",
     "RunResult",
     "Runtime",
     "Situation",
@@ -67,6 +68,7 @@ __all__ = [
     "Waypoint",
     "load_backend",
     "load_mission",
+    "run",
     "run_mission",
 ]
 

@@ -1,7 +1,7 @@
 """Every tutorial does what it says, from its first line to its last, in one folder and with nothing else.
 
-A block with a `title` is a file that the reader saves. A block of commands is run by bash and has to exit with 0, or with
-N where it is marked `exit-N` (`exit-N-M`: either); `no-run` leaves out what needs a vehicle or many minutes.
+A block with a `title` is a file that the reader saves. A block of commands is run by bash and has to exit with 0, or
+with N where it is marked `exit-N` (`exit-N-M`: either); `no-run` leaves out what needs a vehicle or many minutes.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ name, points = project["name"], project["entry-points"]
 metadata = Path.cwd() / f"{name.replace('-', '_')}-{project['version']}.dist-info"
 metadata.mkdir()
 (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\\nName: {name}\\nVersion: {project['version']}\\n")
-lines = [f"[{group}]\\n" + "".join(f"{key} = {value}\\n" for key, value in each.items()) for group, each in points.items()]
+lines = [line for group, each in points.items() for line in (f"[{group}]", *(f"{key} = {each[key]}" for key in each))]
 (metadata / "entry_points.txt").write_text("\\n".join(lines))
 Path(name.replace("-", "_")).symlink_to(Path(folder, name.replace("-", "_")).resolve())
 """
