@@ -113,6 +113,16 @@ docs: ## The pages of docs/ as a site in site/, which needs no network: open sit
 	@tools/env.sh docs
 	$(VENV)/mkdocs build --strict --quiet
 
+.PHONY: changelog
+changelog: ## Show what changes/ will say of the next release
+	@tools/env.sh check
+	$(VENV)/towncrier build --draft --version next
+
+.PHONY: release
+release: ## Set the version everywhere and move changes/ into CHANGELOG.md: make release VERSION=0.2.0
+	@tools/env.sh check
+	$(VENV)/python tools/release.py "$(VERSION)"
+
 .PHONY: lock
 lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the newest versions)
 	@tools/lock.sh

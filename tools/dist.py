@@ -67,6 +67,13 @@ def build(folder: Path) -> tuple[Path, Path]:
     return sdist, wheel
 
 
+def tag_problem(tags: list[str], version: str) -> str | None:
+    """Why what was built must not be released under the tags of its commit; None if it may."""
+    of_versions = [tag for tag in tags if tag[:1] == "v" and tag[1:2].isdigit()]
+    wrong = [tag for tag in of_versions if tag != f"v{version}"]
+    return f"this commit is tagged {', '.join(wrong)}, but its version is {version}" if wrong else None
+
+
 def smoke(python: Path, archive: Path, scratch: Path) -> str:
     """Installs an archive, uses it without extras, and takes it away again; returns what its backends say."""
     run(python, *PIP, "install", "--no-deps", archive, cwd=scratch)
@@ -94,6 +101,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
         archives = build(scratch)
+        tags = run("git", "tag", "--points-at", "HEAD", cwd=ROOT).split() if (ROOT / ".git").exists() else []
+        if problem := tag_problem(tags, archives[1].name.split("-")[1]):
+            sys.exit(f"dist: {problem}")
         venv.create(scratch / "venv", with_pip=True)
         python = scratch / "venv" / "bin" / "python"
         run(python, *PIP, "install", "-r", ROOT / "requirements" / "core.txt", cwd=scratch)

@@ -27,7 +27,16 @@ PLACES: Final = {
 }
 """Pages outside of docs/, and where they are on the site."""
 
-_LANGUAGES: Final = {".md": "markdown", ".py": "python", ".sh": "bash", ".xml": "xml", ".toml": "toml", ".yml": "yaml"}
+_LANGUAGES: Final = {
+    ".md": "markdown",
+    ".py": "python",
+    ".sh": "bash",
+    ".xml": "xml",
+    ".toml": "toml",
+    ".yml": "yaml",
+    ".ipynb": "json",
+}
+_NOT_SEARCHED: Final = "---\nsearch:\n  exclude: true\n---\n\n"
 _FENCE: Final = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 _LINK: Final = re.compile(r"\]\((?![a-z]+:|#)(?P<path>[^)#\s]+)(?P<rest>#[^)\s]*)?\)")
 _MARKS: Final = re.compile(r"^(```[a-z0-9]+)((?: +(?:no-run|continued|exit-[0-9-]+))+)(.*)$", re.MULTILINE)
@@ -102,7 +111,9 @@ def content_of(path: str) -> str:
     place = ROOT / path
     if not place.is_dir():
         text = place.read_text(encoding="utf-8")
-        return text if place.suffix == ".md" else f"# {path}\n\n````{_LANGUAGES.get(place.suffix, '')}\n{text}\n````\n"
+        if place.suffix == ".md":
+            return text
+        return f"{_NOT_SEARCHED}# {path}\n\n````{_LANGUAGES.get(place.suffix, '')}\n{text}\n````\n"
     inside = sorted(
         each.relative_to(place).as_posix()
         for each in place.rglob("*")

@@ -136,7 +136,7 @@ def test_every_page_says_what_it_is_for_before_its_first_part() -> None:
     for page in PAGES:
         title, _, rest = page.read_text(encoding="utf-8").partition("\n")
         assert title.startswith("# "), page
-        assert re.match(r"\n(?![#|`!<-])\S", rest), f"{page}: no sentence under the title"
+        assert re.match(r"\n(?!```|[#|!<-])\S", rest), f"{page}: no sentence under the title"
 
 
 def test_hello_world_fits_on_the_first_screen() -> None:
