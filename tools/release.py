@@ -48,6 +48,9 @@ def main() -> None:
     except ValueError as refused:
         sys.exit(f"release: {refused}")
     subprocess.run([sys.executable, "-m", "towncrier", "build", "--yes", "--version", version], cwd=ROOT, check=True)
+    # What was written there by hand, before there were fragments, is a part of this release.
+    log = ROOT / "CHANGELOG.md"
+    log.write_text(log.read_text(encoding="utf-8").replace("## Unreleased\n\n", ""), encoding="utf-8")
     print(f'Next: make check; git commit -am "Release {version}"; git tag v{version}; make dist')
 
 
