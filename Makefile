@@ -111,7 +111,7 @@ dist: install-check ## What is released, in dist/: wheel and source distribution
 .PHONY: docs
 docs: ## The pages of docs/ as a site in site/, which needs no network: open site/index.html
 	@tools/env.sh docs
-	$(VENV)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
 
 .PHONY: changelog
 changelog: ## Show what changes/ will say of the next release

@@ -51,7 +51,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if not path.startswith("docs/"):
             files.append(File.generated(config, uri_of(path), content=content_of(path)))
         if path.endswith(".md") or (ROOT / path).is_dir():
-            linked = {target for target, _ in links_of(content_of(path), base_of(path))} - known
+            # What is not there is for MkDocs to complain of.
+            linked = {each for each in links_of(content_of(path), base_of(path)) if (ROOT / each).exists()} - known
             known |= linked
             waiting += sorted(linked)
     return files
@@ -79,10 +80,10 @@ def relinked(text: str, source: str, uri: str) -> str:
     return _LINK.sub(lead, text)
 
 
-def links_of(text: str, base: str) -> Iterator[tuple[str, str]]:
-    """What a page links to: paths in the repository, and the page's own words for them."""
+def links_of(text: str, base: str) -> Iterator[str]:
+    """What a page links to, as paths in the repository."""
     for link in _LINK.finditer(_FENCE.sub("", text)):
-        yield resolved(base, link["path"]), link["path"]
+        yield resolved(base, link["path"])
 
 
 def resolved(base: str, path: str) -> str:

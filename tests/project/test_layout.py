@@ -16,7 +16,19 @@ MOST_LINES = 400
 MOST_PUBLIC_NAMES = 30
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
 TEXT_SUFFIXES = {".md", ".py", ".pyi", ".sh", ".toml", ".txt", ".urdf", ".xml", ".yml"}
-FOLDERS = (".github", "soter", "sim", "tests", "examples", "benchmarks", "tools", "docs", "typings", "requirements")
+FOLDERS = (
+    ".github",
+    "soter",
+    "sim",
+    "tests",
+    "examples",
+    "benchmarks",
+    "tools",
+    "docs",
+    "typings",
+    "requirements",
+    "ros",
+)
 
 
 def test_a_citation_names_this_version() -> None:
