@@ -61,7 +61,7 @@ accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, and ran
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
 	@tools/env.sh test
-	@for name in stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput zenoh_latency campaign search; do \
+	@for name in startup stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput zenoh_latency campaign search; do \
 		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
 	done
 

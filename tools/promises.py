@@ -5,9 +5,9 @@ soter conform zmq --jobs 1 --json zmq.json
 python -m tools.promises zmq.json lcm.json
 ```
 
-writes it into docs/conformance.md. Of each promise it shows the worst figure that a clause has judged, by truth where
-truth has, and the least, median and largest trial behind it. A figure that comes within half of its promise needs a
-reason; one without is an error.
+writes it into docs/conformance.md, in place of what stands there of these adapters; what is there of others stays. Of
+each promise it shows the worst figure that a clause has judged, by truth where truth has, and the least, median and
+largest trial behind it. A figure that comes within half of its promise needs a reason; one without is an error.
 """
 
 from __future__ import annotations
@@ -104,13 +104,19 @@ def _row(adapter: str, promised: float, clause: str, figure: Mapping[str, Any], 
     return Row(adapter, name, promised, worst, figure["resolution"], figure["spread"], times, clause, in_process)
 
 
-def table(rows: Iterable[Row]) -> str:
+def table(rows: Iterable[Row], others: Sequence[str] = ()) -> str:
     """Return the table.
+
+    Args:
+        rows: of it.
+        others: lines that stand in it already and stay.
 
     Raises:
         ValueError: a promise is too near to what was measured, without a reason.
     """
-    lines, notes = [HEAD], dict[str, int]()
+    # By number the same in every table, so that lines of an older one stay right.
+    notes = {reason: number for number, reason in enumerate(dict.fromkeys(REASONS.values()), start=1)}
+    lines = [HEAD, *others]
     for row in rows:
         note = ""
         if row.times < TIMES:
@@ -119,23 +125,27 @@ def table(rows: Iterable[Row]) -> str:
                     f"{row.adapter}: {row.name} is promised as {row.promised:g}, and {row.worst:.3g} was measured by "
                     f"{row.clause}: promise less, or say in REASONS why that is enough"
                 )
-            note = f" [{notes.setdefault(row.reason, len(notes) + 1)}]"
+            note = f" [{notes[row.reason]}]"
         times = "exact" if math.isinf(row.times) else f"{row.times:.2g}{note}"
         off = f" ± {row.off:.2g}" if row.off else ""
         lines.append(
             f"| {row.adapter} | `{row.name}` | {row.promised:g} | {row.worst:.3g}{off} | "
             f"{', '.join(f'{each:.3g}' for each in row.spread)} | {times} | `{row.clause}` |"
         )
-    said = "; ".join(f"[{number}] {reason}" for reason, number in notes.items())
+    used = {number: reason for reason, number in notes.items() if any(f" [{number}] |" in line for line in lines)}
+    said = "; ".join(f"[{number}] {reason}" for number, reason in used.items())
     return "\n".join([*lines, *(["", f"Near for a reason: {said}."] if said else [])])
 
 
 def main(files: Sequence[str]) -> None:
     """Write the table of these records into the page."""
     records = [json.loads(Path(each).read_text(encoding="utf-8")) for each in files]
-    said = table(row for record in records for row in rows_of(record))
     page = PAGE.read_text(encoding="utf-8")
-    before, after = page.partition(BEGIN)[0], page.partition(END)[2]
+    (before, _, rest), after = page.partition(BEGIN), page.partition(END)[2]
+    anew = tuple(f"| {record['adapter']} |" for record in records)
+    stood = rest.partition(END)[0].splitlines()
+    others = [line for line in stood if "` |" in line and not line.startswith(anew)]
+    said = table((row for record in records for row in rows_of(record)), others)
     PAGE.write_text(f"{before}{BEGIN}\n\n{said}\n\n{END}{after}", encoding="utf-8")
 
 

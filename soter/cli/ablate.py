@@ -140,12 +140,20 @@ def _numbers(text: str) -> list[int]:
 
 def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> tuple[list[Outcome], int | None]:
     """Run everything and show how far it is; return also the signal that ended it, if one did."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     from soter.ablation.ablate import run_all
 
     outcomes: list[Outcome] = []
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+               TextColumn("left"), TimeRemainingColumn())  # fmt: skip
     with ExitStack() as stack:
         stop = stack.enter_context(StopSignals())
         progress = stack.enter_context(Progress(*columns, console=console))
@@ -157,19 +165,36 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
 
 
 def _show(found: Sequence[Row], console: Console) -> None:
-    from rich import box
-    from rich.table import Table
+    """Print one line for each variant and rule that says something; the whole tables are written by --markdown."""
     from rich.text import Text
 
-    from soter.ablation.tables import HEAD, ac_only
+    from soter.ablation.tables import ac_only
+    from soter.cli.console import print_table
+    from soter.sdk import RULES
 
     compared = ac_only(found)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in ("group", *HEAD):
-        table.add_column(column)
+    lines, remarks, group = [], [], ""
     for row in found:
-        table.add_row(*map(Text, (row.variant.group, *row.cells(compared))))
-    console.print(table)
+        name = row.variant.name
+        if row.variant.group != group:
+            group = row.variant.group
+            lines.append((Text(group, "bold"), *[""] * 6))
+        _, violations, share, rate, margins, _, of_ac, remark = row.cells(compared)
+        if remark:
+            remarks.append(f"{group}/{name}: {remark}")
+        counts, least = violations.split(" / "), margins.split(" / ")
+        own = counts[len(RULES) :]
+        if not row.results:
+            lines.append((f"  {name}", "-", "", "", "", "", ""))
+        for index, rule in enumerate(RULES if row.results else ()):
+            figures = (share, rate, of_ac) if index == 0 else ("", "", "")
+            style = "" if counts[index] == "0" else "bold red"
+            lines.append((f"  {name}" if index == 0 else "", rule, Text(counts[index], style), least[index], *figures))
+        lines += [("", each.rpartition(" ")[0], each.rpartition(" ")[2], "", "", "", "") for each in own]
+    head = ("variant", "rule", "violated", "least\nmargin", "AC\nshare", "diseng.\nper h", "reached,\nof AC")
+    print_table(console, head, lines)
+    for remark in remarks:
+        console.print(remark, soft_wrap=True)
 
 
 def _json(outcomes: Sequence[Outcome]) -> bytes:

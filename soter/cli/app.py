@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import os
+import sys
+from typing import Annotated
 
 import typer
 
@@ -26,6 +28,7 @@ from soter.cli import (
     zenoh,
     zenoh_router,
 )
+from soter.cli.help import only, tidy
 from soter.cli.plain import emit, guard_streams
 
 app = typer.Typer(
@@ -78,18 +81,11 @@ def _options(
     """Take the options that stand before a command; they have callbacks of their own."""
 
 
-def _untype_flags(command: Any) -> None:
-    """Have the help of a command, and of all below it, name no type for options that take no value."""
-    for option in command.get_params(typer.Context(command)):
-        if getattr(option, "is_flag", False):
-            option.metavar = ""
-    for each in getattr(command, "commands", {}).values():
-        _untype_flags(each)
-
-
 def main() -> None:
     """Run the command line and exit."""
     guard_streams()
-    command = typer.main.get_command(app)
-    _untype_flags(command)
+    # Completion asks for options of commands that are not named yet.
+    completes = any(name.endswith("_COMPLETE") for name in os.environ)
+    command = typer.main.get_command(app if completes else only(app, sys.argv))
+    tidy(command)
     command(prog_name="soter")

@@ -2,30 +2,41 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from soter.cli.exits import guard
+from soter.cli.plain import emit
 
 
-def backends() -> None:
+def backends(json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False) -> None:
     """List the backends: which can be used here, what their robots promise, what to install for the others."""
     with guard():
-        from rich import box
-        from rich.table import Table
         from rich.text import Text
 
-        from soter.cli.console import make_console
         from soter.registry import list_backends
 
         rows = list_backends()
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-        table.add_column("backend", no_wrap=True)
-        table.add_column("state", no_wrap=True)
-        table.add_column("from", no_wrap=True)
-        table.add_column("its robots")
-        for row in rows:
-            state = Text("ready", "green") if row.available else Text("not available", "yellow")
-            table.add_row(row.name, state, row.origin, row.capabilities)
+        if json:
+            from dataclasses import asdict, is_dataclass
+            from json import dumps
+
+            emit(dumps([asdict(row) if is_dataclass(row) else row._asdict() for row in rows], indent=2))
+            return
+        from soter.cli.console import make_console, print_table
+
         console = make_console()
-        console.print(table)
+        print_table(
+            console,
+            ("backend", "state", "from", "its robots"),
+            [
+                (row.name, Text("ready", "green") if row.available else Text("not available", "yellow"), row.origin,
+                 row.capabilities)
+                for row in rows
+            ],
+            gives_way=3,
+        )  # fmt: skip
         # Not in the table: a command that is broken into lines cannot be copied.
         for row in rows:
             if not row.available:

@@ -239,21 +239,19 @@ def _words(totals: Totals) -> str:
 
 def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
     """Print what came out and return the exit code that it stands for."""
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    from soter.campaign.report.cells import HEAD, cells
+    from soter.campaign.report.cells import cells
     from soter.campaign.summary import groups, judge
+    from soter.cli.console import print_table
+    from soter.sdk import RULES
 
-    found = groups(store.rows())
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    found = [cells(group)[:_SHOWN] for group in groups(store.rows())]
     # The rest is in the store, and on the page of `soter campaign report`.
-    for column in HEAD[:_SHOWN]:
-        table.add_column(column)
-    for group in found:
-        table.add_row(*cells(group)[:_SHOWN])
-    console.print(table)
+    head = ("part and setting", "runs", "robot-\nhours", "violations", "at most per\nrobot-hour", "AC\nshare")
+    rows = [(f"{part} {setting}", runs.replace(", ", "\n"), *others) for part, setting, runs, *others in found]
+    print_table(console, head, rows)
+    console.print(f"violations: {' / '.join(RULES)}", soft_wrap=True)
     judged = judge(campaign, store)
     for part, each in judged.items():
         for one in each:

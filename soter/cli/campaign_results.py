@@ -132,14 +132,11 @@ def compare(
     """Compare two settings of a campaign, or two campaigns, run by run of the same seed."""
     with guard():
         needs("scipy")
-        from rich import box
-        from rich.table import Table
-
         from soter.campaign.comparison import compare as compared
         from soter.campaign.comparison import pairs, select
         from soter.campaign.report.page import DIFFERENCE_HEAD, comparison_page, difference_cells
         from soter.campaign.store import Store
-        from soter.cli.console import make_console
+        from soter.cli.console import make_console, print_table
         from soter.cli.outputs import Output, refuse_clashes
         from soter.errors import ConfigError
 
@@ -152,12 +149,8 @@ def compare(
         if not paired:
             raise ConfigError("no run on the left has one of the same seed and setting on the right", key="--left")
         found = compared(paired)
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-        for column in DIFFERENCE_HEAD:
-            table.add_column(column)
-        for each in found:
-            table.add_row(*difference_cells(each))
-        make_console().print(table)
+        head = [each.replace(", ", ",\n").replace(" at ", "\nat ") for each in DIFFERENCE_HEAD]
+        print_table(make_console(), head, map(difference_cells, found))
         if output is not None:
             words = f"left: {left} {' '.join(left_is or ())}, right: {right or left} {' '.join(right_is or ())}"
             Output(output, "--output").write(comparison_page("Comparison", words, found).encode())

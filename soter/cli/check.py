@@ -205,24 +205,35 @@ def _picture(report: Report, target: str) -> bytes:
 
 
 def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
+    """Draw a trial: who drove where, where modules took over, and where it broke what."""
     import math
 
     from soter.record.tracks import RunTracks, Track
-    from soter.report.caption import Caption
+    from soter.report.caption import Broken, Caption
     from soter.report.picture import draw_png
+    from soter.rta import SwitchRecord
 
     drivers = ("AC", *dict.fromkeys(row.driver for row in trial.rows if row.driver != "AC"))
     tracks: dict[int, Track] = {}
+    switches = []
     for row in trial.rows:
         track = tracks.setdefault(row.robot_id, Track(row.robot_id))
+        if track.driver and drivers[track.driver[-1]] != row.driver:
+            before, after = (None if name == "AC" else name for name in (drivers[track.driver[-1]], row.driver))
+            switches.append(SwitchRecord(row.time_s, row.robot_id, before, after, after or before or "", "", ()))
         track.time_s.append(row.time_s)
         track.x_m.append(row.x_m)
         track.y_m.append(row.y_m)
         track.battery.append(math.nan if row.battery is None else row.battery)
         track.driver.append(drivers.index(row.driver))
     breach = trial.breaches[0] if trial.breaches else None
-    figures = () if breach is None else (f"{breach.obligation.value}: {breach.text}",)
-    return draw_png(RunTracks(workspace, drivers, tracks), Caption(title=title, figures=figures, alarming=True))
+    caption = Caption(title=title, alarming=True)
+    if breach is not None:
+        broken = Broken(breach.x_m, breach.y_m, f"{breach.obligation.value} broken at {breach.time_s:.2f} s")
+        caption = Caption(
+            title=title, figures=(f"{breach.obligation.value}: {breach.text}",), alarming=True, broken=(broken,)
+        )
+    return draw_png(RunTracks(workspace, drivers, tracks, switches), caption)
 
 
 # --- counterexamples ---------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -37,3 +37,25 @@ def make_console(*, stderr: bool = False) -> HumanConsole:
 def is_live(console: Console) -> bool:
     """Return whether a display on this console may overwrite itself: it is a terminal that can move its cursor."""
     return console.file.isatty() and not console.is_dumb_terminal
+
+
+def print_table(
+    console: Console, head: Sequence[str], rows: Iterable[Sequence[RenderableType]], gives_way: int = 0
+) -> None:
+    """Print a table of which one column gives way where there is little room: it is folded, and nothing is cut off.
+
+    Args:
+        console: where to.
+        head: names of the columns.
+        rows: their cells.
+        gives_way: index of the column that is folded.
+    """
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for index, column in enumerate(head):
+        table.add_column(column, no_wrap=index != gives_way, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)

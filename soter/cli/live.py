@@ -1,11 +1,14 @@
-"""How `soter run` shows a run while it goes on."""
+"""How `soter run` shows a run while it goes on, and holds virtual time to the clock."""
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Final
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING, Final, NamedTuple
 
+from soter.cli.exits import StopSignals
 from soter.errors import ConfigError
 from soter.scratch import Scratch
 
@@ -14,51 +17,91 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from soter.live.view import Kind
+    from soter.config import MissionFile
+    from soter.live.view import Kind, LiveView
 
 APP_PORT: Final = 8765
 """Where the Foxglove app looks if nobody tells it otherwise."""
 
+_SLICE_S: Final = 0.05
+"""Host time after which Ctrl-C is noticed at the latest while a tick waits."""
+
+
+class Wanted(NamedTuple):
+    """How a run is to be shown.
+
+    Attributes:
+        views: each with its port.
+        opened: whether a browser is to be opened.
+        stays: whether the page is kept when the run has ended.
+    """
+
+    views: Sequence[tuple[Kind, int]]
+    opened: bool = False
+    stays: bool = False
+
 
 def wanted_views(
-    live: bool, live_port: int | None, foxglove: bool, foxglove_port: int | None
-) -> list[tuple[Kind, int]]:
+    live: bool,
+    live_port: int | None,
+    foxglove: bool,
+    foxglove_port: int | None,
+    *,
+    opened: bool = False,
+    leave: bool = False,
+) -> Wanted:
     """Return the views that were asked for, each with its port.
 
     Raises:
-        ConfigError: a port was named for a view that was not asked for, or a library is missing.
+        ConfigError: something was said of a view that was not asked for, or a library is missing.
     """
     from soter.live.view import APP, PAGE
 
-    for port, wanted, option in ((live_port, live, "--live"), (foxglove_port, foxglove, "--foxglove")):
-        if port is not None and not wanted:
-            raise ConfigError(f"it says where, but not that: add {option}", source="command line", key=f"{option}-port")
+    for given, wanted, view, option in (
+        (live_port is not None, live, "--live", "--live-port"),
+        (opened, live, "--live", "--open"),
+        (leave, live, "--live", "--leave"),
+        (foxglove_port is not None, foxglove, "--foxglove", "--foxglove-port"),
+    ):
+        if given and not wanted:
+            raise ConfigError(f"it says how, but not what: add {view}", source="command line", key=option)
     if foxglove:
         _require_sdk()
     views = [(PAGE, live_port or 0)] if live else []
-    return [*views, (APP, APP_PORT if foxglove_port is None else foxglove_port)] if foxglove else views
+    if foxglove:
+        views.append((APP, APP_PORT if foxglove_port is None else foxglove_port))
+    return Wanted(views, opened, live and not leave)
+
+
+class Shown(NamedTuple):
+    """A run that can be looked at.
+
+    Attributes:
+        recording: where to record it, or None.
+        begin: what to call once there is a recording, or None.
+        stay: called when the run has ended; returns when nobody is to look any more.
+    """
+
+    recording: Path | None
+    begin: Callable[[Path], None] | None
+    stay: Callable[[], None]
 
 
 @contextmanager
-def shown(
-    views: Sequence[tuple[Kind, int]], recording: Path | None, console: Console
-) -> Iterator[tuple[Path | None, Callable[[Path], None] | None]]:
+def shown(wanted: Wanted, recording: Path | None, console: Console) -> Iterator[Shown]:
     """Start views of a run, and say where they are.
 
     Args:
-        views: see `wanted_views`.
+        wanted: see `wanted_views`.
         recording: where the run is recorded, or None. Views show what is recorded: a run that leaves no recording has
             one all the same while they are wanted, in a temporary folder.
         console: for the addresses.
 
-    Yields:
-        Where to record, and what to call once there is a recording.
-
     Raises:
         ConfigError: a port cannot be had.
     """
-    if not views:
-        yield recording, None
+    if not wanted.views:
+        yield Shown(recording, None, lambda: None)
         return
     from soter.live.view import LiveView
 
@@ -67,15 +110,78 @@ def shown(
             scratch = Scratch("live")
             stack.callback(scratch.close)
             recording = scratch.path / "run.mcap"
-        started = [stack.enter_context(LiveView(kind, port)) for kind, port in views]
-        for (kind, _), view in zip(views, started, strict=True):
+        started = [stack.enter_context(LiveView(kind, port)) for kind, port in wanted.views]
+        for (kind, _), view in zip(wanted.views, started, strict=True):
             console.print(f"{kind.name}: {view.address}", soft_wrap=True)
+        if wanted.opened:
+            _open(started[0].address, console)
 
         def begin(path: Path) -> None:
             for view in started:
                 view.begin(path)
 
-        yield recording, begin
+        def stay() -> None:
+            if wanted.stays and not started[0].gone:
+                console.print(f"the page stays until Ctrl-C: {started[0].address}", soft_wrap=True)
+                _wait(started[0])
+
+        yield Shown(recording, begin, stay)
+
+
+def _open(address: str, console: Console) -> None:
+    import webbrowser
+
+    if not webbrowser.open(address):
+        console.print("no browser could be opened; open the address yourself", soft_wrap=True)
+
+
+def _wait(view: LiveView) -> None:
+    """Wait for Ctrl-C, or for the view's end."""
+    pause = threading.Event()
+    with StopSignals() as stop, suppress(KeyboardInterrupt), stop.raising():
+        while not view.gone:
+            pause.wait(1.0)
+
+
+def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool]) -> Callable[[float], None] | None:
+    """Return what holds a run to the clock.
+
+    Args:
+        times: as fast as the clock; None for as fast as it can be.
+        mission: what is run.
+        stop: whether to wait no longer.
+
+    Raises:
+        ConfigError: the robots have a clock of their own.
+    """
+    if times is None:
+        return None
+    from soter.registry import load_backend
+
+    if not load_backend(mission.backend, to_open=False).robot_class.declared.in_process:
+        raise ConfigError(
+            f"robots of '{mission.backend}' keep to the clock as they are; allowed with those in virtual time",
+            source="command line", key="--pace",
+        )  # fmt: skip
+    return _Pace(times, stop)
+
+
+class _Pace:
+    """Holds virtual time to the clock: no tick begins early. Time that a slow host has lost is not made up for."""
+
+    def __init__(self, times: float, stop: Callable[[], bool]) -> None:
+        self._times: Final = times
+        self._stop: Final = stop
+        self._zero_s: float | None = None
+
+    def __call__(self, time_s: float) -> None:
+        now_s = time.monotonic()
+        due_s = now_s if self._zero_s is None else self._zero_s + time_s / self._times
+        if due_s <= now_s:
+            self._zero_s = now_s - time_s / self._times
+            return
+        while (left_s := due_s - time.monotonic()) > 0.0 and not self._stop():
+            time.sleep(min(left_s, _SLICE_S))
 
 
 def _require_sdk() -> None:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import keyword
 import re
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from soter.cli.exits import guard
 from soter.cli.plain import emit
 from soter.errors import ConfigError
+
+if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
 
 ADAPTER_EXAMPLES = """Examples:
 
@@ -92,6 +93,8 @@ def write_adapter(name: str, folder: Path) -> list[Path]:
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"there is something at '{folder}' already; name a new folder with --out")
+        from importlib.resources import files
+
         for source, parts in _templates(files("soter.cli") / "new_adapter"):
             path = folder.joinpath(*(_filled(part, name) for part in parts))
             path.parent.mkdir(parents=True, exist_ok=True)

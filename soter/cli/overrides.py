@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -61,6 +60,8 @@ def parse_setting(setting: str) -> tuple[str, object]:
             source="command line",
             key="--set",
         )
+    import tomllib
+
     try:
         found = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:

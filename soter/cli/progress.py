@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 LINE_EVERY_S: Final = 10.0
 """Host time between two lines where the display cannot be live."""
 
+SURE_S: Final = 2.0
+"""Host time after which it is said how much is left."""
+
+MIDDLE_COLUMNS: Final = 80
+"""Below this width charges and targets have no column, so that who drives keeps its own."""
+
 WIDE_COLUMNS: Final = 104
 """From this width on every module's margin has a column of its own."""
 
@@ -53,6 +59,16 @@ def make_display(console: Console, name: str) -> Display:
 def speed(progress: Progress) -> str:
     """Return how fast the run goes."""
     return f"{progress.time_s / progress.wall_s:.1f} x real time" if progress.wall_s > 0.0 else ""
+
+
+def left(progress: Progress) -> str:
+    """Return how much host time a run is likely to take still; empty while nobody can know."""
+    if progress.time_s <= 0.0 or progress.wall_s < SURE_S:
+        return ""
+    left_s = (progress.duration_s - progress.time_s) * progress.wall_s / progress.time_s
+    if left_s < 100.0:
+        return f"about {left_s:.0f} s left"
+    return f"about {left_s / 60.0:.0f} min left" if left_s < 6000.0 else f"about {left_s / 3600.0:.1f} h left"
 
 
 def violations_in_words(violations: dict[str, int] | None) -> str:
@@ -116,10 +132,8 @@ class LineDisplay:
 def line(progress: Progress) -> str:
     """Return a run's progress as one line."""
     robots = ", ".join(_robot_in_words(robot) for robot in progress.robots)
-    return (
-        f"{progress.time_s:.0f} of {progress.duration_s:.0f} s, {speed(progress)}, "
-        f"{violations_in_words(progress.violations)}; {robots}"
-    )
+    far = (f"{progress.time_s:.0f} of {progress.duration_s:.0f} s", speed(progress), left(progress))
+    return f"{', '.join(filter(None, far))}, {violations_in_words(progress.violations)}; {robots}"
 
 
 def _robot_in_words(robot: RobotProgress) -> str:
@@ -163,33 +177,36 @@ def frame(progress: Progress, width: int, height: int) -> RenderableType:
     room = max(2, height - 7)
     shown = progress.robots if len(progress.robots) <= room else progress.robots[: room - 1]
     hidden = len(progress.robots) - len(shown)
-    parts: list[RenderableType] = [_robot_table(shown, wide=width >= WIDE_COLUMNS)]
+    parts: list[RenderableType] = [_robot_table(shown, width)]
     if hidden:
         in_ac = sum(robot.driver == "AC" for robot in progress.robots[len(shown) :])
         parts.append(Text(f"and {hidden} more robots, {in_ac} of them in AC", "dim"))
-    parts += [_bar_line(progress), _violations_line(progress)]
+    parts += [_bar_line(progress, width), _violations_line(progress)]
     return Group(*parts)
 
 
-def _robot_table(robots: tuple[RobotProgress, ...], *, wide: bool) -> Table:
+def _robot_table(robots: tuple[RobotProgress, ...], width: int) -> Table:
     modules = list(robots[0].margins) if robots else []
+    wide, narrow = width >= WIDE_COLUMNS, width < MIDDLE_COLUMNS
     columns = modules if wide and modules else ["least margin"]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, expand=True)
-    table.add_column("robot", justify="right", no_wrap=True)
-    table.add_column("driven by", no_wrap=True, overflow="ellipsis", ratio=1)
-    table.add_column("charge", no_wrap=True, min_width=12)
+    table.add_column("robot" if not narrow else "", justify="right", no_wrap=True)
+    table.add_column("driven by", no_wrap=True, overflow="ellipsis", ratio=1, min_width=10)
+    if not narrow:
+        table.add_column("charge", no_wrap=True, min_width=12)
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True, min_width=7 if wide else 16)
-    table.add_column("targets", justify="right", no_wrap=True)
+    if not narrow:
+        table.add_column("targets", justify="right", no_wrap=True)
     table.add_column("AC>SC", justify="right", no_wrap=True)
     for robot in robots:
         margins = [margin_in_words(module, robot.margins.get(module, math.nan)) for module in modules]
         table.add_row(
             str(robot.robot_id),
             _driver(robot),
-            _charge_bar(robot.battery),
+            *([] if narrow else [_charge_bar(robot.battery)]),
             *(margins if columns is modules else [least_margin(robot)]),
-            str(robot.targets_reached),
+            *([] if narrow else [str(robot.targets_reached)]),
             str(robot.disengagements),
         )
     return table
@@ -212,12 +229,13 @@ def _charge_bar(charge: float | None) -> RenderableType:
     return row
 
 
-def _bar_line(progress: Progress) -> RenderableType:
+def _bar_line(progress: Progress, width: int) -> RenderableType:
     row = Table.grid(padding=(0, 2, 0, 0))
     row.add_row(
-        ProgressBar(progress.duration_s, progress.time_s, width=30),
+        ProgressBar(progress.duration_s, progress.time_s, width=30 if width >= MIDDLE_COLUMNS else 10),
         Text(f"{progress.time_s:.0f} of {progress.duration_s:.0f} s"),
         Text(speed(progress)),
+        Text(left(progress)),
     )
     return row
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 from soter.cli.exits import complain
 from soter.cli.outputs import Output
 from soter.errors import ConfigError
-from soter.record.digest import MAGIC
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -57,6 +56,8 @@ def recording_path(
 
 def _refuse_other(record: Path) -> None:
     """Refuse to replace what is no recording, whoever asked for it."""
+    from soter.record.digest import MAGIC
+
     if record.is_file():
         with record.open("rb") as file:
             if file.read(len(MAGIC)) not in {b"", MAGIC}:

@@ -27,9 +27,9 @@ EXAMPLES = """Examples:
 
 Exit codes:
 
-  0  every decision is what was recorded
+  0  every decision is what was recorded; with --set: the question is answered, whatever the answer is
 
-  1  something differs
+  1  something differs, or was changed after it had been written
 
   2  no recording, a damaged one, or one with gaps; or a setting that is not allowed
 """
@@ -81,7 +81,8 @@ def replay(
 
 
 def _verdict(found: Replay) -> Verdict:
-    if not found.same:
+    # Other settings were meant to make a difference; a record that was changed was not.
+    if found.flaws or not (found.same or found.settings):
         return Verdict.DIFFERENT
     return Verdict.UNKNOWN if found.gap_s is not None or not found.ticks else Verdict.SAME
 

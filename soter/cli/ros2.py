@@ -99,7 +99,10 @@ def ros2_monitor(
             for robot in fleet.robots:
                 robot.init(_INIT_TIMEOUT_S)
             watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.streamed, loaded.rta.order))
-            emit(f"watching over {', '.join(robot.node.get_namespace() for robot in fleet.streamed)}")
+            names = ", ".join(robot.node.get_namespace() for robot in fleet.streamed)
+            domain = fleet.streamed[0].node.context.get_domain_id()
+            guarded = ", ".join(loaded.rta.order) if loaded.rta.enabled else "no module"
+            emit(f"watching over {names}, in ROS domain {domain}: {guarded}; Ctrl-C ends it")
             wanted = loaded.isolation.real_time
             with real_time(required=wanted == "always") if wanted != "never" else nullcontext():
                 watcher.run(stop, duration)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
@@ -15,9 +15,11 @@ from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
 from soter.cli.overrides import MaybeMission, Settings
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from soter.cli.live import Shown
     from soter.cli.outputs import Output, StandardOutput
     from soter.config import MissionFile
-    from soter.live.view import Kind
     from soter.runner import Run, RunResult
 
 # A blank line keeps two lines from being joined.
@@ -39,7 +41,7 @@ EXAMPLES = """Examples:
 
   soter run examples/surveillance.toml --record run.mcap
 
-  soter run examples/surveillance.toml --live
+  soter run examples/surveillance.toml --live --open --pace 1
 
   soter run examples/thesis.toml --duration 7200 --compare thesis
 
@@ -118,6 +120,19 @@ def run(
     live_port: Annotated[
         int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else a free one.")
     ] = None,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the live page in the browser of this host.")] = False,
+    leave: Annotated[
+        bool, typer.Option("--leave", help="End when the run does, instead of keeping the live page until Ctrl-C.")
+    ] = False,
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            min=0.01,
+            max=1e6,
+            help="Hold virtual time to N times the clock; without it is as fast as it can be.",
+        ),
+    ] = None,
     foxglove: Annotated[
         bool, typer.Option("--foxglove", help="Show the run in the Foxglove app while it goes on.")
     ] = False,
@@ -146,7 +161,8 @@ def run(
     Options take the place of what the mission file says.
     """
     with guard():
-        from soter.cli.live import wanted_views
+        from soter.cli.console import make_console
+        from soter.cli.live import pace_of, shown, wanted_views
         from soter.cli.outputs import json_output, picture_output, refuse_clashes
         from soter.cli.overrides import from_here, load_with_engine, merge, module_list
         from soter.cli.recordings import recording_path, unless_recorded
@@ -184,59 +200,63 @@ def run(
                 f"the figures are those of the surveillance mission, but the ACs are {loaded.ac}",
                 source="command line", key="--compare",
             )  # fmt: skip
-        views = wanted_views(live, live_port, foxglove, foxglove_port)
+        views = wanted_views(live, live_port, foxglove, foxglove_port, opened=open_it, leave=leave)
         if sign is not None:
             read_private_key(sign, "--sign")
         recording = recording_path(record, no_record, loaded, process)
-        with unless_recorded(recording):
+        console = make_console(stderr=str(json) == "-")
+        stop = StopSignals()
+        held = pace_of(pace, loaded, stop)
+        with unless_recorded(recording), shown(views, recording, console) as seen:
             done, stopped_by = _run(
-                loaded, process, recording, sign, views, accept_unproved=accept_unproved, quiet=quiet,
-                compared=compare is not None, to_stderr=str(json) == "-",
+                loaded, process, seen, sign, stop, held, console, accept_unproved=accept_unproved, quiet=quiet,
+                compared=compare is not None, recorded=recording is not None,
             )  # fmt: skip
-        written = _write(done, loaded, result_file, picture_file)
-        if record is not None and done.recording is not None and done.recording.failure:
-            complain(f"the recording is not complete: {done.recording.failure}")
-            written = False
-        troubles = done.result.troubles if strict else []
-        if troubles:
-            complain(f"--strict: {'; '.join(troubles)}")
+            written = _write(done, loaded, result_file, picture_file)
+            if record is not None and done.recording is not None and done.recording.failure:
+                complain(f"the recording is not complete: {done.recording.failure}")
+                written = False
+            troubles = done.result.troubles if strict else []
+            if troubles:
+                complain(f"--strict: {'; '.join(troubles)}")
+            if stopped_by is None:
+                seen.stay()
         raise typer.Exit(_exit_code(done.result, stopped_by, troubles) if written else ExitCode.RUN_FAILED)
 
 
 def _run(
     mission: MissionFile,
     process: str | None,
-    recording: Path | None,
+    seen: Shown,
     sign: Path | None,
-    views: list[tuple[Kind, int]],
+    stop: StopSignals,
+    pace: Callable[[float], None] | None,
+    console: Console,
     *,
     accept_unproved: bool,
     quiet: bool,
     compared: bool,
-    to_stderr: bool,
+    recorded: bool,
 ) -> tuple[Run, int | None]:
     """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
-    from soter.cli.console import make_console
-    from soter.cli.live import shown
     from soter.cli.progress import make_display
     from soter.cli.recordings import show_recording
     from soter.cli.summary import print_summary
     from soter.runner import run_mission
 
-    console = make_console(stderr=to_stderr)
     with ExitStack() as stack:
-        stop = stack.enter_context(StopSignals())
-        record, on_recording = stack.enter_context(shown(views, recording, console))
+        stack.enter_context(stop)
         display = None if quiet else stack.enter_context(make_display(console, mission.source or ""))
         try:
             done = run_mission(
                 mission,
                 on_progress=display.update if display else None,
                 stop=stop,
+                pace=pace,
                 connecting=stop.raising(),
-                record=record,
+                record=seen.recording,
                 sign=sign,
-                on_recording=on_recording,
+                on_recording=seen.begin,
                 process=process,
                 accept_unproved=accept_unproved,
                 say=lambda words: console.print(words, soft_wrap=True, highlight=False),
@@ -246,7 +266,7 @@ def _run(
             raise typer.Exit(128 + (stop.received or signal.SIGINT)) from interrupt
     if not quiet:
         print_summary(console, done.result, compared=compared)
-        if recording is not None and done.recording is not None:
+        if recorded and done.recording is not None:
             show_recording(console, done.recording)
     return done, stop.received
 

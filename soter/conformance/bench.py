@@ -47,7 +47,8 @@ class Bench:
     Attributes:
         figures: what was measured.
         tracks: by robot, what was seen while driving, oldest first; one sample for each stamp.
-        second: it is the second robot of two that is judged by clauses about one.
+        judged: how many robots clauses about one open, of which they judge the last.
+        promised: what the robots are asked to promise; None for what they declare.
         faulty: the clause has broken the link, so that silence is no surprise.
     """
 
@@ -61,13 +62,14 @@ class Bench:
         self._stamps: dict[int, float] = {}
         self.capabilities: Capabilities | None = None
         self.faulty = False
-        self.second = False
+        self.judged = 1
+        self.promised: Capabilities | None = None
 
     # --- opening ---------------------------------------------------------------------------------------------
 
     def open_raw(self, robots: int = 1) -> Fleet:
         """Open a fresh fleet whose robots are not initialised."""
-        fleet = self.harness.open(robots)
+        fleet = self.harness.open(robots) if self.promised is None else self.harness.promising(self.promised)
         self.fleets.append(fleet)
         self.require(
             len(fleet.robots) == robots, f"the harness's open({robots}) gave {len(fleet.robots)} robots: correct it"
@@ -100,8 +102,8 @@ class Bench:
         return fleet.robots
 
     def open_one(self, in_charge: Controller = Controller.AC) -> Robot:
-        """Open a fresh fleet of one robot, ready, with a controller in charge; of two, where the second is judged."""
-        return self.open(2 if self.second else 1, in_charge)[-1]
+        """Open a fresh fleet of one robot, ready, with a controller in charge; of more, where the last is judged."""
+        return self.open(self.judged, in_charge)[-1]
 
     def close(self) -> None:
         """Close the fleet opened last, for the next one in the same clause."""

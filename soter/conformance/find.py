@@ -5,19 +5,19 @@ from __future__ import annotations
 import importlib
 from typing import Any, Final
 
-from soter.conformance.harness import Harness, specs_at
+from soter.conformance.harness import LIMITS, Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
-from soter.sdk import Backend, Fleet
+from soter.sdk import Backend, Capabilities, Fleet
 
-# Two rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
+# Rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
 # from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices.
-_STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2))
+_STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2), (12, 142.7, 70.4, 2.6))
 
 
 def open_floor() -> Workspace:
-    """Return a floor without boxes, with room for two robots."""
+    """Return a floor without boxes, with room for three robots."""
     places = tuple(
         RobotPlace(number, x_m, y_m, Box(x_m - 0.3, y_m - 0.3, x_m + 0.3, y_m + 0.3, 0.0), heading_rad)
         for number, x_m, y_m, heading_rad in _STARTS
@@ -37,6 +37,8 @@ class InProcessHarness(Harness):
     side_by_side = True
     charges_at_start = True
     contacts = True
+    robots_most = len(_STARTS)
+    limits = LIMITS
 
     def __init__(self, name: str, backend: type[Backend], **options: Any) -> None:
         self.name = name
@@ -45,12 +47,19 @@ class InProcessHarness(Harness):
 
     def open(self, robots: int) -> Fleet:
         """Return a fleet in a fresh world."""
-        floor = open_floor().with_robots(robots)
-        config = self.backend.config_model(workspace=floor, **self.options)
-        return self.backend().open(config, specs_at(floor.robots))
+        return self._opened(robots)
+
+    def promising(self, promised: Capabilities) -> Fleet:
+        """Return a robot of its own kind in a fresh world."""
+        return self._opened(1, promised)
 
     def close(self) -> None:
         """Do nothing: the world ends with its fleet."""
+
+    def _opened(self, robots: int, promised: Capabilities | None = None) -> Fleet:
+        floor = open_floor().with_robots(robots)
+        config = self.backend.config_model(workspace=floor, limits=self.limits, **self.options)
+        return self.backend().open(config, specs_at(floor.robots, promised))
 
 
 def find_harness(name: str) -> Harness:

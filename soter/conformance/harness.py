@@ -8,12 +8,12 @@ from collections.abc import Iterable
 from typing import Final
 
 from soter.geometry.workspace import RobotPlace
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
 
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
-EXTRA_HOOKS: Final = ("second", "step_clock", "restart")
+EXTRA_HOOKS: Final = ("second", "step_clock", "restart", "promising")
 """More of them, for what not every harness can do; an adapter may conform without."""
 
 
@@ -24,9 +24,15 @@ _IDLE_S: Final = 2400.0
 """How long a full battery of theirs lasts at rest: what that takes shows within half a minute."""
 
 
-def specs_at(places: Iterable[RobotPlace]) -> list[RobotSpec]:
-    """Return simulated robots at these places, for the kit to judge."""
-    return [RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S) for at in places]
+LIMITS: Final = RuleLimits(separation_m=0.45)
+"""What truth judges simulated robots by, which no world does by itself."""
+
+
+def specs_at(places: Iterable[RobotPlace], promised: Capabilities | None = None) -> list[RobotSpec]:
+    """Return simulated robots at these places, for the kit to judge, and what they are asked to promise."""
+    return [
+        RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S, promised=promised) for at in places
+    ]
 
 
 class Harness(ABC):
@@ -35,8 +41,8 @@ class Harness(ABC):
     Only `open` and `close` must be written. The other methods are optional hooks; the clauses that need one that is
     not given are NOT TESTED, and a backend that is not in process conforms only if all of them are.
 
-    The kit opens one or two robots, one fleet at a time, and calls `close` after every clause. It drives robots only
-    inside their free rooms.
+    The kit opens up to `robots_most` robots, one fleet at a time, and calls `close` after every clause. It drives
+    robots only inside their free rooms.
 
     Attributes:
         name: what reports call the adapter.
@@ -44,6 +50,9 @@ class Harness(ABC):
             2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
         charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.
         contacts: whether the robots are simulated, so that they may be driven into each other, and truth counts that.
+        robots_most: how many robots `open` can give, 2 or more; best as many as are to drive together, since what is
+            right for two can be wrong for the third.
+        limits: what the truth of simulated robots was told to judge by, or None; best not what it does by itself.
         connect_timeout_s: what the kit passes to `Robot.init`.
         speedup: how many seconds of fleet time may pass in one second of the host; needed for `start_driver` only.
         side_by_side: whether several fleets may be open at once on this host, by processes that know nothing of each
@@ -55,6 +64,8 @@ class Harness(ABC):
     room_m: float = 2.0
     charges_at_start: bool = False
     contacts: bool = False
+    robots_most: int = 2
+    limits: RuleLimits | None = None
     connect_timeout_s: float = 10.0
     speedup: float = 1.0
     side_by_side: bool = False
@@ -64,8 +75,8 @@ class Harness(ABC):
         """Return a fleet of so many fresh robots, at rest at the start poses in their specs; do not call `init`.
 
         Fresh means that nothing is left of the fleet before: a simulated world is started anew, a real robot is
-        driven back to its start. `robots` is 1 or 2. Start poses need two different coordinates and a heading that is
-        none of 0, 90, 180 and 270 degrees, so that mixed-up axes show.
+        driven back to its start. `robots` is 1 to `robots_most`. Start poses need two different coordinates and a
+        heading that is none of 0, 90, 180 and 270 degrees, so that mixed-up axes show.
         """
 
     @abstractmethod
@@ -134,6 +145,10 @@ class Harness(ABC):
 
     def restart(self, robot_id: int) -> None:
         """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
+        raise NotImplementedError
+
+    def promising(self, promised: Capabilities) -> Fleet:
+        """Return a fleet of one fresh robot, as `open` does, that was asked to promise this (`RobotSpec.promised`)."""
         raise NotImplementedError
 
     # --- for the kit ------------------------------------------------------------------------------------------

@@ -64,8 +64,14 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
             "within it, latency_s and jitter_s; 10 % too long fails"
         ),
     ),
-    "tube_m": (("bounds.tube",), "the widest of five legs; 10 % too wide fails where the place is known to a tenth"),
-    "overshoot_m": (("bounds.overshoot",), "the farthest of five legs"),
+    "tube_m": (
+        ("bounds.tube", "bounds.long_tube"),
+        (
+            "the widest of five legs, and of two towards targets several metres away; 10 % too wide fails where the "
+            "place is known to a tenth"
+        ),
+    ),
+    "overshoot_m": (("bounds.overshoot",), "the farthest of five legs, and of one backwards"),
     "position_noise_m": (
         ("truth.bounds.noise", "endurance.minute"),
         (

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 from soter.conformance import driver
 from soter.conformance.harness import Harness, specs_at
 from soter.geometry.workspace import Box, RobotPlace, Workspace
-from soter.sdk import Fleet, RobotSpec, Waypoint
+from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
 
 
 class Relay(Protocol):
@@ -54,17 +54,18 @@ WIDE_ROOMS: Final = Workspace(
     (
         RobotPlace(7, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
         RobotPlace(3, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
+        RobotPlace(12, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
     ),
 )  # fmt: skip
-"""Two rooms of 2.4 m, for robots that take their time to stop.
+"""Three rooms of 2.4 m, for robots that take their time to stop.
 
 Ids are neither 1 and 2 nor in order: they are no indices.
 """
 
 
-def in_wide_rooms(robots: int) -> list[RobotSpec]:
-    """Return the first robots of `WIDE_ROOMS`, with a battery that is not full."""
-    return specs_at(WIDE_ROOMS.robots[:robots])
+def in_wide_rooms(robots: int, promised: Capabilities | None = None) -> list[RobotSpec]:
+    """Return the first robots of `WIDE_ROOMS`, with a battery that is not full, and what they are asked to promise."""
+    return specs_at(WIDE_ROOMS.robots[:robots], promised)
 
 
 class RelayedHarness(Harness):
@@ -75,6 +76,7 @@ class RelayedHarness(Harness):
 
     charges_at_start = True
     contacts = True
+    robots_most = len(WIDE_ROOMS.robots)
 
     def __init__(self) -> None:
         self.fleet: Fleet | None = None
@@ -82,6 +84,16 @@ class RelayedHarness(Harness):
         self.relay: Relay | None = None
         self.witness: Witness | None = None
         self._drivers: list[subprocess.Popen[bytes]] = []
+        self._promised: Capabilities | None = None
+
+    def specs(self, robots: int) -> list[RobotSpec]:
+        """Return the first robots of `WIDE_ROOMS`, with what they are asked to promise in `open_promising`."""
+        return in_wide_rooms(robots, self._promised)
+
+    def open_promising(self, promised: Capabilities) -> Fleet:
+        """Open one robot that is asked to promise this; what `promising` is where `open` opens `specs`."""
+        self._promised = promised
+        return self.open(1)
 
     def close(self) -> None:
         for process in self._drivers:
@@ -95,7 +107,7 @@ class RelayedHarness(Harness):
         for each in (self.relay, self.witness, self.simulator):
             if each is not None:
                 each.close()
-        self.fleet = self.relay = self.witness = self.simulator = None
+        self.fleet = self.relay = self.witness = self.simulator = self._promised = None
 
     def driven(self, opener: str, argument: str, target: Waypoint) -> subprocess.Popen[bytes]:
         """Start a driver as `soter.conformance.driver.spawn` does; it is ended by `close`."""

@@ -6,12 +6,13 @@ import importlib
 import json
 import subprocess
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from soter.clock import VehicleClock
+from soter.conformance.harness import LIMITS
 from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
-from soter.sdk import Fleet, Waypoint
+from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
 from soter.sdk.wire import Simulator, WireBackend
 
@@ -35,6 +36,7 @@ class WireHarness(RelayedHarness):
     backend: ClassVar[type[WireBackend]]
     room_m = 2.4
     side_by_side = True
+    limits = LIMITS
 
     @abstractmethod
     def impair(self, addresses: Mapping[int, Any]) -> WireRelay:
@@ -44,6 +46,10 @@ class WireHarness(RelayedHarness):
         self.relay = self.impair(self._start(robots).robots)
         self.fleet = self._connect()
         return self.fleet
+
+    def promising(self, promised: Capabilities) -> Fleet:
+        """Return a fleet of one fresh robot that was asked to promise this."""
+        return self.open_promising(promised)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator, backend = self._start(1), self.backend
@@ -66,15 +72,15 @@ class WireHarness(RelayedHarness):
     def _connect(self) -> Fleet:
         simulator, relay = self._simulated(), self.relay
         assert isinstance(relay, WireRelay)
-        return _open(self.backend, relay.addresses, simulator.truth, len(simulator.robots))
+        return _open(self.backend, relay.addresses, simulator.truth, self.specs(len(simulator.robots)))
 
     def _simulated(self) -> Simulator:
         assert isinstance(self.simulator, Simulator)
         return self.simulator
 
     def _start(self, robots: int) -> Simulator:
-        config: Any = self.backend.config_model(workspace=WIDE_ROOMS)
-        self.simulator = simulator = self.backend.simulate(config, in_wide_rooms(robots))
+        config: Any = self.backend.config_model(workspace=WIDE_ROOMS, limits=self.limits)
+        self.simulator = simulator = self.backend.simulate(config, self.specs(robots))
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -83,9 +89,9 @@ def open_given(argument: str) -> Fleet:
     """Return the first robot at addresses that come as JSON; what the kit's driver process calls."""
     target, given = json.loads(argument)
     module, _, name = target.partition(":")
-    return _open(getattr(importlib.import_module(module), name), given["robots"], given["truth"], 1)
+    return _open(getattr(importlib.import_module(module), name), given["robots"], given["truth"], in_wide_rooms(1))
 
 
-def _open(backend: type[WireBackend], robots: Mapping[int, Any], truth: str, count: int) -> Fleet:
-    config = backend.config_model.model_validate({"workspace": WIDE_ROOMS, "robots": robots, "truth": truth})
-    return backend().open(config, in_wide_rooms(count))
+def _open(backend: type[WireBackend], addresses: Mapping[int, Any], truth: str, robots: Sequence[RobotSpec]) -> Fleet:
+    config = backend.config_model.model_validate({"workspace": WIDE_ROOMS, "robots": addresses, "truth": truth})
+    return backend().open(config, robots)

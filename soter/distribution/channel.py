@@ -1,6 +1,6 @@
-"""A channel between two processes over a bus that loses, doubles, delays and reorders: letters once each, in order.
+"""A channel between two processes over a bus that loses, doubles, delays and reorders: messages once each, in order.
 
-Letters are machine events in MessagePack: what a task planner and robot agents elsewhere tell each other. They are
+Messages are machine events in MessagePack: what a task planner and robot agents elsewhere tell each other. They are
 decoded into these types or refused; who sends is named by the key that they came under.
 
 One end a process and peer. Nothing here has a clock, a thread or a bus: frames and the time are handed in and out.
@@ -23,22 +23,22 @@ from soter.isolation.messages import Id, Text, decoded
 from soter.sdk.values import MAX_COORDINATE_M
 
 MAX_FRAME_BYTES: Final = 1 << 14
-MAX_LETTERS: Final = 16
-"""Letters in one frame; the rest goes with the next."""
+MAX_MESSAGES: Final = 16
+"""Messages in one frame; the rest goes with the next."""
 
 Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 
 MAX_REASON: Final = 100
-"""Characters; so that a frame of the longest letters is no longer than `MAX_FRAME_BYTES`."""
+"""Characters; so that a frame of the longest messages is no longer than `MAX_FRAME_BYTES`."""
 
 Reason = Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
 
 
-class _Letter(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+class _ReliableMessage(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     pass
 
 
-class Visit(_Letter, tag="visit", frozen=True):
+class Visit(_ReliableMessage, tag="visit", frozen=True):
     """To a robot's process: the robot is to go there."""
 
     robot_id: Id
@@ -49,14 +49,14 @@ class Visit(_Letter, tag="visit", frozen=True):
     tries: Annotated[int, msgspec.Meta(ge=1, le=1000)]
 
 
-class Joined(_Letter, tag="joined", frozen=True):
+class Joined(_ReliableMessage, tag="joined", frozen=True):
     """To a robot's process: its robot is told of another."""
 
     robot_id: Id
     other_id: Id
 
 
-class Ended(_Letter, tag="ended", frozen=True):
+class Ended(_ReliableMessage, tag="ended", frozen=True):
     """To the task planner's process: a robot is done with a target."""
 
     robot_id: Id
@@ -66,7 +66,7 @@ class Ended(_Letter, tag="ended", frozen=True):
     reason: Reason = ""
 
 
-Letter = Visit | Joined | Ended
+ReliableMessage = Visit | Joined | Ended
 
 
 class Frame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
@@ -78,9 +78,9 @@ class Frame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
         mission: what the sender runs; only processes of one mission talk.
         ask: a number that the receiver is to repeat, which shows that it lives; 0 for none.
         answer: what the receiver has asked for; 0 for nothing.
-        taken: up to which number the receiver's letters have been taken.
-        first: number of the first letter; they are numbered from 1 without gaps.
-        letters: not acknowledged yet, oldest first.
+        taken: up to which number the receiver's messages have been taken.
+        first: number of the first message; they are numbered from 1 without gaps.
+        messages: not acknowledged yet, oldest first.
     """
 
     epoch: Id
@@ -90,7 +90,7 @@ class Frame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
     answer: Id = 0
     taken: Id = 0
     first: Id = 1
-    letters: Annotated[tuple[Letter, ...], msgspec.Meta(max_length=MAX_LETTERS)] = ()
+    messages: Annotated[tuple[ReliableMessage, ...], msgspec.Meta(max_length=MAX_MESSAGES)] = ()
 
 
 _encoder: Final = msgspec.msgpack.Encoder()
@@ -118,23 +118,23 @@ ALIVE_S: Final = 1.0
 """An end with nothing to say says so this often."""
 
 MAX_WAITING: Final = 1000
-"""Letters that may wait to be acknowledged; task planner and robots have a few under way."""
+"""Messages that may wait to be acknowledged; task planner and robots have a few under way."""
 
 
 @dataclass(frozen=True, slots=True)
 class Came:
-    """The other end is there, for the first time or after a new start. Letters to an earlier start are gone."""
+    """The other end is there, for the first time or after a new start. Messages to an earlier start are gone."""
 
 
 class Channel:
     """One end.
 
-    A process that starts anew has a new epoch, and with it all begins anew: numbers, and letters not yet acknowledged
+    A process that starts anew has a new epoch, and with it all begins anew: numbers, and messages not yet acknowledged
     are dropped, since they were for somebody who is no more. Whoever hears an epoch that it does not know asks it to
     repeat a number first: a frame that was under way for long cannot do that, so that nobody ever turns back to a
     process that has ended.
 
-    Both ends live once: of two processes with one name no letters would arrive in order.
+    Both ends live once: of two processes with one name no messages would arrive in order.
 
     Args:
         epoch: of this process; above 0.
@@ -153,7 +153,7 @@ class Channel:
         self._peer = 0
         self._candidate = (0, 0)  # an epoch, and what it was asked to repeat
         self._answer = (0, 0)  # an epoch that has asked, and what it wants repeated
-        self._waiting: Final[deque[Letter]] = deque()
+        self._waiting: Final[deque[ReliableMessage]] = deque()
         self._first = 1  # the number of the first that waits
         self._taken = 0
         self._owes_frame = False
@@ -163,11 +163,11 @@ class Channel:
 
     @property
     def there(self) -> bool:
-        """Whether the other end has been there, and can be sent letters; it may have ended meanwhile."""
+        """Whether the other end has been there, and can be sent messages; it may have ended meanwhile."""
         return self._peer != 0
 
-    def send(self, letter: Letter) -> None:
-        """Have a letter delivered to the other end as it lives now; dropped while nobody has come.
+    def send(self, message: ReliableMessage) -> None:
+        """Have a message delivered to the other end as it lives now; dropped while nobody has come.
 
         Raises:
             OverflowError: too many wait.
@@ -175,18 +175,18 @@ class Channel:
         if not self.there:
             return
         if len(self._waiting) >= MAX_WAITING:
-            raise OverflowError(f"{MAX_WAITING} letters wait to be acknowledged")
-        self._waiting.append(letter)
+            raise OverflowError(f"{MAX_WAITING} messages wait to be acknowledged")
+        self._waiting.append(message)
         self._fresh = True
 
-    def take(self, frame: Frame) -> list[Letter | Came]:
+    def take(self, frame: Frame) -> list[ReliableMessage | Came]:
         """Take a frame; return what follows from it, in order."""
         if frame.mission != self._mission:
             self.foreign = frame.mission
             return []
         if frame.epoch in (0, self._epoch):
             return []
-        came: list[Letter | Came] = []
+        came: list[ReliableMessage | Came] = []
         mine = frame.to == self._epoch
         if frame.ask and frame.to in (0, self._epoch):
             # Whoever asked before may be long gone; if not, it asks again.
@@ -203,11 +203,11 @@ class Channel:
         if not mine:
             return came
         self._acknowledge(frame.taken)
-        for number, letter in enumerate(frame.letters, start=frame.first):
+        for number, message in enumerate(frame.messages, start=frame.first):
             self._owes_frame = True
             if number == self._taken + 1:
                 self._taken = number
-                came.append(letter)
+                came.append(message)
         return came
 
     def due(self, now_s: float) -> list[Frame]:
@@ -226,9 +226,9 @@ class Channel:
         if at_once or quiet_s >= within_s:
             self._sent_s = now_s
             self._owes_frame = self._fresh = False
-            letters = tuple(self._waiting[index] for index in range(min(len(self._waiting), MAX_LETTERS)))
+            messages = tuple(self._waiting[index] for index in range(min(len(self._waiting), MAX_MESSAGES)))
             answer = self._answered(self._peer)
-            frames.append(Frame(self._epoch, self._peer, self._mission, 0, answer, self._taken, self._first, letters))
+            frames.append(Frame(self._epoch, self._peer, self._mission, 0, answer, self._taken, self._first, messages))
         return frames
 
     def _answered(self, epoch: int) -> int:
@@ -267,13 +267,13 @@ def new_epoch() -> int:
 
 
 class Post:
-    """Sends and delivers letters. One thread, but for what the bus does.
+    """Sends and delivers messages. One thread, but for what the bus does.
 
     Args:
         bus: closed with it.
         prefix: of all keys of this mission.
         me: this process's name.
-        others: the processes that letters go to and come from.
+        others: the processes that messages go to and come from.
         mission: what this process runs.
     """
 
@@ -284,15 +284,15 @@ class Post:
         epoch = new_epoch()
         self._channels: Final = {name: Channel(epoch, mission, new_epoch) for name in others}
         self._said_foreign: Final[set[str]] = set()
-        self._inbox: Final = Inbox(bus, f"{prefix}/*/letters/{me}", decode_frame, lambda: 0.0)
+        self._inbox: Final = Inbox(bus, f"{prefix}/*/messages/{me}", decode_frame, lambda: 0.0)
 
-    def send(self, to: str, letter: Letter) -> None:
-        """Have a letter delivered to a process as it lives now; dropped while it has not come."""
-        self._channels[to].send(letter)
+    def send(self, to: str, message: ReliableMessage) -> None:
+        """Have a message delivered to a process as it lives now; dropped while it has not come."""
+        self._channels[to].send(message)
 
-    def pump(self, now_s: float) -> list[tuple[str, Letter | Came]]:
+    def pump(self, now_s: float) -> list[tuple[str, ReliableMessage | Came]]:
         """Take what has come and send what is due; return what was delivered, with the process that it is from."""
-        delivered: list[tuple[str, Letter | Came]] = []
+        delivered: list[tuple[str, ReliableMessage | Came]] = []
         for key, frame, _ in self._inbox.take():
             sender = key.removeprefix(f"{self._prefix}/").partition("/")[0]
             channel = self._channels.get(sender)
@@ -304,10 +304,10 @@ class Post:
                 delivered.append((sender, each))
             if channel.foreign and sender not in self._said_foreign:
                 self._said_foreign.add(sender)
-                logger.error("process '%s' runs another mission; letters to and from it are dropped", sender)
+                logger.error("process '%s' runs another mission; messages to and from it are dropped", sender)
         for name, channel in self._channels.items():
             for frame in channel.due(now_s):
-                self._bus.publish(f"{self._prefix}/{self._me}/letters/{name}", encode_frame(frame))
+                self._bus.publish(f"{self._prefix}/{self._me}/messages/{name}", encode_frame(frame))
         return delivered
 
     def close(self) -> None:

@@ -14,8 +14,8 @@ from soter.isolation.messages import Garbage, Id, Text, decoded
 from soter.sdk import RobotState
 from soter.sdk.values import MAX_COORDINATE_M
 
-VERSION: Final = 2
-"""Of statuses and letters; it changes when they do, and processes of different versions do not talk."""
+VERSION: Final = 3
+"""Of statuses and messages; it changes when they do, and processes of different versions do not talk."""
 
 MAX_STATUS_BYTES: Final = 1 << 15
 MAX_ROBOTS: Final = 64

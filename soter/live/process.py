@@ -51,7 +51,8 @@ def serve(stdin: BinaryIO, socket_fd: int, lifeline_fd: int, make: Callable[[int
 
     Args:
         stdin: holds the pickled port.
-        socket_fd: what the run says comes from there: where its recording is. It is closed when the run has ended.
+        socket_fd: what the run says comes from there: where its recording is. It is closed when nobody is to be shown
+            anything any more.
         lifeline_fd: its other end is closed when the run has died.
         make: makes a screen at a port; raises OSError if it cannot be had.
     """
@@ -64,6 +65,9 @@ def serve(stdin: BinaryIO, socket_fd: int, lifeline_fd: int, make: Callable[[int
         screen = make(port)
         link.send(READY + str(screen.port).encode())
         _follow(link, screen)
+        # Until the run closes its end: it may keep what is shown for those who come when it has ended.
+        while link.recv(_PATH_BYTES):
+            pass
         screen.close()
     except Exception as failure:  # noqa: BLE001 - whatever it is, the run is told before this process ends
         why = (failure.strerror if isinstance(failure, OSError) else None) or str(failure) or repr(failure)

@@ -86,6 +86,11 @@ class LiveView:
         self._watcher.start()
 
     @property
+    def gone(self) -> bool:
+        """Whether the process has ended."""
+        return not self._watcher.is_alive()
+
+    @property
     def pid(self) -> int:
         """The process's id."""
         return self._child.pid

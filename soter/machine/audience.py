@@ -11,7 +11,7 @@ from soter.machine.events import Event, Halt, MachineRef
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from soter.machine.cell import SpecCell
+    from soter.machine.context import SpecContext
     from soter.machine.core import Core
 
 
@@ -33,7 +33,7 @@ class Transition(NamedTuple):
     target: str | None
 
 
-def _observes(spec: SpecCell, event: type[Event]) -> bool:
+def _observes(spec: SpecContext, event: type[Event]) -> bool:
     observed: tuple[type[Event], ...] = type(spec.machine).__observes__
     # As in states, Halt counts only where it is named.
     return event in observed if event is Halt else issubclass(event, observed)
@@ -44,15 +44,15 @@ class Audience:
 
     def __init__(self, core: Core) -> None:
         self.core = core
-        self.specs: list[SpecCell] = []
+        self.specs: list[SpecContext] = []
         self.spec_ids: set[int] = set()
         self.observers: list[Callable[[Transition], None]] = []
         # Failures that are not of the machine whose step it is; that step is finished before they are
         # reported.
         self.failures: deque[Exception] = deque()
-        self._watchers: dict[type, tuple[SpecCell, ...]] = {}
+        self._watchers: dict[type, tuple[SpecContext, ...]] = {}
 
-    def attach(self, spec: SpecCell) -> None:
+    def attach(self, spec: SpecContext) -> None:
         """Start a spec."""
         self.spec_ids.add(spec.ref.id)
         self.specs.append(spec)
@@ -63,7 +63,7 @@ class Audience:
             self.core.halt(spec)
             raise
 
-    def detach(self, spec: SpecCell) -> None:
+    def detach(self, spec: SpecContext) -> None:
         """Forget a spec that has stopped."""
         self.specs.remove(spec)
         self._watchers.clear()

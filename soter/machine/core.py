@@ -6,7 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from soter.machine.audience import Audience, Transition
-from soter.machine.cell import Cell, SpecCell
+from soter.machine.context import MachineContext, SpecContext
 from soter.machine.errors import MachineError, MisuseError
 from soter.machine.events import Event, MachineRef, guard_of
 from soter.machine.intake import NOTHING, TimerQueue
@@ -46,12 +46,12 @@ class Core:
         self.forward = forward
         self.temperature_limit = temperature_limit
         self.audience = Audience(self)
-        self.cells: dict[int, Cell] = {}
-        self.ready: deque[Cell] = deque()
-        self.idled: list[Cell] = []
+        self.contexts: dict[int, MachineContext] = {}
+        self.ready: deque[MachineContext] = deque()
+        self.idled: list[MachineContext] = []
         self.posted: deque[tuple[MachineRef, Event]] = deque()
         self.timers = TimerQueue()
-        self.current: Cell | None = None
+        self.current: MachineContext | None = None
         self.running = False
         self.choosing = False
         self.steps = 0
@@ -59,12 +59,12 @@ class Core:
         # Whoever posts and whatever timers send takes part in the scheduling like a machine.
         nowhere = StateTable("outside", State())
         outside = ClassTable("outside", nowhere, {}, {})
-        self.outside = self._prepare(Cell(self, MachineRef(0, "outside", node), outside, nowhere))
+        self.outside = self._prepare(MachineContext(self, MachineRef(0, "outside", node), outside, nowhere))
         self.outside.pending = NOTHING
 
     # Machines come and go
 
-    def make(self, machine: Any, payload: object, name: str | None, kwargs: dict[str, Any]) -> Cell:
+    def make(self, machine: Any, payload: object, name: str | None, kwargs: dict[str, Any]) -> MachineContext:
         """Make a machine that does not run yet."""
         if not (isinstance(machine, type) and issubclass(machine, Machine)):
             raise MisuseError(f"create() takes a machine class, not {machine!r}")
@@ -78,13 +78,13 @@ class Core:
         elif entry is None or not entry.takes:
             raise MisuseError(f"the entry handler of {table.name}.{table.start.name} takes no payload")
         ref = self.new_ref(table.name, name)
-        cell = self._prepare(Cell(self, ref, table, table.start))
-        cell.pending_event = payload
+        context = self._prepare(MachineContext(self, ref, table, table.start))
+        context.pending_event = payload
         # The machine must know its reference before its constructor runs.
-        cell.machine = machine.__new__(machine)
-        cell.machine._cell = cell
-        cell.machine.__init__(**kwargs)
-        return cell
+        context.machine = machine.__new__(machine)
+        context.machine._context = context
+        context.machine.__init__(**kwargs)
+        return context
 
     def new_ref(self, kind: str, name: str | None) -> MachineRef:
         """Return the next reference."""
@@ -92,72 +92,72 @@ class Core:
         self.next_id += 1
         return MachineRef(number, f"{kind}-{number}" if name is None else name, self.node)
 
-    def _prepare(self, cell: Cell) -> Cell:
+    def _prepare(self, context: MachineContext) -> MachineContext:
         if self.pick is not None:
-            cell.outbox = deque()
-        return cell
+            context.outbox = deque()
+        return context
 
     def create_from(
-        self, cell: Cell, machine: type[Machine], payload: object, name: str | None, kwargs: dict[str, Any]
+        self, context: MachineContext, machine: type[Machine], payload: object, name: str | None, kwargs: dict[str, Any]
     ) -> MachineRef:
         """Create a machine for a handler."""
         made = self.make(machine, payload, name, kwargs)
-        self.cells[made.ref.id] = made
-        if cell.outbox is None:
+        self.contexts[made.ref.id] = made
+        if context.outbox is None:
             self.wake(made)
         else:
             made.ready = True  # not in the list yet, but its queue takes events
-            cell.outbox.append((made, None))
+            context.outbox.append((made, None))
         return made.ref
 
-    def wake(self, cell: Cell) -> None:
+    def wake(self, context: MachineContext) -> None:
         """Put a machine that can do something into the list."""
-        cell.ready = True
-        self.ready.append(cell)
+        context.ready = True
+        self.ready.append(context)
 
-    def halt(self, cell: Cell) -> None:
+    def halt(self, context: MachineContext) -> None:
         """Stop a machine, once everything it has sent is under way."""
-        cell.pending = NOTHING
-        cell.halting = True
-        if not cell.outbox:
-            self._stop(cell)
+        context.pending = NOTHING
+        context.halting = True
+        if not context.outbox:
+            self._stop(context)
 
-    def _stop(self, cell: Cell) -> None:
-        if cell.halted:
+    def _stop(self, context: MachineContext) -> None:
+        if context.halted:
             return
-        cell.halted = True
-        cell.ready = False
-        cell.queue.clear()
-        self.cells.pop(cell.ref.id, None)
-        if isinstance(cell, SpecCell):
-            self.audience.detach(cell)
+        context.halted = True
+        context.ready = False
+        context.queue.clear()
+        self.contexts.pop(context.ref.id, None)
+        if isinstance(context, SpecContext):
+            self.audience.detach(context)
         if self.audience.observers:
-            self.audience.note(Transition(self.now(), cell.ref, cell.state.name, cell.event, None))
+            self.audience.note(Transition(self.now(), context.ref, context.state.name, context.event, None))
 
-    def entered(self, cell: Cell, source: StateTable | None, target: StateTable) -> None:
+    def entered(self, context: MachineContext, source: StateTable | None, target: StateTable) -> None:
         """Tell whom it concerns that a machine has changed its state."""
-        if cell.__class__ is SpecCell:
-            cell.enter(target, self.steps)
+        if context.__class__ is SpecContext:
+            context.enter(target, self.steps)
         if self.audience.observers:
             name = None if source is None else source.name
-            self.audience.note(Transition(self.now(), cell.ref, name, cell.event, target.name))
+            self.audience.note(Transition(self.now(), context.ref, name, context.event, target.name))
 
-    def idling(self, cell: Cell) -> None:
+    def idling(self, context: MachineContext) -> None:
         """Note that an idle handler runs: in a live runtime it must not keep `run` from coming to an end."""
         if self.pick is None:
-            cell.idled = True
-            self.idled.append(cell)
+            context.idled = True
+            self.idled.append(context)
 
     # Events on their way
 
-    def send(self, cell: Cell, to: MachineRef, event: Event) -> None:
+    def send(self, context: MachineContext, to: MachineRef, event: Event) -> None:
         """Send an event for a handler, or for the outside."""
         guard = guard_of(event.__class__)
         if guard is not None:
             guard(event)
-        if to.__class__ is not MachineRef or to.id not in self.cells or to.node != self.node:
+        if to.__class__ is not MachineRef or to.id not in self.contexts or to.node != self.node:
             self.check_target(to)
-        outbox = cell.outbox
+        outbox = context.outbox
         if outbox is None:
             if self.audience.specs:
                 self.audience.tell(event)
@@ -165,16 +165,16 @@ class Core:
         else:
             if not outbox:
                 self.audience.tell(event)
-                cell.told = True
+                context.told = True
             outbox.append((to, event))
 
-    def announce(self, cell: Cell, event: Event) -> None:
+    def announce(self, context: MachineContext, event: Event) -> None:
         """Tell the specs of an event that is sent to nobody."""
         guard = guard_of(event.__class__)
         if guard is not None:
             guard(event)
-        if cell.outbox:
-            cell.outbox.append((None, event))
+        if context.outbox:
+            context.outbox.append((None, event))
         else:
             self.audience.tell(event)
 
@@ -196,24 +196,24 @@ class Core:
             assert self.forward is not None
             self.forward(to, event)
             return
-        cell = self.cells.get(to.id)
-        if cell is None or cell.halting:
+        context = self.contexts.get(to.id)
+        if context is None or context.halting:
             return
-        if cell.ready:
-            cell.queue.append(event)
-        elif cell.waiting is None:
-            state = cell.state
+        if context.ready:
+            context.queue.append(event)
+        elif context.waiting is None:
+            state = context.state
             kind = (state.actions.get(event.__class__) or state.action(event.__class__)).kind
             if kind <= LAST_TAKEN:
-                cell.queue.append(event)
-                cell.ready = True
-                self.ready.append(cell)
+                context.queue.append(event)
+                context.ready = True
+                self.ready.append(context)
             elif kind == DEFER:
-                cell.queue.append(event)
+                context.queue.append(event)
         else:
-            cell.queue.append(event)
-            if cell.wakes(event):
-                self.wake(cell)
+            context.queue.append(event)
+            if context.wakes(event):
+                self.wake(context)
 
     def call_at(self, time_s: float, to: MachineRef, event: Event) -> Timer:
         """Add a timer."""
@@ -260,10 +260,10 @@ class Core:
         posted = self.posted
         heap = self.timers.heap
         pick = self.pick
-        for cell in self.idled:
-            cell.idled = False
-            if not (cell.halted or cell.ready) and cell.waiting is None and cell.state.idle is not None:
-                self.wake(cell)
+        for context in self.idled:
+            context.idled = False
+            if not (context.halted or context.ready) and context.waiting is None and context.state.idle is not None:
+                self.wake(context)
         self.idled.clear()
         while max_steps is None or steps < max_steps:
             if self.audience.failures:
@@ -272,27 +272,27 @@ class Core:
                 self._collect()
             if not ready:
                 break
-            cell = ready.popleft() if pick is None else self._pick_cell()
-            self.current = cell
+            context = ready.popleft() if pick is None else self._pick_context()
+            self.current = context
             try:
-                if pick is not None and cell.outbox:
-                    self._flush(cell)
-                elif cell.pending != NOTHING:
-                    cell.perform()
-                elif cell.take() == NOTHING:
-                    cell.ready = False
+                if pick is not None and context.outbox:
+                    self._flush(context)
+                elif context.pending != NOTHING:
+                    context.perform()
+                elif context.take() == NOTHING:
+                    context.ready = False
                     continue
                 elif pick is None:
-                    cell.perform()
+                    context.perform()
                 steps += 1
                 self.steps += 1
-                self._settle(cell)
+                self._settle(context)
             except MachineError as error:
-                self._fail(cell, error)
+                self._fail(context, error)
             except BaseException:
                 # Ctrl-C: leave the runtime usable, so that the program can still stop its robots.
-                if not cell.halted:
-                    self.wake(cell)
+                if not context.halted:
+                    self.wake(context)
                 raise
             finally:
                 self.current = None
@@ -302,7 +302,7 @@ class Core:
             self.report()
         return steps
 
-    def _pick_cell(self) -> Cell:
+    def _pick_context(self) -> MachineContext:
         ready = self.ready
         index = 0
         if len(ready) > 1:
@@ -311,72 +311,72 @@ class Core:
                 index = self.choose(len(ready))
             finally:
                 self.choosing = False
-        cell = ready[index]
+        context = ready[index]
         del ready[index]
-        return cell
+        return context
 
-    def _flush(self, cell: Cell) -> None:
+    def _flush(self, context: MachineContext) -> None:
         """Let the first thing that a handler has sent or created take effect."""
-        assert cell.outbox is not None
-        what, event = cell.outbox.popleft()
-        cell.told = False
+        assert context.outbox is not None
+        what, event = context.outbox.popleft()
+        context.told = False
         if event is None:
-            assert isinstance(what, Cell)
+            assert isinstance(what, MachineContext)
             self.wake(what)
         else:
             assert isinstance(what, MachineRef)
             self.deliver(what, event)
 
-    def _settle(self, cell: Cell) -> None:
+    def _settle(self, context: MachineContext) -> None:
         """After a step, go on to the next scheduling point, and see whether the machine has more to do."""
-        if cell.outbox:
-            self._tell_next(cell)
-        if cell.outbox:
-            self.ready.append(cell)
+        if context.outbox:
+            self._tell_next(context)
+        if context.outbox:
+            self.ready.append(context)
             return
-        if cell.halting:
-            self._stop(cell)
+        if context.halting:
+            self._stop(context)
             return
-        state = cell.state
-        if cell.pending != NOTHING:
+        state = context.state
+        if context.pending != NOTHING:
             more = True
-        elif cell.waiting is not None:
-            more = cell.take() != NOTHING
+        elif context.waiting is not None:
+            more = context.take() != NOTHING
         elif self.pick is None:
             # Whether it can take any of it is found out when its turn comes.
-            more = bool(cell.queue) or (state.idle is not None and not cell.idled)
+            more = bool(context.queue) or (state.idle is not None and not context.idled)
         elif state.interrupts or state.idle is not None:
             # What is taken here depends on what arrives before the next step, so it must be a step of its own.
-            more = cell.can_take()
+            more = context.can_take()
         else:
-            more = cell.take() != NOTHING
+            more = context.take() != NOTHING
         if more:
-            self.ready.append(cell)
+            self.ready.append(context)
         else:
-            cell.ready = False
+            context.ready = False
 
-    def _tell_next(self, cell: Cell) -> None:
-        outbox = cell.outbox
+    def _tell_next(self, context: MachineContext) -> None:
+        outbox = context.outbox
         while outbox:
             what, event = outbox[0]
             if event is None:
                 return
-            if not cell.told:
+            if not context.told:
                 self.audience.tell(event)
-                cell.told = True
+                context.told = True
             if what is not None:
                 return
             outbox.popleft()
-            cell.told = False
+            context.told = False
 
     # Failures
 
-    def _fail(self, cell: Cell, error: MachineError) -> None:
+    def _fail(self, context: MachineContext, error: MachineError) -> None:
         """Halt the machine that failed, and let the application decide about the rest."""
-        cell.abandon(quietly=True)
-        self.halt(cell)
-        if cell.outbox:
-            self.ready.append(cell)
+        context.abandon(quietly=True)
+        self.halt(context)
+        if context.outbox:
+            self.ready.append(context)
         self.current = None
         self.judge(error)
 

@@ -90,10 +90,10 @@ NOTHING, START, EVENT, RECEIVED, INTERRUPTED, IDLING = range(6)
 class Wait:
     """A blocked `receive`: the only thing that a handler may await."""
 
-    __slots__ = ("cell", "events", "explicit_halt", "match", "seen")
+    __slots__ = ("context", "events", "explicit_halt", "match", "seen")
 
-    def __init__(self, cell: Intake, events: tuple[type[Event], ...], match: Callable[[Any], bool] | None) -> None:
-        self.cell = cell
+    def __init__(self, context: Intake, events: tuple[type[Event], ...], match: Callable[[Any], bool] | None) -> None:
+        self.context = context
         self.events = (*events, Halt)
         self.explicit_halt = Halt in events
         self.match = match

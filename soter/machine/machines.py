@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar, overload
 
-from soter.machine.cell import Cell
+from soter.machine.context import MachineContext
 from soter.machine.errors import MachineDefinitionError, MisuseError
 from soter.machine.events import Event, MachineRef, is_event_class
 from soter.machine.intake import Wait
@@ -36,7 +36,7 @@ class Machine:
     same event. ``class Base(Machine, abstract=True)`` lacks a start state and cannot be created.
     """
 
-    _cell: Cell
+    _context: MachineContext
     __table__: ClassVar[ClassTable] = ClassTable("Machine", None, {}, {})
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
@@ -46,11 +46,11 @@ class Machine:
     @property
     def ref(self) -> MachineRef:
         """This machine's reference, to be sent to others."""
-        return self._own_cell().ref
+        return self._own_context().ref
 
     def now(self) -> float:
         """Return the time in seconds on the runtime's clock."""
-        return self._own_cell().core.now()
+        return self._own_context().core.now()
 
     def send(self, to: MachineRef, event: Event) -> None:
         """Send an event to a machine. It is dropped if that machine is halted.
@@ -60,13 +60,13 @@ class Machine:
             MisuseError: There is no such machine, or no handler of this machine is running.
         """
         try:
-            cell = self._cell
+            context = self._context
         except AttributeError:
-            cell = self._own_cell()
-        core = cell.core
-        if core.current is not cell:
-            self._running_cell("send")
-        core.send(cell, to, event)
+            context = self._own_context()
+        core = context.core
+        if core.current is not context:
+            self._running_context("send")
+        core.send(context, to, event)
 
     def announce(self, event: Event) -> None:
         """Show an event to the specs only.
@@ -75,15 +75,15 @@ class Machine:
             EventError: The event is not immutable.
             MisuseError: No handler of this machine is running.
         """
-        cell = self._running_cell("announce")
-        cell.core.announce(cell, event)
+        context = self._running_context("announce")
+        context.core.announce(context, event)
 
     def create(
         self, machine: type[Machine], payload: object = NO_PAYLOAD, *, name: str | None = None, **kwargs: Any
     ) -> MachineRef:
         """Create a machine; it starts in a later step. See `Runtime.create`."""
-        cell = self._running_cell("create")
-        return cell.core.create_from(cell, machine, payload, name, kwargs)
+        context = self._running_context("create")
+        return context.core.create_from(context, machine, payload, name, kwargs)
 
     def after(self, delay_s: float, event: Event) -> Timer:
         """Send an event to this machine after a delay.
@@ -95,10 +95,10 @@ class Machine:
         Raises:
             ValueError: The delay is negative or not finite.
         """
-        cell = self._running_cell("after")
+        context = self._running_context("after")
         if not (math.isfinite(delay_s) and delay_s >= 0.0):
             raise ValueError(f"a delay must be a finite number of seconds, 0 or more, not {delay_s!r}")
-        return cell.core.call_at(cell.core.now() + delay_s, cell.ref, event)
+        return context.core.call_at(context.core.now() + delay_s, context.ref, event)
 
     @overload
     def choose(self, options: int) -> int: ...
@@ -113,10 +113,10 @@ class Machine:
         Raises:
             ValueError: There is nothing to choose from.
         """
-        cell = self._running_cell("choose")
+        context = self._running_context("choose")
         if isinstance(options, int):
-            return cell.core.choose(options)
-        return options[cell.core.choose(len(options))]
+            return context.core.choose(options)
+        return options[context.core.choose(len(options))]
 
     @overload
     async def receive(self, event: type[E1], /, *, match: Callable[[E1], bool] | None = None) -> E1: ...
@@ -150,31 +150,43 @@ class Machine:
         Raises:
             MisuseError: No event class is given, or no handler of this machine is running.
         """
-        cell = self._running_cell("receive")
+        context = self._running_context("receive")
         if not events or not all(is_event_class(event) for event in events):
             raise MisuseError(f"receive() takes event classes, not {events!r}")
-        return await Wait(cell, events, match)
+        return await Wait(context, events, match)
 
-    def _own_cell(self) -> Cell:
+    def _own_context(self) -> MachineContext:
         try:
-            return self._cell
+            return self._context
         except AttributeError:
             raise MisuseError(
                 f"this {type(self).__name__} belongs to no runtime: make it with create(), not by a call"
             ) from None
 
-    def _running_cell(self, what: str) -> Cell:
-        cell = self._own_cell()
-        if cell.core.current is not cell:
+    def _running_context(self, what: str) -> MachineContext:
+        context = self._own_context()
+        if context.core.current is not context:
             raise MisuseError(
-                f"{what}() of {cell.ref} was called while none of its handlers runs; "
+                f"{what}() of {context.ref} was called while none of its handlers runs; "
                 f"other code and other threads use runtime.post()"
             )
-        return cell
+        return context
 
 
 _MACHINE_NAMES = frozenset(
-    {"ref", "now", "send", "announce", "create", "after", "choose", "receive", "_cell", "_own_cell", "_running_cell"}
+    {
+        "ref",
+        "now",
+        "send",
+        "announce",
+        "create",
+        "after",
+        "choose",
+        "receive",
+        "_context",
+        "_own_context",
+        "_running_context",
+    }
 )
 
 

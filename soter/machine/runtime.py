@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from soter.errors import SoterError
 from soter.machine.audience import Transition
-from soter.machine.cell import SpecCell
+from soter.machine.context import SpecContext
 from soter.machine.core import Core
 from soter.machine.errors import LivenessError, MachineError, MisuseError
 from soter.machine.events import Event, Halt, MachineRef, guard_of
@@ -129,10 +129,10 @@ class Runtime:
             MisuseError: The class has no start state, or its entry handler and the payload do not fit.
         """
         core = self._core
-        cell = core.make(machine, payload, name, kwargs)
-        core.cells[cell.ref.id] = cell
-        core.wake(cell)
-        return cell.ref
+        context = core.make(machine, payload, name, kwargs)
+        core.contexts[context.ref.id] = context
+        core.wake(context)
+        return context.ref
 
     def monitor(self, spec: type[Spec], *, name: str | None = None, **kwargs: Any) -> MachineRef:
         """Attach a spec and start it at once. It sees every event that it observes from now on.
@@ -150,10 +150,10 @@ class Runtime:
         table = spec.__table__
         if table.start is None:
             raise MisuseError(f"{table.name} has no start state and cannot be used; use a subclass of it")
-        cell = SpecCell(core, core.new_ref(table.name, name), table, table.start)
-        cell.machine = spec(**kwargs)
-        core.audience.attach(cell)
-        return cell.ref
+        context = SpecContext(core, core.new_ref(table.name, name), table, table.start)
+        context.machine = spec(**kwargs)
+        core.audience.attach(context)
+        return context.ref
 
     def observe(self, observer: Callable[[Transition], None]) -> Callable[[], None]:
         """Call something with every change of state of every machine and spec. It must not call the runtime.
@@ -260,10 +260,10 @@ class Runtime:
             return
         self._closed = True
         first: SoterError | None = None
-        for cell in list(core.cells.values()):
-            core.current = cell
+        for context in list(core.contexts.values()):
+            core.current = context
             try:
-                cell.abandon()
+                context.abandon()
             except MachineError as error:
                 first = first or error
             finally:
@@ -300,9 +300,9 @@ class Runtime:
 
         A watchdog that finds the same handler and the same `steps` for too long knows who blocks.
         """
-        cell = self._core.current
-        handler = None if cell is None else cell.handler
-        return None if cell is None or handler is None else f"{cell.ref.name}: {handler.where}"
+        context = self._core.current
+        handler = None if context is None else context.handler
+        return None if context is None or handler is None else f"{context.ref.name}: {handler.where}"
 
     @property
     def candidates(self) -> tuple[MachineRef, ...]:
@@ -311,7 +311,7 @@ class Runtime:
         Number 0 stands for the outside: what was posted and what timers send.
         """
         core = self._core
-        return tuple(cell.ref for cell in core.ready) if core.choosing else ()
+        return tuple(context.ref for context in core.ready) if core.choosing else ()
 
     def state(self, machine: MachineRef) -> str | None:
         """Return the name of the state a machine or spec is in; None if it has stopped.
@@ -322,10 +322,10 @@ class Runtime:
         core = self._core
         if machine.node != core.node:
             raise MisuseError(f"{machine} lives in runtime {machine.node!r}; its state is not known here")
-        cell = core.cells.get(machine.id)
-        if cell is None:
-            cell = next((spec for spec in core.audience.specs if spec.ref.id == machine.id), None)
-        return None if cell is None or cell.halting else cell.state.name
+        context = core.contexts.get(machine.id)
+        if context is None:
+            context = next((spec for spec in core.audience.specs if spec.ref.id == machine.id), None)
+        return None if context is None or context.halting else context.state.name
 
     def blocked(self) -> list[Blocked]:
         """Return who waits in `receive` while nobody can do anything.
@@ -339,10 +339,10 @@ class Runtime:
         if not self.idle:
             return []
         found = []
-        for cell in self._core.cells.values():
-            if cell.waiting is not None and cell.handler is not None:
-                events = tuple(e for e in cell.waiting.events[:-1] if e is not Halt)
-                found.append(Blocked(cell.ref, cell.state.name, cell.handler.where, events))
+        for context in self._core.contexts.values():
+            if context.waiting is not None and context.handler is not None:
+                events = tuple(e for e in context.waiting.events[:-1] if e is not Halt)
+                found.append(Blocked(context.ref, context.state.name, context.handler.where, events))
         return found
 
     def specs(self) -> list[SpecStatus]:

@@ -15,9 +15,9 @@ from soter.loading import described
 from soter.machine import Event, Goto, Machine, MachineRef, Next, State
 from soter.missions.stage import Stage
 from soter.sdk import RobotState, Waypoint
-from soter.stack.away import AwayKit, robot_agent
 from soter.stack.events import TRIES, Outcome, TargetEnded, VisitTarget
 from soter.stack.kit import RobotPort
+from soter.stack.remote import RemoteKit, robot_agent
 
 LONGEST_S: Final = 1e6
 """Time that a goal may be given, as in mission files."""
@@ -176,7 +176,7 @@ class RobotScript(Machine):
     async def _run(self, script: Script) -> Next:
         self.script, stage, robot_id = script, script.stage, script.robot_id
         kit = stage.kits[robot_id]
-        if not isinstance(kit, AwayKit):
+        if not isinstance(kit, RemoteKit):
             kit.subscribe(robot_id, self.ref, ())
         agent = self.create(robot_agent(kit), (kit, self.ref), name=f"RobotAgent {robot_id}")
         # Nothing of the script runs before the first tick, from which on one that never awaits is noticed.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from soter.geometry.workspace import Workspace
 from soter.machine import Machine, MachineRef
-from soter.stack.away import AwayKit
 from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotKit, RobotPort
+from soter.stack.remote import RemoteKit
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Stage:
     body_radius_m: Mapping[int, float]
     seed: int
     tick_s: float
-    kits: Mapping[int, RobotKit | AwayKit]
+    kits: Mapping[int, RobotKit | RemoteKit]
     ports: Mapping[int, RobotPort]
     create: Callable[[type[Machine], object, str], MachineRef]
     on_target: Callable[[int, int, Place], None]

@@ -14,9 +14,9 @@ from soter.geometry.workspace import Workspace
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.missions.mission import Mission
 from soter.missions.stage import Stage
-from soter.stack.away import AwayKit, robot_agent
 from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
+from soter.stack.remote import RemoteKit, robot_agent
 
 OUTSIDE_M: Final = 1.0
 """How far outside the fence hostile targets lie, at most."""
@@ -97,7 +97,7 @@ class Tasks:
         on_ended: told of every target that ended: robot, target id, outcome.
     """
 
-    kits: Mapping[int, RobotKit | AwayKit]
+    kits: Mapping[int, RobotKit | RemoteKit]
     next_target: Callable[[int], Place]
     on_target: Callable[[int, int, Place], None]
     on_ended: Callable[[int, int, Outcome], None]

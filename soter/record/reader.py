@@ -331,7 +331,10 @@ class Recording:
                     # Cut off within the mark at the end, which the reader takes for damage.
                     self._truncated = True
                     return
-                raise BadRecording(f"{self.path}: it is no MCAP file, or a damaged one: {_why(failure)}") from failure
+                raise BadRecording(
+                    f"{self.path}: it is no MCAP file, or a damaged one: {_why(failure)}; expected is a recording, as "
+                    "`soter run --record FILE.mcap` makes one"
+                ) from failure
             begun = True
             if isinstance(record, Header) and record.profile != PROFILE:
                 raise BadRecording(f"{self.path}: SOTER did not record it; its profile is '{record.profile}'")

@@ -14,9 +14,9 @@ from soter.report.caption import Caption
 from soter.report.picture import draw_png
 from soter.report.strokes import end_s
 
-FRAMES: Final = 48
+FRAMES: Final = 96
 WIDTH_PX: Final = 800
-FRAME_MS: Final = 160
+FRAME_MS: Final = 80
 LAST_FRAME_MS: Final = 3000
 """The last moment is the picture of the whole run, and stays."""
 

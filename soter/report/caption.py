@@ -23,6 +23,20 @@ class Rule(NamedTuple):
     broken: bool
 
 
+class Broken(NamedTuple):
+    """Where something was broken, to be shown.
+
+    Attributes:
+        x_m: where the robot was then, east.
+        y_m: the same, north.
+        text: what, in a few words.
+    """
+
+    x_m: float
+    y_m: float
+    text: str
+
+
 @dataclass(frozen=True, slots=True)
 class Caption:
     """What stands above and beside the picture of a run.
@@ -35,6 +49,7 @@ class Caption:
         disengagements: by safety module; a module that is not in it was not counted.
         rules: as ground truth judged them; empty without it.
         safer_charge: charge from 0 to 1 from which a robot is given back; None without that module.
+        broken: what is to be seen to be broken on the plan.
     """
 
     title: str = ""
@@ -44,3 +59,4 @@ class Caption:
     disengagements: Mapping[str, int] = field(default_factory=dict)
     rules: tuple[Rule, ...] = ()
     safer_charge: float | None = None
+    broken: tuple[Broken, ...] = ()

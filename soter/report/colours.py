@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 MODULES: Final = {"collision": "#D55E00", "obstacle": "#A0348C", "geofence": "#E69F00", "battery": "#009E73"}
-ROBOTS: Final = ("#1F6FB2", "#7C8088", "#56B4E9", "#2B3A67", "#9AA9BC", "#3E8E9E")
+ROBOTS: Final = ("#1F6FB2", "#7C8088", "#56B4E9", "#2B3A67", "#7E6BC4", "#3E8E9E")
 _OTHER_MODULES: Final = ("#8C1C13", "#5E4B00", "#3D2B56")
 
 

@@ -20,14 +20,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from soter.record.tracks import RunTracks, Track
-from soter.report.caption import Caption
+from soter.report.caption import Broken, Caption
 from soter.report.colours import MODULES, ROBOTS, ac_colour, driver_colour
-from soter.report.strokes import LAST_S, end_s, marks, shares, stretches, time_unit, until, ways_since_s
+from soter.report.strokes import end_s, marks, shares, stretches, time_unit, until, ways_since_s
 
 WIDTH_PX: Final = 1600
 HEIGHT_PX: Final = 1200
 MOST_ROWS: Final = 10
 """Robots beyond this number have no time line."""
+
+EDGE_M: Final = 0.3
+"""A robot whose centre is no further from an edge is at it."""
 
 TRAIL_S: Final = 60.0
 """What is drawn of the ways before a moment that is not the end."""
@@ -85,7 +88,10 @@ def make_figure(run: RunTracks, caption: Caption, until_s: float | None = None) 
     # The plan is as large as fits, and the key begins where it ends.
     scale = min(height_px / (extent[3] - extent[1]), _MOST_PLAN_PX / (extent[2] - extent[0]))
     width_px = scale * (extent[2] - extent[0])
-    _plan(_axes(figure, _LEFT_PX, _TOP_PX, width_px, scale * (extent[3] - extent[1])), shown, extent, since_s)
+    plan = _axes(figure, _LEFT_PX, _TOP_PX, width_px, scale * (extent[3] - extent[1]))
+    _plan(plan, shown, extent, since_s, ends=until_s is None)
+    for each in caption.broken:
+        _broken(plan, run, each)
     key_px = _LEFT_PX + width_px + 80.0
     _key(_axes(figure, key_px, _TOP_PX, _RIGHT_PX - key_px, height_px), shown, caption, _RIGHT_PX - key_px)
     for index, robot_id in enumerate(rows):
@@ -132,7 +138,7 @@ def _bare(axes: Axes) -> None:
 # --- seen from above ---------------------------------------------------------------------------------------
 
 
-def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float], since_s: float) -> None:
+def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float], since_s: float, *, ends: bool) -> None:
     workspace = run.workspace
     axes.set_xlim(extent[0], extent[2])
     axes.set_ylim(extent[1], extent[3])
@@ -152,10 +158,10 @@ def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float],
         axis.set_ticks([step * index for index in range(int(length_m / step) + 1)])
     axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=_SOFT, fontsize=8, ha="left", va="top")
     shown_s = end_s(run) - since_s
-    if since_s > 0.0 and math.isclose(shown_s, LAST_S):
+    if since_s > 0.0 and ends:
         axes.text(
-            0.5, 0.004, f"the last {LAST_S / 60.0:g} minutes", transform=axes.transAxes, ha="center", va="bottom",
-            color=_SOFT, fontsize=8.5, style="italic", zorder=9,
+            0.5, 0.004, f"ways of the last {shown_s / 60.0:.2g} min", transform=axes.transAxes, ha="center",
+            va="bottom", color=_SOFT, fontsize=8.5, style="italic", zorder=9,
         )  # fmt: skip
 
 
@@ -223,6 +229,41 @@ def _marks(axes: Axes, run: RunTracks, since_s: float) -> None:
         [mark.x_m for mark in taken], [mark.y_m for mark in taken], s=26 * scale,
         c=[driver_colour(mark.module or "") for mark in taken], ec="white", lw=0.7, zorder=6,
     )  # fmt: skip
+
+
+def _broken(axes: Axes, run: RunTracks, broken: Broken) -> None:
+    """Show where something was broken: a ring around the robot, and the edge of fence or box that it is at."""
+    edge = _edge_at(run, broken.x_m, broken.y_m)
+    if edge is not None:
+        axes.plot(*edge, color=_ALARM, lw=4.5, solid_capstyle="butt", zorder=9)
+    axes.plot([broken.x_m], [broken.y_m], "o", ms=22, mfc="none", mec=_ALARM, mew=2.2, zorder=10)
+    side = -1.0 if broken.x_m > run.workspace.width_m / 2.0 else 1.0
+    up = 1.0 if broken.y_m < run.workspace.depth_m / 2.0 else -1.0
+    axes.annotate(
+        broken.text, (broken.x_m, broken.y_m), (side * 22.0, up * 18.0),
+        textcoords="offset points", color=_ALARM, fontsize=9, weight="bold", zorder=11, va="center",
+        ha="right" if side < 0.0 else "left",
+        bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": _ALARM, "lw": 0.8},
+    )  # fmt: skip
+
+
+def _edge_at(run: RunTracks, x_m: float, y_m: float) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return the edge of the fence, or of a box, that a place is at, as its ends' x and y; None if it is at none."""
+    room = run.workspace
+    edges = []
+    for west, south, east, north in (
+        (0.0, 0.0, room.width_m, room.depth_m),
+        *((box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m) for box in room.boxes),
+    ):
+        edges += [((west, east), (south, south)), ((west, east), (north, north))]
+        edges += [((west, west), (south, north)), ((east, east), (south, north))]
+
+    def away_m(edge: tuple[tuple[float, float], tuple[float, float]]) -> float:
+        (x1, x2), (y1, y2) = edge
+        return math.hypot(x_m - min(max(x_m, x1), x2), y_m - min(max(y_m, y1), y2))
+
+    nearest = min(edges, key=away_m)
+    return nearest if away_m(nearest) <= EDGE_M else None
 
 
 def _numbered(axes: Axes, x_m: float, y_m: float, robot_id: int, colour: str, *, filled: bool) -> None:

@@ -16,6 +16,13 @@ LAST_S: Final = 600.0
 """Of a long run only the ways of its end are drawn."""
 
 
+FEW_ROBOTS: Final = 3
+CROWD_S: Final = 720.0
+"""Of more robots together, ways of so much time are drawn."""
+
+LEAST_S: Final = 60.0
+
+
 class Stretch(NamedTuple):
     """Neighbouring samples with one driver.
 
@@ -66,9 +73,12 @@ def end_s(run: RunTracks) -> float:
 
 
 def ways_since_s(run: RunTracks) -> float:
-    """Return the time from which on a run's ways are drawn: all of a short run, the end of a long one."""
+    """Return the time from which on a run's ways are drawn: all of a short run of few robots, else its end."""
     end = end_s(run)
-    return end - LAST_S if end > LONG_S else 0.0
+    last_s = LAST_S if end > LONG_S else end
+    if len(run.tracks) > FEW_ROBOTS:
+        last_s = min(last_s, max(LEAST_S, CROWD_S / len(run.tracks)))
+    return end - last_s
 
 
 def until(run: RunTracks, time_s: float) -> RunTracks:

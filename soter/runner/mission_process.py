@@ -1,4 +1,4 @@
-"""The main function of a mission's process: makes the ACs' side and runs it at every tick that it is told of."""
+"""The main function of a mission's process: makes the mission host and runs it at every tick that it is told of."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from soter.isolation.messages import (
 from soter.isolation.mission_end import MissionEnd
 from soter.record.messages import Transition
 from soter.rta import Report
-from soter.runner.ac_side import AcSide, OwnRoom, Scene
+from soter.runner.mission_host import MissionHost, OwnRoom, Scene
 from soter.stack.events import Outcome, Place
 from soter.stack.terrain import Terrain
 
@@ -53,11 +53,11 @@ class MissionSpec:
     """What a mission's process is told when it starts.
 
     Attributes:
-        factory: makes the ACs' side, as `module:function`; called as `soter.runner.sides.make_ac_side` is.
+        factory: makes the mission host, as `module:function`; called as `soter.runner.hosts.make_host` is.
         mission: what to do.
         workspace: where.
         body_radius_m: of the robots, by id.
-        memory_limit_bytes: address space that the process may add to what it has before the ACs' side is made.
+        memory_limit_bytes: address space that the process may add to what it has before the mission host is made.
         niceness: how much less than the supervisor it is favoured by the scheduler.
         process: which process of a distributed mission this belongs to; None for a mission in one.
     """
@@ -92,12 +92,12 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
 
 
 class _Host:
-    """The ACs' side in this process, and who it talks to."""
+    """The mission host in this process, and who it talks to."""
 
     def __init__(self, spec: MissionSpec, link: socket.socket) -> None:
         self._spec: Final = spec
         self._end: Final = MissionEnd(link, self._hear)
-        self._side: AcSide | None = None
+        self._host: MissionHost | None = None
         self._news: list[TargetGiven | TargetEnded] = []
         self._moves: list[Moved] = []
         self._incidents = 0
@@ -105,26 +105,26 @@ class _Host:
         self._broken = ""
 
     def serve(self) -> None:
-        side = self._made()
-        if side is None:
+        host = self._made()
+        if host is None:
             return
-        self._side = side
-        threading.Thread(target=self._watch, args=(side,), name="mission-watch", daemon=True).start()
+        self._host = host
+        threading.Thread(target=self._watch, args=(host,), name="mission-watch", daemon=True).start()
         try:
             while (messages := self._end.wait()) is not None:
                 for message in messages:
                     if isinstance(message, Begin):
-                        self._attempt(partial(self._start, side, message))
+                        self._attempt(partial(self._start, host, message))
                 last = messages[-1]
                 if isinstance(last, Tick):
-                    self._attempt(partial(side.run, last.now_s))
-                    self._end.answer(self._turn(side))
+                    self._attempt(partial(host.run, last.now_s))
+                    self._end.answer(self._turn(host))
                 self._turns += 1
         except (BrokenPipeError, ConnectionResetError):
             # The run has ended while this was answered.
             logger.debug("the supervisor is gone")
         finally:
-            side.close()
+            host.close()
 
     # --- the log of targets ------------------------------------------------------------------------------------
 
@@ -136,14 +136,14 @@ class _Host:
 
     # --- the rest ----------------------------------------------------------------------------------------------
 
-    def _made(self) -> AcSide | None:
+    def _made(self) -> MissionHost | None:
         spec = self._spec
         module, _, function = spec.factory.partition(":")
         try:
-            make: Callable[..., AcSide] = getattr(importlib.import_module(module), function)
+            make: Callable[..., MissionHost] = getattr(importlib.import_module(module), function)
             away = {} if spec.process is None else {"process": spec.process}
-            side = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False, **away)
-            side.ready()
+            host = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False, **away)
+            host.ready()
         except ConfigError as error:
             texts = (text if text is None else text[:MAX_LONG_TEXT] for text in (error.source, error.key))
             source, key = texts
@@ -155,10 +155,10 @@ class _Host:
             self._end.say(Refused("other", repr(failure)[:MAX_LONG_TEXT]))
         else:
             self._end.say(Started())
-            return side
+            return host
         return None
 
-    def _start(self, side: AcSide, begin: Begin) -> None:
+    def _start(self, host: MissionHost, begin: Begin) -> None:
         terrains = {
             radius_m: Terrain(self._spec.workspace, radius_m) for radius_m in {one.body_radius_m for one in begin.rooms}
         }
@@ -167,7 +167,7 @@ class _Host:
             for robot_id, room in zip(begin.robot_ids, begin.rooms, strict=True)
         }
         moved = self._moved if begin.recorded else None
-        side.start(Scene(
+        host.start(Scene(
             self._end.clock, self._spec.workspace, rooms, self._end.ports, self, moved, self._end.peers,
             dict(zip(begin.robot_ids, begin.capabilities, strict=True)),
         ))  # fmt: skip
@@ -182,11 +182,11 @@ class _Host:
             )
 
     def _hear(self, report: Report) -> None:
-        assert self._side is not None
-        self._attempt(partial(self._side.hear, report))
+        assert self._host is not None
+        self._attempt(partial(self._host.hear, report))
 
     def _attempt(self, call: Callable[[], None]) -> None:
-        """Call the ACs' side, unless that has failed already."""
+        """Call the mission host, unless that has failed already."""
         if self._broken:
             return
         try:
@@ -195,24 +195,24 @@ class _Host:
             logger.exception("the mission failed")
             self._broken = f"the mission failed: {failure!r}"
 
-    def _turn(self, side: AcSide) -> Turn:
+    def _turn(self, host: MissionHost) -> Turn:
         news, self._news = tuple(self._news), []
         moves, self._moves = tuple(self._moves), []
-        incidents = tuple(each[:MAX_TEXT] for each in side.incidents[self._incidents :])
+        incidents = tuple(each[:MAX_TEXT] for each in host.incidents[self._incidents :])
         self._incidents += len(incidents)
-        failures = {None: self._broken, **side.failures} if self._broken else side.failures
+        failures = {None: self._broken, **host.failures} if self._broken else host.failures
         failed = tuple(Failed(robot_id, cause[:MAX_TEXT]) for robot_id, cause in failures.items())
         return Turn(
-            0, news=news, failures=failed, incidents=incidents, paths_replaced=side.paths_replaced, moves=moves,
-            done=side.done,
+            0, news=news, failures=failed, incidents=incidents, paths_replaced=host.paths_replaced, moves=moves,
+            done=host.done,
         )  # fmt: skip
 
-    def _watch(self, side: AcSide) -> None:
+    def _watch(self, host: MissionHost) -> None:
         """Name a handler that does not come back, while the interpreter still lets other threads run."""
         seen, looks = (-1, ""), 0
         pause = threading.Event()
         while not pause.wait(_LOOK_S):
-            found = self._turns, side.current_handler or ""
+            found = self._turns, host.current_handler or ""
             looks = looks + 1 if found == seen else 0
             seen = found
             if looks >= _BUSY_LOOKS and found[1]:

@@ -15,7 +15,7 @@ from soter.config import MissionFile
 from soter.controllers import MISSION
 from soter.distribution.bus import Bus, open_bus
 from soter.distribution.channel import Post
-from soter.distribution.company import Company
+from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import VERSION
 from soter.errors import ConfigError, nearest
 from soter.geometry.workspace import Workspace
@@ -117,18 +117,18 @@ class Part:
         table = self.mission.distribution
         return open_bus(table.via, table.bus, table.processes[self.name].bus, self.name, self.mission.source)
 
-    def company(self, bus: Bus, clock: Clock) -> Company:
+    def peer_group(self, bus: Bus, clock: Clock) -> PeerGroup:
         """Return this process among the others, on a bus that it then closes."""
         others = {
             name: {robot_id: _bound(self.promised[robot_id]) for robot_id in self.robots_of(name)}
             for name in self.others
         }
-        return Company(bus, self.mission.distribution.prefix, self.name, others, self.digest, clock)
+        return PeerGroup(bus, self.mission.distribution.prefix, self.name, others, self.digest, clock)
 
     def post(self, bus: Bus) -> Post:
         """Return the post between this process's machines and those of others, on a bus that it then closes.
 
-        Letters pass between the task planner and robots.
+        Messages pass between the task planner and robots.
         """
         others = [name for name in self.others if self.planner or name == self.planner_home]
         return Post(bus, self.mission.distribution.prefix, self.name, others, self.digest)

@@ -11,14 +11,14 @@ from typing import Final
 from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
 from soter.geometry.workspace import Workspace
-from soter.runner.ac_side import Scene
+from soter.runner.machine_host import MachineHost
 from soter.runner.metrics import Metrics, counts
-from soter.runner.mission_side import MissionSide
+from soter.runner.mission_host import Scene
 from soter.runner.part import Part
+from soter.runner.peer_session import PeerSession, Said
 from soter.runner.progress import Audience, Progress
-from soter.runner.remote_side import WALL_CLOCK
+from soter.runner.remote_host import WALL_CLOCK
 from soter.runner.result import Run, RunResult
-from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
 
 logger = logging.getLogger(__name__)
@@ -38,13 +38,13 @@ def run_planner(
     """
     clock = VehicleClock()
     with ExitStack() as stack:
-        together = stack.enter_context(Together(part, clock))
+        session = stack.enter_context(PeerSession(part, clock))
         radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
-        side = MissionSide(
+        host = MachineHost(
             part.mission, workspace, radii_m, virtual_time=False, part=part, bus=part.open_bus()
         )  # fmt: skip
-        stack.callback(side.close)
-        loop = _PlannerLoop(part, workspace, side, together, clock)
+        stack.callback(host.close)
+        loop = _PlannerLoop(part, workspace, host, session, clock)
         return loop.run(audience, say)
 
 
@@ -55,14 +55,14 @@ class _PlannerLoop:
         self,
         part: Part,
         workspace: Workspace,
-        side: MissionSide,
-        together: Together,
+        host: MachineHost,
+        session: PeerSession,
         clock: Clock,
     ) -> None:
         self.part: Final = part
         self.mission: Final = part.mission
-        self.side: Final = side
-        self.together: Final = together
+        self.host: Final = host
+        self.session: Final = session
         self.clock: Final[Clock] = clock
         self.workspace: Final = workspace
         self.modules: Final = self.mission.rta.order
@@ -75,10 +75,10 @@ class _PlannerLoop:
         start_s = time.perf_counter()
         status, failure = "interrupted", ""
         try:
-            if self.together.wait((), say, audience.stop):
+            if self.session.wait((), say, audience.stop):
                 self._begin()
                 start_s = time.perf_counter()
-                with HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks) as watchdog:
+                with HandlerWatchdog(lambda: self.host.current_handler, lambda: self.ticks) as watchdog:
                     status = self._tick_on(watchdog, start_s, audience)
         except KeyboardInterrupt:
             status = "interrupted"
@@ -90,20 +90,20 @@ class _PlannerLoop:
         return Run(self._result(status, failure), self.metrics.tracks)
 
     def _begin(self) -> None:
-        self.side.start(Scene(self.clock, self.workspace, {}, {}, self.metrics, peers=self.together.ports))
+        self.host.start(Scene(self.clock, self.workspace, {}, {}, self.metrics, peers=self.session.ports))
 
     def _tick_on(self, watchdog: HandlerWatchdog, start_s: float, audience: Audience) -> str:
-        base_tick_s, clock, together = self.mission.base_tick_s, self.clock, self.together
+        base_tick_s, clock, session = self.mission.base_tick_s, self.clock, self.session
         began_s, shown_s = clock.now(), -math.inf
         self.metrics.begin(began_s)
         for tick in range(round(self.mission.duration_s / base_tick_s)):
             now_s = clock.now()
-            together.look()
-            together.tell(())
-            self.side.run(now_s)
+            session.look()
+            session.tell(())
+            self.host.run(now_s)
             watchdog.check()
-            if self.side.failures:
-                raise RunFailed(next(iter(self.side.failures.values())))
+            if self.host.failures:
+                raise RunFailed(next(iter(self.host.failures.values())))
             self.metrics.tick(now_s, tick, now_s - (began_s + tick * base_tick_s), (), lambda _: False)
             self.ticks = tick + 1
             wall_s = time.perf_counter()
@@ -117,7 +117,7 @@ class _PlannerLoop:
 
     def _progress(self, wall_s: float) -> Progress:
         reached = self.metrics.reached_by_robot
-        robots = tuple(each._replace(targets_reached=reached[each.robot_id]) for each in self.together.progress())
+        robots = tuple(each._replace(targets_reached=reached[each.robot_id]) for each in self.session.progress())
         return Progress(self.ticks * self.mission.base_tick_s, self.mission.duration_s, wall_s, robots, None)
 
     def _result(self, status: str, failure: str) -> RunResult:
@@ -129,8 +129,8 @@ class _PlannerLoop:
             failure=failure,
             mission=mission.source or "",
             process=self.part.name,
-            peer_age_ms=self.together.ages_ms(),
-            peer_tick_us=self.together.took_us(),
+            peer_age_ms=self.session.ages_ms(),
+            peer_tick_us=self.session.took_us(),
             backend=mission.backend,
             planner=mission.planner,
             ac=mission.ac,

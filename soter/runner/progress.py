@@ -67,11 +67,13 @@ class Audience:
         show: called with its progress, or None.
         every_s: host time between two calls.
         stop: asked at every tick whether to end the run early.
+        pace: called after every tick with the fleet time that has passed; returns when the next one may begin.
     """
 
     show: Callable[[Progress], None] | None = None
     every_s: float = 0.2
     stop: Callable[[], bool] = lambda: False
+    pace: Callable[[float], None] | None = None
 
 
 def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple[RobotProgress, ...]:
@@ -98,7 +100,7 @@ _LAST_S: Final = 1.0
 """How long the end of a run waits for what is being shown."""
 
 
-class Aside:
+class ProgressThread:
     """A thread that shows the latest progress there is, beside the ticks. A context manager.
 
     A terminal that is slow, or that somebody has stopped, delays none of them.

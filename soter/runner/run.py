@@ -20,17 +20,17 @@ from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
-from soter.runner.ac_side import AcSide, OwnRoom, Scene, TargetLog, arrival_m
+from soter.runner.hosts import make_host
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
+from soter.runner.mission_host import MissionHost, OwnRoom, Scene, TargetLog, arrival_m
 from soter.runner.needless import NeedlessJudge
 from soter.runner.part import Part, refuse_in_one_process
+from soter.runner.peer_session import PeerSession, Said
 from soter.runner.planner_run import run_planner
-from soter.runner.progress import Aside, Audience, Progress, robot_progress
+from soter.runner.progress import Audience, Progress, ProgressThread, robot_progress
 from soter.runner.real_time import real_time
-from soter.runner.remote_side import RemoteSide
+from soter.runner.remote_host import RemoteMissionHost
 from soter.runner.result import Run, RunResult
-from soter.runner.sides import make_ac_side
-from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, TruthReport
@@ -68,6 +68,7 @@ def run_mission(
     on_progress: Callable[[Progress], None] | None = None,
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
+    pace: Callable[[float], None] | None = None,
     connecting: AbstractContextManager[object] | None = None,
     study: Study | None = None,
     accept_unproved: bool = False,
@@ -84,6 +85,8 @@ def run_mission(
         on_progress: called when the robots begin to move, and every `progress_every_s` of host time.
         progress_every_s: see there.
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
+        pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
+            virtual time: a wall clock has a pace of its own.
         connecting: entered while robots on a wire get ready, when nobody is asked; what it raises ends the run.
         study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
             is part of the question: it is run.
@@ -103,7 +106,7 @@ def run_mission(
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
     """
-    audience = Audience(on_progress, progress_every_s, stop or (lambda: False))
+    audience = Audience(on_progress, progress_every_s, stop or (lambda: False), pace)
     workspace = mission.read_workspace()
     part = None if process is None else Part.of(mission, workspace, process)
     if part is not None and not part.robots:
@@ -135,30 +138,30 @@ def run_mission(
             if record is None
             else stack.enter_context(Recorder(record, waits=declared.in_process, sign=sign, stop=audience.stop))
         )
-        side: AcSide
+        host: MissionHost
         if declared.in_process:
-            side = make_ac_side(mission, workspace, radii_m, virtual_time=True)
+            host = make_host(mission, workspace, radii_m, virtual_time=True)
         else:
             # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
-            side = RemoteSide(mission, workspace, radii_m, process=process)
-        stack.callback(side.close)
+            host = RemoteMissionHost(mission, workspace, radii_m, process=process)
+        stack.callback(host.close)
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))
         except ImportError as failure:
             raise missing_library(mission.backend, failure) from failure
         if faults:
             fleet = stack.enter_context(FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s))
-        side.ready()
-        together = None if part is None else stack.enter_context(Together(part, fleet.clock))
+        host.ready()
+        session = None if part is None else stack.enter_context(PeerSession(part, fleet.clock))
         with nullcontext() if declared.in_process or connecting is None else connecting:
             for robot in fleet.robots:
                 robot.init(INIT_TIMEOUT_S)
         try:
-            loop = _Loop(mission, workspace, fleet, side, study or Study(), recorder, together, unproved)
+            loop = _Loop(mission, workspace, fleet, host, study or Study(), recorder, session, unproved)
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
-        if together is None or together.wait(fleet.robots, say, audience.stop):
+        if session is None or session.wait(fleet.robots, say, audience.stop):
             loop.begin(workspace)
             if recorder is not None and on_recording is not None:
                 on_recording(recorder.writing)
@@ -178,17 +181,17 @@ class _Loop:
         mission: MissionFile,
         workspace: Workspace,
         fleet: Fleet,
-        side: AcSide,
+        host: MissionHost,
         study: Study,
         recorder: Recorder | None,
-        together: Together | None = None,
+        session: PeerSession | None = None,
         unproved: tuple[str, ...] = (),
     ) -> None:
         self.unproved: Final = unproved
         self.mission: Final = mission
         self.fleet: Final = fleet
-        self.side: Final = side
-        self.together: Final = together
+        self.host: Final = host
+        self.session: Final = session
         self.recorder: Final = recorder
         self.modules: Final = mission.rta.order
         safer_inset_m = mission.rta.geofence.phi_safer_inset_m if "geofence" in self.modules else None
@@ -196,15 +199,15 @@ class _Loop:
         self.metrics: Final = Metrics(workspace, self.modules, robot_ids, safer_inset_m)
         watches: list[Watch] = [self.metrics] if recorder is None else [self.metrics, recorder]
         self.safety: Final[SafetySide] = assemble(
-            mission, workspace, fleet.robots, side.hear, watches, tap=None if recorder is None else recorder.tap,
+            mission, workspace, fleet.robots, host.hear, watches, tap=None if recorder is None else recorder.tap,
             on_ill_formed=study.on_ill_formed, deltas=study.deltas, safer_alone=study.safer_alone,
             remote=self._remote(recorder, robot_ids),
-            remote_promises={} if together is None else together.promises,
+            remote_promises={} if session is None else session.promises,
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
         self.ticks = 0
-        self.wall_clock: Final = isinstance(side, RemoteSide)
+        self.wall_clock: Final = isinstance(host, RemoteMissionHost)
         self.real_time = False
         self.jitter_s: Final = max(robot.capabilities.jitter_s for robot in fleet.robots)
         self.wall_s = 0.0
@@ -216,11 +219,11 @@ class _Loop:
         self.user_rules: Final = None if truth is None else UserRules(truth, self.safety.own)
 
     def _remote(self, recorder: Recorder | None, robot_ids: Sequence[int]) -> Sequence[RemotePeer]:
-        peers = () if self.together is None else self.together.peers
+        peers = () if self.session is None else self.session.peers
         return peers if recorder is None else [recorder.tap_peer(peer, robot_ids) for peer in peers]
 
     def begin(self, workspace: Workspace) -> None:
-        """Begin the recording and the ACs' side; the first tick is near."""
+        """Begin the recording and the mission host; the first tick is near."""
         recorder, safety = self.recorder, self.safety
         rooms = {
             robot.id: OwnRoom(
@@ -232,10 +235,10 @@ class _Loop:
         if recorder is not None:
             self._begin_recording(recorder, workspace)
             log = recorder.beside(log)
-        self.side.start(Scene(
+        self.host.start(Scene(
             self.fleet.clock, workspace, rooms, safety.ports, log,
             None if recorder is None else recorder.on_transition,
-            {} if self.together is None else self.together.ports,
+            {} if self.session is None else self.session.ports,
             {robot.id: robot.capabilities for robot in self.fleet.robots},
         ))  # fmt: skip
 
@@ -246,7 +249,7 @@ class _Loop:
         try:
             recorder.begin(
                 self.mission, workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth, faults,
-                {} if self.together is None else self.together.promises, self.metrics.standstills.stalls,
+                {} if self.session is None else self.session.promises, self.metrics.standstills.stalls,
                 self.unproved,
             )  # fmt: skip
         except OSError as failure:
@@ -258,14 +261,14 @@ class _Loop:
         start_s = time.perf_counter()
         try:
             with ExitStack() as stack:
-                watchdog = stack.enter_context(HandlerWatchdog(lambda: self.side.current_handler, lambda: self.ticks))
+                watchdog = stack.enter_context(HandlerWatchdog(lambda: self.host.current_handler, lambda: self.ticks))
                 if audience.show is not None and self.wall_clock:
-                    audience = replace(audience, show=stack.enter_context(Aside(audience.show)).put)
+                    audience = replace(audience, show=stack.enter_context(ProgressThread(audience.show)).put)
                 wanted = self.mission.isolation.real_time
                 if self.wall_clock and wanted != "never":
                     self.real_time = stack.enter_context(real_time(required=wanted == "always"))
                 status = self._tick_on(watchdog, start_s, audience)
-            failure = self.side.failures.get(None)
+            failure = self.host.failures.get(None)
             # The robots were brought home by their SCs, but what they were for was not done.
             return ("failed", failure) if failure and status == "completed" else (status, "")
         except KeyboardInterrupt:
@@ -278,29 +281,29 @@ class _Loop:
             self.metrics.finish(self.ticks * self.mission.base_tick_s)
 
     def _tick_on(self, watchdog: HandlerWatchdog, start_s: float, audience: Audience) -> str:
-        base_tick_s, clock, side = self.mission.base_tick_s, self.fleet.clock, self.side
-        receive = side.receive if isinstance(side, RemoteSide) else None
+        base_tick_s, clock, host = self.mission.base_tick_s, self.fleet.clock, self.host
+        receive = host.receive if isinstance(host, RemoteMissionHost) else None
         began_s = clock.now()
         self.metrics.begin(began_s)
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
-        charging, recorder, together = self.safety.charging, self.recorder, self.together
+        charging, recorder, session = self.safety.charging, self.recorder, self.session
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = -math.inf
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
         for tick in range(last):
             if receive is not None:
                 receive()
-            if together is not None:
-                together.look()
+            if session is not None:
+                session.look()
             # In virtual time the clock shows just this time; on a wall clock it shows how late the tick really is.
             now_s = clock.now()
             late_s = now_s - (began_s + tick * base_tick_s)
             supervisor.tick(now_s)
-            if together is not None:
-                together.tell(robots)
-            side.run(now_s)
+            if session is not None:
+                session.tell(robots)
+            host.run(now_s)
             watchdog.check()
-            if side.failures:
+            if host.failures:
                 self._fail_acs()
             trace.add(now_s, robots)
             metrics.tick(now_s, tick, late_s, robots, charging)
@@ -314,18 +317,20 @@ class _Loop:
                     audience.show(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = tick + 1
+            if audience.pace is not None:
+                audience.pace(self.ticks * base_tick_s)
             if lost := self.fleet.lost():
                 raise RunFailed(lost)
             if self.user_rules is not None:
                 self.user_rules.look(clock.now(), self.robots)
             if audience.stop():
                 return "interrupted"
-            if side.done:
+            if host.done:
                 break
         return "completed"
 
     def _fail_acs(self) -> None:
-        for robot_id, cause in self.side.failures.items():
+        for robot_id, cause in self.host.failures.items():
             for robot in self.robots:
                 if robot_id is None or robot_id == robot.robot_id:
                     robot.fail_ac(cause)
@@ -360,9 +365,9 @@ class _Loop:
             status=status,
             failure=failure,
             mission=mission.source or "",
-            process="" if self.together is None else self.together.process,
-            peer_age_ms=None if self.together is None else self.together.ages_ms(),
-            peer_tick_us=None if self.together is None else self.together.took_us(),
+            process="" if self.session is None else self.session.process,
+            peer_age_ms=None if self.session is None else self.session.ages_ms(),
+            peer_tick_us=None if self.session is None else self.session.took_us(),
             backend=mission.backend,
             engine=engine,
             planner=mission.planner,
@@ -393,16 +398,16 @@ class _Loop:
             never_moved=metrics.standstills.never_moved(duration_s),
             no_progress_s=round(metrics.no_progress_s, 2),
             min_margin=self._min_margin(report),
-            paths_replaced=self.side.paths_replaced,
+            paths_replaced=self.host.paths_replaced,
             no_certified_motion=sum(r.no_certified_motion for r in self.safety.recoveries.values()),
             monitors=module_figures(self.robots),
             dm_tick_us=metrics.tick_times(),
             missed_ticks=metrics.missed_ticks(self.jitter_s),
             tick_late_ms=metrics.tick_lateness() if self.wall_clock else None,
             real_time=self.real_time,
-            sandbox=self.side.sandbox if isinstance(self.side, RemoteSide) else None,
-            deterministic=not self.side.incidents and status == "completed",
-            nondeterminism="; ".join(self.side.incidents),
+            sandbox=self.host.sandbox if isinstance(self.host, RemoteMissionHost) else None,
+            deterministic=not self.host.incidents and status == "completed",
+            nondeterminism="; ".join(self.host.incidents),
             trace_sha256=self.trace.hexdigest(),
             faults=fault_figures(self.fleet),
             uncontrolled=metrics.uncontrolled,

@@ -18,7 +18,7 @@ from soter_sim import LIMITS
 from tests.broken.edits import edited, promising, sampled, targeted
 from tests.broken.in_process import Broken
 
-FIRST, SECOND = (place.id for place in open_floor().robots)
+FIRST, SECOND, THIRD = (place.id for place in open_floor().robots)
 
 
 class Exact(Broken):

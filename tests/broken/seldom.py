@@ -14,7 +14,7 @@ from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.mutants import _braking_at, _count, _late, _of, _with_control
 from tests.broken.on_wire import BrokenWire
-from tests.broken.wire_mutants import _acting, _sample_edit
+from tests.broken.wire_mutants import _acting
 from tests.conformance.wire import PERIOD_S, Intent, Vehicle, WireRobot
 
 State = tuple[float, ...]
@@ -228,6 +228,8 @@ SELDOM: Final[tuple[type[Broken], ...]] = (
            _halt=_served_late, _connect=_LATE["_connect"]),
     edited("Resumes", "Goes on with what was pre-empted once the new controller's goal is reached.",
            "authority.nothing_revived", "taken up again once", _hand_over=_resumes, _connect=_with_control(_resuming)),
+    sampled("Drifts", "Loses half a millimetre of its place in every metre.", "endurance.minute", "position_drift_m",
+            _drifts),
     sampled("KeepsAll", "Keeps every sample that it ever heard.", "endurance.minute", "messages are kept", _keeps_all),
 )  # fmt: skip
 
@@ -242,6 +244,4 @@ SELDOM_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           _sample=lambda self: _seldom_at_rest(self)),
     driven("SlowClock", "Has a clock that is a thousandth slow.", "endurance.minute", "grown older",
            sample=lambda self, clock_s, *state: Vehicle.sample(self, 0.999 * clock_s, *state)),
-    wired("Drifts", "Loses half a millimetre of its place in every metre.", "endurance.minute", "position_drift_m",
-          _sample=_sample_edit(_drifts)),
 )  # fmt: skip

@@ -58,6 +58,28 @@ SURVIVORS: Final = (
         "Contacts at what counts as a clearance. Measure the body with a tape.",
     ),
     Survivor(
+        "Never makes a connection anew that broke.",
+        "What the kit cuts are messages; the connections to the relay stay.",
+        "After a moment without network the robot is not heard any more: its lease stops it, and it is lost for the "
+        "rest of the run. Pull the cable once.",
+    ),
+    Survivor(
+        "Is wrong about the fourth robot, or a later one.",
+        "The kit judges the first, the second and the last of as many as `robots_most` says: 3 for shipped adapters.",
+        "What the clauses are about, such as a lease that nobody watches. Let the harness open as many as you drive.",
+    ),
+    Survivor(
+        "Does otherwise once its charge is lower than that of the trials.",
+        "They begin with a tenth, and end before that is used up.",
+        "A robot that goes home by itself then heeds no lease: the battery's module ends most runs before. Try it "
+        "with a battery that is nearly flat.",
+    ),
+    Survivor(
+        "Says places that are off in one part of its map, or drives worse there.",
+        "The kit drives in three rooms.",
+        "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",
+    ),
+    Survivor(
         "Follows two programs, or keeps its lease over a restart or a step of its clock, behind a harness without the "
         "hooks `second`, `restart` and `step_clock`.",
         "The clauses `authority.one_program`, `deadman.restart` and `deadman.clock_back` are NOT TESTED then.",

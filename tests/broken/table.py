@@ -8,6 +8,7 @@ from typing import Final
 from soter.conformance import CLAUSES, Outcome, try_clause
 from soter.conformance.promises import MEASURED_BY
 from tests.broken import in_process, on_wire
+from tests.broken.corners import CORNERS, CORNERS_ON_WIRE
 from tests.broken.mutants import MUTANTS
 from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.survivors import SURVIVORS
@@ -25,7 +26,8 @@ def _written(base: Kind) -> tuple[Kind, ...]:
 
 
 BROKEN: Final[tuple[Kind, ...]] = (
-    *_written(in_process.Broken), *MUTANTS, *SELDOM, *_written(on_wire.BrokenWire), *WIRE_MUTANTS, *SELDOM_ON_WIRE,
+    *_written(in_process.Broken), *MUTANTS, *SELDOM, *CORNERS, *_written(on_wire.BrokenWire), *WIRE_MUTANTS,
+    *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
 )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -14,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from soter.ablation import ablate
 from soter.ablation.ablate import Outcome, Plan, Variant, variants
 from soter.ablation.tables import GROUPS, HEAD, ac_only, markdown, rows
 from soter.cli import app
+from soter.cli.ablate import _show
 from soter.config import load_mission
 from soter.config.tables import MODULES
 from soter.controllers import ADVERSARIES
@@ -75,6 +78,18 @@ def test_it_runs_shows_and_writes(tmp_path: Path) -> None:
     assert RunResult.model_validate(outcomes[1]["result"]).ac_share == 1.0
     assert RunResult.model_validate(outcomes[2]["result"]).ac_share == 0.0
     assert "| as declared |" in page.read_text()
+
+
+def test_its_table_has_a_line_for_each_rule_and_fits_80_columns() -> None:
+    variant = named("mission", "AC only (no RTA)")
+    outcome = plan().run(variant, 1)
+    file = io.StringIO()
+    _show(rows([outcome], [variant]), Console(file=file, width=80))
+    lines = file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert outcome.result is not None
+    for rule, margin in (outcome.result.min_margin or {}).items():
+        assert any(rule in line and f"{margin:.3f}" in line for line in lines)
 
 
 def test_an_ill_formed_variant_is_refused_or_forced_and_marked() -> None:

@@ -6,10 +6,13 @@ import subprocess
 import sys
 
 import pytest
+import typer
+from typer.core import TyperGroup
 from typer.testing import CliRunner
 
 import soter
 from soter.cli import app, main
+from soter.cli.help import fit, only
 from tests.project.source import ROOT
 
 # Typer itself may load pydantic.
@@ -57,6 +60,35 @@ def test_help_names_no_type_for_options_that_take_no_value(
     text = capsys.readouterr().out
     assert "--help" in text
     assert "bool" not in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_examples_and_exit_codes_are_broken_where_a_reader_would(width: int) -> None:
+    whole = "  soter run a.toml --backend kinematic --ac adversary:chase --set rta.geofence.delta_s=0.25 -o p/page.html"
+    text = fit(f"Examples:\n\n{whole}\n\n  1  {'word ' * 40}\n     and more", width)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= width
+    pasted = text.split("\n\n")[1].replace(" \\\n", " ")
+    assert pasted.split() == whole.split()
+    assert all(line.split()[0].startswith("-") for line in text.split("\n\n")[1].splitlines()[1:])
+    assert all(line.startswith("     ") for line in text.split("\n\n")[2].splitlines()[1:])
+
+
+@pytest.mark.parametrize("command", [["info"], ["sim", "zenoh"], ["campaign", "draw"]])
+def test_a_command_that_is_named_has_its_options_and_the_others_their_names(command: list[str]) -> None:
+    part = typer.main.get_command(only(app, ["soter", *command]))
+    assert isinstance(part, TyperGroup)
+    whole = typer.main.get_command(app)
+    assert isinstance(whole, TyperGroup)
+    assert {*part.commands} == {*whole.commands}
+    one, other = part, whole
+    for name in command:
+        assert isinstance(one, TyperGroup)
+        assert isinstance(other, TyperGroup)
+        one, other = one.commands[name], other.commands[name]
+    assert [each.name for each in one.params] == [each.name for each in other.params] != []
+    assert part.commands["run"].params == []
+    assert part.commands["run"].help == whole.commands["run"].help
 
 
 def test_version() -> None:

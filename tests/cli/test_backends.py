@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from typer.testing import CliRunner
 
@@ -31,6 +33,14 @@ def test_what_to_install_stands_on_one_line(monkeypatch: pytest.MonkeyPatch) -> 
     lines = listed().splitlines()
     assert any("other" in line and "not available" in line for line in lines)
     assert problem in lines
+
+
+def test_they_are_listed_as_json() -> None:
+    result = CliRunner().invoke(app, ["backends", "--json"])
+    assert result.exit_code == 0
+    found = {row["name"]: row for row in json.loads(result.stdout)}
+    assert found["kinematic"]["available"]
+    assert "virtual time" in found["kinematic"]["capabilities"]
 
 
 def test_there_are_no_control_characters_in_a_file() -> None:

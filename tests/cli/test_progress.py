@@ -14,6 +14,7 @@ from soter.cli.progress import (
     LiveDisplay,
     frame,
     least_margin,
+    left,
     line,
     make_display,
     margin_in_words,
@@ -52,6 +53,21 @@ def test_every_robot_is_shown_with_all_that_matters(width: int) -> None:
     for expected in ("AC", "geofence: margin", "50 %", "17 %", "0.25 m", "120 of 600 s", "10.0 x real time",
                      "no violation"):  # fmt: skip
         assert expected in text
+
+
+@pytest.mark.parametrize("width", [50, 60, 79])
+def test_a_narrow_terminal_still_says_who_drives(width: int) -> None:
+    lines = drawn(progress(robot(1), robot(2, "geofence", 0.17)), width)
+    assert max(map(len, lines)) <= width
+    assert any("driven by" in line for line in lines)
+    assert any("geofence:" in line for line in lines)
+
+
+def test_it_says_how_much_is_left_once_that_can_be_known() -> None:
+    assert left(progress(robot(1), wall_s=1.0)) == ""
+    assert left(progress(robot(1), wall_s=12.0)) == "about 48 s left"
+    assert left(progress(robot(1), wall_s=120.0)) == "about 8 min left"
+    assert "about 48 s left" in line(progress(robot(1), wall_s=12.0))
 
 
 def test_a_wide_terminal_shows_every_margin_and_the_whole_cause() -> None:
@@ -101,7 +117,8 @@ def test_the_least_margin_is_one_of_the_distances() -> None:
 
 def test_a_line_says_who_drives() -> None:
     assert line(progress(robot(1), robot(2, "battery", 0.17))) == (
-        "120 of 600 s, 10.0 x real time, no violation; robot 1: AC, charge 50 %, robot 2: battery, charge 17 %"
+        "120 of 600 s, 10.0 x real time, about 48 s left, no violation; robot 1: AC, charge 50 %, "
+        "robot 2: battery, charge 17 %"
     )
 
 

@@ -14,12 +14,14 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
+from soter.conformance.harness import LIMITS as JUDGED_BY
 from soter.conformance.harness import specs_at
 from soter.errors import RobotUnavailable
 from soter.onboard.drive import Drive, DriveLimits
 from soter.onboard.mux import Mux
-from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState
+from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState, RuleLimits
 from soter_sim import LIMITS, World
+from soter_sim.bodies import built
 from soter_sim.kinematic import KinematicEngine
 
 M = TypeVar("M")
@@ -115,7 +117,9 @@ class Vehicle:
         self.down: list[Channel[Intent]] = []
         self.up: list[Channel[RobotState]] = []
         self.offset_s = 1000.0 * spec.id
-        self.drive = Drive(self.limits, world.period_s)
+        if spec.promised is not None:
+            self.lease_s = spec.promised.lease_s  # type: ignore[misc]
+        self.drive = Drive(built(spec, self.limits), world.period_s)
         self.periods = 0
         self.begin()
         world.set_control(spec.id, self.control)
@@ -253,7 +257,9 @@ class SimulatedFleet(Fleet):
     """Robots that live in a simulated world in this process."""
 
     def __init__(self, kind: type[SimulatedRobot], specs: Sequence[RobotSpec], engine: str) -> None:
-        self.world = World(open_floor().with_robots(len(specs)), specs, engine)
+        # What is wrong with some is that the limits do not reach their world.
+        limits: RuleLimits = getattr(kind, "judged_by", JUDGED_BY)
+        self.world = World(open_floor().with_robots(len(specs)), specs, engine, limits)
         clock = getattr(kind, "clock_class", VirtualClock)(self.world.advance)
         super().__init__(clock, [kind(spec, clock, self.world) for spec in specs], self.world.truth)
 
@@ -266,6 +272,8 @@ class SimulatedHarness(Harness):
 
     charges_at_start = True
     contacts = True
+    robots_most = 3
+    limits = JUDGED_BY
 
     def __init__(self, kind: type[SimulatedRobot], engine: str = "kinematic") -> None:
         self.name = kind.__name__
@@ -275,12 +283,15 @@ class SimulatedHarness(Harness):
     def open(self, robots: int) -> Fleet:
         return SimulatedFleet(self.kind, specs_of(robots), self.engine)
 
+    def promising(self, promised: Capabilities) -> Fleet:
+        return SimulatedFleet(self.kind, specs_of(1, promised), self.engine)
+
     def close(self) -> None:
         pass
 
 
-def specs_of(robots: int) -> list[RobotSpec]:
-    return specs_at(open_floor().robots[:robots])
+def specs_of(robots: int, promised: Capabilities | None = None) -> list[RobotSpec]:
+    return specs_at(open_floor().robots[:robots], promised)
 
 
 class Moving:
@@ -316,6 +327,8 @@ class WireHarness(Harness):
 
     charges_at_start = True
     contacts = True
+    robots_most = 3
+    limits = JUDGED_BY
 
     def __init__(self, kind: type[WireRobot]) -> None:
         self.name = kind.__name__
@@ -324,17 +337,22 @@ class WireHarness(Harness):
         self.vehicles: dict[int, Vehicle] = {}
 
     def open(self, robots: int) -> Fleet:
-        specs = specs_of(robots)
+        return self._opened(specs_of(robots))
+
+    def promising(self, promised: Capabilities) -> Fleet:
+        return self._opened(specs_of(1, promised))
+
+    def _opened(self, specs: list[RobotSpec]) -> Fleet:
         engine = partial(KinematicEngine, step_s=PERIOD_S)
-        self.world = world = World(open_floor().with_robots(robots), specs, engine)
+        self.specs = specs
+        self.world = world = World(open_floor().with_robots(len(specs)), specs, engine, JUDGED_BY)
         self.clock = self.kind.clock_class(world.advance)
         self.vehicles = {spec.id: self.kind.vehicle_class(spec, world) for spec in specs}
         return self.second()
 
     def second(self) -> Fleet:
         assert self.world is not None
-        specs = specs_of(len(self.vehicles))
-        robots = [self.kind(spec, self.clock, self.vehicles[spec.id]) for spec in specs]
+        robots = [self.kind(spec, self.clock, self.vehicles[spec.id]) for spec in self.specs]
         return WireFleet(self.clock, robots, Moving(self.world, self.clock))
 
     def close(self) -> None:

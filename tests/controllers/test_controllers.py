@@ -20,7 +20,7 @@ from soter.record.reader import Recording
 from soter.replay.replay import replay
 from soter.runner import Run, run_mission
 from soter.runner.boxes import box_of
-from soter.runner.controller_side import ControllerSide
+from soter.runner.controller_host import ControllerHost
 from tests.project.source import ROOT
 
 OWN = """
@@ -120,7 +120,7 @@ class Hangs(Fails):
         threading.Event().wait(60.0)
 
 
-class Together(Circles):
+class PeerSession(Circles):
     fleet = True
 
 
@@ -159,8 +159,8 @@ def moved_m(run: Run, robot_id: int) -> float:
 def test_there_is_one_for_each_robot_or_for_all_as_the_class_says(folder: Path) -> None:
     for name, parts in (("Wanders", [(1,), (2,)]), ("Fleet", [(1, 2)])):
         asked = mission(folder, name)
-        side = ControllerSide(asked, asked.read_workspace())
-        assert [driver.robot_ids for driver in side._drivers] == parts
+        host = ControllerHost(asked, asked.read_workspace())
+        assert [driver.robot_ids for driver in host._drivers] == parts
         assert run_mission(asked).result.violations == dict.fromkeys(
             ("battery", "geofence", "collision", "obstacle"), 0
         )
@@ -189,8 +189,8 @@ def test_files_are_relative_to_the_mission_file_and_on_the_command_line_to_where
 
 def test_options_come_from_the_table_of_the_class(folder: Path) -> None:
     asked = mission(folder, "Wanders", controllers={"Wanders": {"far_m": 0.5}, "Circles": {"of": "another"}})
-    side = ControllerSide(asked, asked.read_workspace())
-    assert {driver.controller.options.far_m for driver in side._drivers} == {0.5}
+    host = ControllerHost(asked, asked.read_workspace())
+    assert {driver.controller.options.far_m for driver in host._drivers} == {0.5}
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_velocities_drive_robots(folder: Path) -> None:
     assert run.result.ac_share > 0.9
     # A circle of 0.3 m, of which the robot has been on the far side.
     assert moved_m(run, 1) == pytest.approx(0.6, abs=0.05)
-    both = run_mission(mission(folder, "Together", duration_s=8.0))
+    both = run_mission(mission(folder, "PeerSession", duration_s=8.0))
     assert min(moved_m(both, robot_id) for robot_id in (1, 2)) > 0.4
     track = run_mission(mission(folder, "Backwards", robots=1, duration_s=5.0)).tracks.tracks[1]
     assert math.hypot(track.x_m[-1] - track.x_m[0], track.y_m[-1] - track.y_m[0]) > 0.3

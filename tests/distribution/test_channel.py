@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from soter.distribution.channel import (
     ALIVE_S,
-    MAX_LETTERS,
+    MAX_MESSAGES,
     MAX_WAITING,
     REPEAT_S,
     Came,
     Channel,
     Frame,
-    Letter,
+    ReliableMessage,
     Visit,
     decode_frame,
     encode_frame,
@@ -26,7 +26,7 @@ TICK_S = 0.05
 MISSION = "a mission"
 
 
-def letter(number: int) -> Visit:
+def message(number: int) -> Visit:
     return Visit(1, number, 0.0, 0.0, None, 3)
 
 
@@ -55,7 +55,7 @@ class End:
         number = next(self.numbers)
         if self.channel.there:
             self.sent.append(number)
-        self.channel.send(letter(number))
+        self.channel.send(message(number))
 
     def take(self, frame: Frame) -> None:
         for each in self.channel.take(frame):
@@ -202,26 +202,26 @@ def test_what_is_not_acknowledged_is_repeated_and_many_letters_go_in_several_fra
     air = Air()
     air.heal()
     one, other = air.ends
-    for _ in range(MAX_LETTERS + 3):
+    for _ in range(MAX_MESSAGES + 3):
         one.say()
     first = one.channel.due(air.now_s)
-    assert [len(frame.letters) for frame in first] == [MAX_LETTERS]
+    assert [len(frame.messages) for frame in first] == [MAX_MESSAGES]
     assert one.channel.due(air.now_s + REPEAT_S / 2) == []
     assert one.channel.due(air.now_s + REPEAT_S) == first
     air.heal()
-    assert other.heard == [[list(range(1, MAX_LETTERS + 4))]]
+    assert other.heard == [[list(range(1, MAX_MESSAGES + 4))]]
 
 
-def test_a_letter_to_nobody_is_dropped_and_too_many_are_refused() -> None:
+def test_a_message_to_nobody_is_dropped_and_too_many_are_refused() -> None:
     channel = Channel(1, MISSION, lambda: 2)
-    channel.send(letter(1))
+    channel.send(message(1))
     (frame,) = channel.due(0.0)
-    assert frame.letters == ()
+    assert frame.messages == ()
     air = Air()
     air.heal()
     for _ in range(MAX_WAITING):
         air.ends[0].say()
-    with pytest.raises(OverflowError, match="1000 letters"):
+    with pytest.raises(OverflowError, match="1000 messages"):
         air.ends[0].say()
 
 
@@ -240,17 +240,17 @@ def test_garbage_is_refused(data: bytes) -> None:
         frame = decode_frame(data)
     except Garbage:
         return
-    letters: tuple[Letter, ...] = frame.letters
-    assert len(letters) <= MAX_LETTERS
+    messages: tuple[ReliableMessage, ...] = frame.messages
+    assert len(messages) <= MAX_MESSAGES
 
 
 @pytest.mark.parametrize("bad", [
-    Frame(1, 2, MISSION, letters=(Visit(1, 2, float("nan"), 0.0, None, 3),)),
-    Frame(1, 2, MISSION, letters=(Visit(1, 2, 1e9, 0.0, None, 3),)),
+    Frame(1, 2, MISSION, messages=(Visit(1, 2, float("nan"), 0.0, None, 3),)),
+    Frame(1, 2, MISSION, messages=(Visit(1, 2, 1e9, 0.0, None, 3),)),
     Frame(-1, 2, MISSION),
     Frame(1, 2, "x" * 1000),
-    Frame(1, 2, MISSION, letters=(letter(1),) * (MAX_LETTERS + 1)),
-    Frame(1, 2, MISSION, letters=(letter(1),) * 5000),
+    Frame(1, 2, MISSION, messages=(message(1),) * (MAX_MESSAGES + 1)),
+    Frame(1, 2, MISSION, messages=(message(1),) * 5000),
 ])  # fmt: skip
 def test_what_was_not_agreed_is_garbage(bad: Frame) -> None:
     with pytest.raises(Garbage):

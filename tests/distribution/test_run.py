@@ -11,8 +11,8 @@ import pytest
 
 from soter.errors import ConfigError, RobotUnavailable
 from soter.runner import RunResult
-from soter.runner.ac_side import AcSide
-from soter.runner.controller_side import ControllerSide
+from soter.runner.controller_host import ControllerHost
+from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
 from tests.distribution.air import Network
 from tests.missions import scripts
@@ -192,10 +192,10 @@ def test_a_robot_process_that_is_started_anew_is_given_its_target_again(sites: S
     assert site.loops[ALPHA].metrics.outcomes.total() >= 2
 
 
-def rams(site: Site, part: Part) -> AcSide:
+def rams(site: Site, part: Part) -> MissionHost:
     """The ACs of one process ram the robots of the others too, wherever they were seen last."""
     own = tuple(place for place in site.workspace.robots if place.id in part.robots)
-    return ControllerSide(
+    return ControllerHost(
         part.mission.model_copy(update={"ac": "adversary:chase"}), replace(site.workspace, robots=own)
     )
 

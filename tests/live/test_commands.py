@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import http.client
 import importlib.util
+import os
 import re
+import signal
 import socket
+import subprocess
+import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
@@ -12,8 +17,12 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from soter.cli import app
+from soter.cli import live as cli_live
 from soter.record.reader import Recording
-from tests.record.helpers import SURVEILLANCE
+from tests.project.source import ROOT
+from tests.record.helpers import SURVEILLANCE, mission
+from tests.report.unpacked import Unpacked, of_page
+from tests.waiting import wait_until
 
 QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "20")
 
@@ -24,7 +33,7 @@ def ran(*arguments: str | Path) -> Result:
 
 
 def test_it_says_where_to_look(tmp_path: Path) -> None:
-    done = ran("--live", "--record", tmp_path / "run.mcap")
+    done = ran("--live", "--leave", "--record", tmp_path / "run.mcap")
     assert done.exit_code == 0
     assert re.match(r"the live page: http://127\.0\.0\.1:\d+/\nrunning ", done.stdout)
     assert Recording(tmp_path / "run.mcap").content().ticks == 400
@@ -33,7 +42,7 @@ def test_it_says_where_to_look(tmp_path: Path) -> None:
 def test_a_port_can_be_named(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
-    done = ran("--live", "--live-port", str(port), "-q", "--record", tmp_path / "run.mcap")
+    done = ran("--live", "--leave", "--live-port", str(port), "-q", "--record", tmp_path / "run.mcap")
     assert done.exit_code == 0
     assert done.stdout == f"the live page: http://127.0.0.1:{port}/\n"
 
@@ -41,7 +50,7 @@ def test_a_port_can_be_named(tmp_path: Path) -> None:
 def test_without_a_recording_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    done = ran("--live", "--no-record")
+    done = ran("--live", "--leave", "--no-record")
     assert done.exit_code == 0
     assert "recording:" not in done.stdout
     assert list(tmp_path.iterdir()) == []
@@ -64,7 +73,7 @@ def test_a_port_that_is_taken_is_refused_before_anything_moves(tmp_path: Path, o
 def test_a_port_for_nothing_is_refused(option: str) -> None:
     done = ran(f"{option}-port", "8000", "--no-record")
     assert done.exit_code == 2
-    assert f"command line: {option}-port: it says where, but not that: add {option}" in done.stderr
+    assert f"command line: {option}-port: it says how, but not what: add {option}" in done.stderr
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "-1", "http"])
@@ -93,3 +102,82 @@ def test_a_run_that_is_refused_ends_its_views(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "ill-formed" in done.stderr
     assert not (tmp_path / "run.mcap").exists()
+
+
+def test_a_finished_run_stays_on_the_page_from_its_beginning_until_ctrl_c(tmp_path: Path) -> None:
+    seen = tmp_path / "seen"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {seen}\n', encoding="utf-8")
+    browser.chmod(0o755)
+    command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), *QUICK, "-q", "--no-record"]
+    environment = {**os.environ, "BROWSER": str(browser)}
+    with subprocess.Popen(
+        [*command, "--live", "--open"], cwd=ROOT, stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().removeprefix("the live page: ").strip()
+            assert process.stdout.readline() == f"the page stays until Ctrl-C: {address}\n"
+            wait_until(lambda: seen.exists() and seen.read_text(encoding="utf-8").strip() == address)
+            # Its process may not have read all of the recording yet.
+            wait_until(lambda: not page_at(address).document["goesOn"])
+            data = page_at(address)
+            times = data.column(data.document["robots"][0]["poses"]["timeS"])
+            assert (times[0], times[-1]) == pytest.approx((0.0, 20.0), abs=0.06)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30.0) == 0
+        finally:
+            process.kill()
+
+
+def page_at(address: str) -> Unpacked:
+    """The data of the page that a server has now."""
+    connection = http.client.HTTPConnection(address.removeprefix("http://").rstrip("/"), timeout=20.0)
+    connection.request("GET", "/")
+    text = connection.getresponse().read().decode()
+    connection.close()
+    return of_page(text)
+
+
+def test_a_pace_holds_virtual_time_to_the_clock_and_makes_up_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    host_s = 100.0
+    slept: list[float] = []
+
+    def sleep(duration_s: float) -> None:
+        nonlocal host_s
+        slept.append(duration_s)
+        host_s += duration_s
+
+    monkeypatch.setattr(cli_live.time, "monotonic", lambda: host_s)
+    monkeypatch.setattr(cli_live.time, "sleep", sleep)
+    stopped = False
+    pace = cli_live.pace_of(2.0, mission(), lambda: stopped)
+    assert pace is not None
+    pace(0.05)
+    pace(0.15)
+    assert host_s == pytest.approx(100.05)
+    host_s += 5.0  # the host has stood still
+    before_s = host_s
+    pace(0.2)
+    pace(0.3)
+    assert host_s == pytest.approx(before_s + 0.05)
+    stopped = True
+    count = len(slept)
+    pace(100.0)
+    assert len(slept) == count
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        (("--open",), "--open"),
+        (("--leave",), "--leave"),
+        (("--backend", "mavlink", "--pace", "1"), "--pace"),
+    ],
+)
+def test_what_is_said_of_no_page_or_of_robots_with_a_clock_of_their_own_is_refused(
+    arguments: tuple[str, ...], key: str
+) -> None:
+    done = ran(*arguments, "--no-record")
+    assert done.exit_code == 2
+    assert f"command line: {key}: " in done.stderr

@@ -60,7 +60,8 @@ def test_a_run_is_shown_up_to_its_end_and_costs_it_no_decision(
     caplog.set_level(logging.WARNING)
     with LiveView(PAGE) as view:
         run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", on_recording=view.begin)
-        wait_until(lambda: gone(view.pid))
+        assert status_of(view.address) == 200
+    assert gone(view.pid)
     assert run.result.trace_sha256 == run_mission(mission(duration_s=60.0)).result.trace_sha256
     assert caplog.text == ""
 

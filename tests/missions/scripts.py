@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Final
 from soter.machine import Goto, Machine, Next, State, Stay
 from soter.missions import Arrival, Mission, Robot, Stage
 from soter.sdk import Waypoint
-from soter.stack.away import robot_agent
 from soter.stack.events import Disengaged, GoalEnded, Reengaged, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
+from soter.stack.remote import robot_agent
 
 ARRIVALS: Final[list[tuple[int, Arrival]]] = []
 """What robots were told of their goals, in this order. Tests empty it."""

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# The first one has no window to offer, and costs half as much.
+NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
 NEEDED = [
     pytest.mark.skipif(
@@ -23,10 +24,10 @@ NEEDED = [
     pytest.mark.skipif(
         CHROMIUM is None, reason=f"NOT RUN: no page was opened, there is none of {', '.join(NAMES)} on the PATH"
     ),
-    pytest.mark.timeout(300),
 ]
 """Marks of every test that opens a page."""
 
+LOOKS = Path(__file__).with_name("looks.js").read_text(encoding="utf-8").partition("\n")[2].strip()
 WAIT_S = 30.0
 DESKTOP = {"width": 1440, "height": 900}
 
@@ -45,17 +46,20 @@ def chromium() -> Iterator[Any]:
 
 
 @contextmanager
-def silent(browser: Any, address: str, asked_for: list[str], **options: Any) -> Iterator[Any]:
+def silent(browser: Any, address: str, asked_for: list[str], *, still: bool = False, **options: Any) -> Iterator[Any]:
     """A page in a window of its own; afterwards it must have said nothing, and asked for nothing but what it may.
 
     Args:
         browser: see `chromium`.
         address: of the page.
         asked_for: what it is to ask for besides itself, filled in by the test.
+        still: once it is open, time passes only as `page.clock` says.
         options: of the window.
     """
     context = browser.new_context(**{"viewport": DESKTOP, **options})
     page = context.new_page()
+    if still:
+        page.clock.install(time=0)
     said: list[str] = []
     asked: list[str] = []
     page.on("console", lambda message: said.append(message.text))
@@ -63,6 +67,8 @@ def silent(browser: Any, address: str, asked_for: list[str], **options: Any) -> 
     page.on("request", lambda request: asked.append(request.url))
     page.goto(address)
     until(page, "window.soter && window.soter.openedMs")
+    if still:
+        page.clock.pause_at(60.0)
     yield page
     context.close()
     assert said == []
@@ -88,4 +94,12 @@ def moment(page: Any) -> dict[str, Any]:
     """What the page shows, once it has drawn what was asked for."""
     until(page, "soter.page.moment && soter.page.moment.timeS === soter.player.timeS")
     found: dict[str, Any] = page.evaluate("soter.page.moment")
+    return found
+
+
+def looks_wrong(page: Any) -> list[Any]:
+    """What lies over each other on a page, and what is too pale to be read."""
+    found: list[Any] = page.evaluate(
+        f"(() => {{ const looks = {LOOKS}; return [...looks.overlaps(), ...looks.pale()]; }})()"
+    )
     return found

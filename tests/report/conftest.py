@@ -54,8 +54,8 @@ def run() -> RunTracks:
     return make_run()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """Chromium, see `tests.report.chromium`."""
+    """Chromium, one for all tests of a process; see `tests.report.chromium`."""
     with chromium() as started:
         yield started

@@ -1,4 +1,4 @@
-"""The page of ten minutes, in a real browser: opened, played, scrubbed, read. Nothing may be logged or asked for.
+"""The page of four minutes, in a real browser: opened, played, scrubbed, read. Nothing may be logged or asked for.
 
 It needs Chromium (on Debian: apt-get install chromium) and Playwright, which drives it. Without them it was NOT RUN.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import cmath
 import json
 import math
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,15 +17,19 @@ from soter.record.content import Content
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
 from tests.record.helpers import recorded, rewrite
-from tests.report.chromium import NEEDED, moment, opened, until
+from tests.report.chromium import NEEDED, looks_wrong, moment, opened, until
 
 pytestmark = NEEDED
 
-DURATION_S = 600.0
+DURATION_S = 240.0
 MOST_BYTES = 8_000_000
 MOST_OPENING_S = 3.0
 PHONE = {"width": 390, "height": 844}
 NARROW_PHONE = {"width": 360, "height": 740}
+
+
+SIZES = {390: 844, 820: 1180, 1280: 720, 1920: 1080}
+"""Heights of windows by their widths: a phone, a tablet, a laptop, a wide screen."""
 
 
 class Made(NamedTuple):
@@ -113,7 +116,7 @@ def test_it_shows_the_figures_of_the_recording(browser: Any, made: Made) -> None
         assert f"{100.0 * drivers.count(0) / len(drivers):.1f} %" in figures
         assert page.locator("#rows tr").count() == len(made.content.disengagements)
         about = page.inner_text("#about")
-        for expected in ("seed", "12,000 of 0.05 s, 0 dropped", "soter-rta", "kinematic"):
+        for expected in ("seed", "4,800 of 0.05 s, 0 dropped", "soter-rta", "kinematic"):
             assert expected in about
 
 
@@ -140,7 +143,7 @@ def test_assumptions_that_failed_are_named_listed_and_on_the_time_line(browser: 
 
 def test_what_it_draws_is_what_was_recorded(browser: Any, made: Made) -> None:
     with opened(browser, made.path) as page:
-        for time_s in (0.0, 100.0, 300.0, 599.0):
+        for time_s in (0.0, 100.0, 150.0, 239.0):
             page.evaluate("(timeS) => soter.player.seek(timeS)", time_s)
             for robot in moment(page)["robots"]:
                 series = made.content.series[robot["id"]]
@@ -171,37 +174,28 @@ def test_a_robot_is_drawn_where_it_is_in_the_colour_of_who_drives_it(browser: An
                 assert min(distance(each, rgb(wanted)) for each in found) < 6.0, (switch.time_s, robot["id"])
 
 
-def test_it_plays_pauses_and_stops_at_the_end(browser: Any, made: Made) -> None:
-    with opened(browser, made.path) as page:
-        # Slow enough for the end to be far when a busy host comes to the click.
+def test_it_plays_at_its_speed_pauses_and_stops_at_the_end(browser: Any, made: Made) -> None:
+    with opened(browser, made.path, still=True) as page:
         page.select_option("#speed", "5")
         before = page.evaluate("soter.page.plan.canvas.toDataURL()")
         page.evaluate("soter.player.seek(60)")
         page.click("#play")
-        until(page, "soter.player.timeS > 62")
+        page.clock.run_for(2000)
+        assert page.evaluate("soter.player.timeS") == pytest.approx(70.0, abs=0.2)
         assert page.get_attribute("#play", "aria-label") == "Pause"
         page.click("#play")
+        page.clock.run_for(100)
         assert page.get_attribute("#play", "aria-label") == "Play"
-        stopped_s = moment(page)["timeS"]
+        stopped_s = page.evaluate("soter.player.timeS")
         assert page.evaluate("soter.page.plan.canvas.toDataURL()") != before
-        page.wait_for_timeout(150)
+        page.clock.run_for(500)
         assert page.evaluate("soter.player.timeS") == stopped_s
         page.select_option("#speed", "100")
-        page.evaluate("soter.player.seek(590)")
+        page.evaluate("soter.player.seek(soter.run.lastS - 10)")
         page.click("#play")
-        until(page, "!soter.player.playing")
+        page.clock.run_for(1000)
+        assert not page.evaluate("soter.player.playing")
         assert page.evaluate("soter.player.timeS") == pytest.approx(made.content.last_s)
-
-
-def test_a_speed_is_that_many_times_real_time(browser: Any, made: Made) -> None:
-    with opened(browser, made.path) as page:
-        page.select_option("#speed", "5")
-        page.click("#play")
-        until(page, "soter.player.timeS > 0")
-        began_s, host_s = page.evaluate("soter.player.timeS"), time.monotonic()
-        until(page, f"soter.player.timeS > {began_s + 5.0}")
-        # Frames that come late on a busy machine make it slower, never faster.
-        assert time.monotonic() - host_s > 0.8
 
 
 def test_scrubbing_moves_the_run(browser: Any, made: Made) -> None:
@@ -230,20 +224,89 @@ def test_the_table_jumps_to_a_disengagement(browser: Any, made: Made) -> None:
         assert made.content.drivers[robot["driver"]] == switch.after
         assert robot["cause"]["cause"] == switch.cause
         card = page.locator("#robots article").nth(switch.robot_id - 1).inner_text()
-        assert f"{switch.after} in control" in card
+        assert f"{switch.after} module driving" in card
         assert switch.cause in card
         assert page.locator("#rows tr").nth(7).get_attribute("aria-current") == "true"
 
 
-def test_a_time_line_says_who_drove_and_why(browser: Any, made: Made) -> None:
+def test_what_is_under_the_pointer_is_told(browser: Any, made: Made) -> None:
     switch = made.content.disengagements[3]
-    with opened(browser, made.path) as page:
+    with opened(browser, made.path, f"#t={switch.time_s + 1.0}") as page:
+        tip = page.locator("#tip")
+        robot = next(each for each in moment(page)["robots"] if each["id"] == switch.robot_id)
+        hover_plan(page, robot["xM"], robot["yM"])
+        words = tip.inner_text()
+        assert f"Robot {robot['id']}: " in words
+        for margin in robot["margins"]:
+            assert margin["name"] in words
+        assert f"{robot['margins'][0]['margin']:.3f} m" in words
+        page.mouse.move(2, 2)
+        assert not tip.is_visible()
         lane = page.locator("#lanes canvas").nth(list(made.content.series).index(switch.robot_id))
-        down = page.evaluate("(timeS) => soter.page.charts[0].x(timeS)", switch.time_s) + 0.5
-        lane.hover(position={"x": down, "y": 20})
-        words = lane.get_attribute("title")
-        assert f"robot {switch.robot_id}: {switch.after} in control since" in words
-        assert switch.cause in words
+        right = page.evaluate("(timeS) => soter.page.charts[0].x(timeS)", switch.time_s) + 0.5
+        lane.hover(position={"x": right, "y": 20})
+        assert f"{switch.module} module took robot {switch.robot_id} from its AC" in tip.inner_text()
+        assert switch.cause in tip.inner_text()
+        page.locator("#margins canvas").first.hover(position={"x": right, "y": 20})
+        assert "robot 1" in tip.inner_text()
+        assert "robot 2" in tip.inner_text()
+
+
+def hover_plan(page: Any, x_m: float, y_m: float) -> None:
+    """Point at a place on the plan."""
+    right, down = page.evaluate("([x, y]) => soter.page.plan.at(x, y)", [x_m, y_m])
+    page.locator("#plan").hover(position={"x": right, "y": down})
+
+
+def test_a_tap_tells_of_a_disengagement(browser: Any, made: Made) -> None:
+    switch = made.content.disengagements[5]
+    with opened(
+        browser, made.path, f"#t={switch.time_s + 15.0}", viewport=PHONE, has_touch=True, is_mobile=True
+    ) as page:
+        moment(page)
+        mark = page.evaluate(
+            """(timeS) => {
+                const { plan, moment } = soter.page;
+                const all = soter.run.robots.flatMap((robot) => plan.marksOf(robot, moment.timeS));
+                // Robots stand on some of them.
+                const places = all.map(({ xM, yM }) => plan.at(xM, yM));
+                const [right, down] = places.find((place) => plan.find(...place, moment).mark);
+                const box = plan.canvas.getBoundingClientRect();
+                return { x: box.left + right, y: box.top + down, found: plan.find(right, down, moment).mark.module };
+            }"""
+        )
+        page.touchscreen.tap(mark["x"], mark["y"])
+        assert f"{mark['found']} module took robot" in page.inner_text("#tip")
+
+
+def test_the_plan_zooms_and_pans(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        at = "(place) => soter.page.plan.at(...place)"
+        before = page.evaluate(at, [1.0, 1.0])
+        box = page.locator("#plan").bounding_box()
+        page.mouse.move(box["x"] + before[0], box["y"] + before[1])
+        page.keyboard.down("Control")
+        page.mouse.wheel(0, -400)
+        page.keyboard.up("Control")
+        until(page, "soter.page.plan.zoom > 3")
+        # What was under the pointer still is, unless the plan ends there.
+        assert page.evaluate(at, [1.0, 1.0]) == pytest.approx(before, abs=30.0)
+        west = page.evaluate("soter.page.plan.west")
+        page.mouse.down()
+        page.mouse.move(box["x"] + before[0] - 80, box["y"] + before[1], steps=3)
+        page.mouse.up()
+        assert page.evaluate("soter.page.plan.west") > west
+        page.click("#zoom-all")
+        assert page.evaluate(at, [1.0, 1.0]) == pytest.approx(before)
+
+
+def test_at_its_beginning_a_robot_is_starting(browser: Any, made: Made) -> None:
+    with opened(browser, made.path) as page:
+        assert {each["starting"] for each in moment(page)["robots"]} == {True}
+        assert "starting" in page.inner_text("#robots")
+        assert "module driving" not in page.inner_text("#robots")
+        page.keyboard.press("ArrowRight")
+        assert {each["starting"] for each in moment(page)["robots"]} == {False}
 
 
 def test_the_table_can_be_narrowed(browser: Any, made: Made) -> None:
@@ -411,6 +474,29 @@ def test_everything_that_can_be_used_has_a_name(browser: Any, made: Made) -> Non
 def test_a_moment_can_be_linked_to(browser: Any, made: Made) -> None:
     with opened(browser, made.path, "#t=123.4") as page:
         assert moment(page)["timeS"] == pytest.approx(123.4)
+        page.keyboard.press("ArrowRight")
+        until(page, "location.hash === '#t=124.4'")
+        page.evaluate("location.hash = '#t=10'")
+        until(page, "soter.player.timeS === 10")
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        page.click("#copy-link")
+        until(page, "document.getElementById('copied').textContent")
+        assert page.inner_text("#copied") in {"link copied", page.url}
+        assert page.url.endswith("run.html#t=10")
+
+
+@pytest.mark.parametrize("width", SIZES)
+def test_nothing_overlaps_at_any_size(browser: Any, hostile: Made, width: int) -> None:
+    size = {"width": width, "height": SIZES[width]}
+    with opened(browser, hostile.path, "#t=60", viewport=size) as page:
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            until(page, f"soter.page.style.dark === {str(scheme == 'dark').lower()}")
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            plan, player = (page.locator(name).bounding_box() for name in ("#plan", "#transport"))
+            assert plan["height"] >= 200.0
+            assert plan["y"] + plan["height"] <= player["y"]
+            assert looks_wrong(page) == []
 
 
 def test_violations_are_the_first_thing_that_one_sees(browser: Any, hostile: Made) -> None:
@@ -426,6 +512,23 @@ def test_violations_are_the_first_thing_that_one_sees(browser: Any, hostile: Mad
         broken = [robot for robot in shown["robots"] if robot["breaks"]]
         assert [robot["id"] for robot in broken] == list(violations[0].robots)
         assert f"breaks {violations[0].rule}" in page.locator("#robots").inner_text()
+        # They are on the slider, and keys lead from one to the next.
+        red = rgb(page.evaluate("soter.page.style.colours.alarm"))
+        found = page.evaluate(
+            """(times) => {
+                const band = document.getElementById("overview");
+                const { firstS, lastS } = soter.run;
+                const pixels = band.getContext("2d").getImageData(0, 1, band.width, 1).data;
+                const at = (timeS) => 4 * (Math.floor(((timeS - firstS) / (lastS - firstS)) * band.width) + 1);
+                return times.map((timeS) => [...pixels.slice(at(timeS), at(timeS) + 3)]);
+            }""",
+            [each.start_s for each in violations],
+        )
+        assert all(distance(tuple(each), red) < 10.0 for each in found)
+        page.keyboard.press("Home")
+        for start_s in sorted({each.start_s for each in violations})[:3]:
+            page.keyboard.press("n")
+            assert moment(page)["timeS"] == pytest.approx(start_s)
 
 
 def test_a_recording_that_was_cut_off_says_so(browser: Any, made: Made, tmp_path: Path) -> None:

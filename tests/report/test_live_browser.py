@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -34,8 +33,19 @@ from tests.waiting import wait_until
 
 pytestmark = NEEDED
 
-ENDLESS = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "1e6", "--live", "--no-record", "-q")
-ESTABLISHED = "01"
+ENDLESS = (
+    "--backend",
+    "kinematic",
+    "--planner",
+    "straight-line",
+    "--duration",
+    "1e6",
+    "--pace",
+    "10",
+    "--live",
+    "--no-record",
+    "-q",
+)
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +77,6 @@ def stream_of(page: Any) -> str:
     return address
 
 
-def state_of(page: Any) -> str:
-    return str(page.inner_text("#live-state"))
-
-
 def known_s(page: Any) -> float:
     """The end of what the page knows of the run, in fleet time."""
     return float(page.evaluate("soter.run.lastS"))
@@ -80,28 +86,18 @@ def places(page: Any) -> list[tuple[float, float]]:
     return [(robot["xM"], robot["yM"]) for robot in page.evaluate("soter.page.moment.robots")]
 
 
-def connection_state(server_port: int, viewer_port: int) -> str:
-    """The state of the server's end of a connection, as the kernel has it; empty if there is none."""
-    pattern = re.compile(rf" 0100007F:{server_port:04X} 0100007F:{viewer_port:04X} (..) ")
-    found = pattern.search(Path("/proc/net/tcp").read_text())
-    return found[1] if found else ""
+def says(text: str) -> str:
+    """That the button beside the clock says something, for `until`."""
+    return f"document.getElementById('live-state').textContent === '{text}'"
 
 
 def test_a_run_is_followed_scrubbed_returned_to_and_seen_to_its_end(browser: Any) -> None:
     asked: list[str] = []
-    with running() as (process, address), socket.socket() as stalled:
-        port = int(address.rpartition(":")[2].rstrip("/"))
+    with running() as (process, address):
         until_served(address)
         with silent(browser, address, asked) as page:
             asked.append(urljoin(address, stream_of(page)))
-            # A second viewer that asks and then never reads.
-            stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            stalled.connect(("127.0.0.1", port))
-            stalled.sendall(f"GET /{stream_of(page)} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
-            viewer_port = stalled.getsockname()[1]
-            wait_until(lambda: connection_state(port, viewer_port) == ESTABLISHED)
-
-            assert state_of(page) == "live"
+            until(page, says("live"))
             assert "The run goes on" in page.inner_text("#verdict")
             before, began_s = places(page), known_s(page)
             until(page, f"soter.player.following && soter.player.timeS > {began_s}")
@@ -119,17 +115,13 @@ def test_a_run_is_followed_scrubbed_returned_to_and_seen_to_its_end(browser: Any
             until(page, f"document.querySelectorAll('#rows tr').length > {rows}")
 
             page.click("#live")
+            # What the button says is drawn a frame after what the player does.
+            until(page, says("live"))
             until(page, f"soter.player.following && soter.player.timeS > {shown['timeS']}")
-            assert state_of(page) == "live"
-            until(page, "soter.run.lastS - soter.player.timeS < 0.2 * soter.run.lastS")
-
-            wait_until(lambda: connection_state(port, viewer_port) != ESTABLISHED)
-            dropped_s = known_s(page)
-            until(page, f"soter.run.lastS > {dropped_s}")
 
             os.killpg(process.pid, signal.SIGINT)
             until(page, "!soter.run.goesOn")
-            assert state_of(page) == "the run has ended: interrupted"
+            until(page, says("the run has ended: interrupted"))
             assert "No violation" in page.inner_text("#verdict")
             until(page, "soter.player.timeS === soter.run.lastS && !soter.player.following")
             page.keyboard.press("Home")
@@ -242,10 +234,10 @@ def test_a_page_whose_server_is_gone_says_so_and_keeps_what_it_knows(browser: An
         context = browser.new_context()
         page = context.new_page()
         page.goto(view.address)
-        until(page, "window.soter && window.soter.openedMs")
+        # The first tick alone is served already.
+        until(page, "window.soter && window.soter.openedMs && soter.run.lastS > 0")
         os.kill(view.pid, signal.SIGKILL)
-        until(page, "document.getElementById('live-state').textContent === 'connection lost'")
-        assert known_s(page) > 0.0
+        until(page, says("connection lost"))
         page.keyboard.press("Home")
         assert moment(page)["timeS"] == 0.0
         context.close()

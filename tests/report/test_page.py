@@ -260,3 +260,24 @@ def test_names_of_a_recording_are_no_markup(path: Path, tmp_path: Path) -> None:
     assert evil not in page
     assert "<title>script&gt;" in page or escape("script>") in page
     assert of_page(page).document["summary"]["mission"] == evil
+
+
+# --- without modules ---------------------------------------------------------------------------------------
+
+
+def test_a_run_without_modules_has_the_margins_that_ground_truth_goes_by(tmp_path: Path) -> None:
+    done = recorded(tmp_path / "run.mcap", duration_s=60.0, targets="hostile", rta__enabled=False)
+    data = of_page(make_page(Recording(tmp_path / "run.mcap")))
+    least = {
+        module["name"]: min(
+            float(np.min(data.column(robot["modules"][index]["low"]))) for robot in data.document["robots"]
+        )
+        for index, module in enumerate(data.document["robots"][0]["modules"])
+    }
+    truth = done.result.min_margin
+    assert truth is not None
+    assert set(least) == set(truth) - {"battery"}
+    for rule, margin in least.items():
+        # Between two ticks a robot drives a few centimetres, which the truth sees.
+        assert truth[rule] - 1e-3 <= margin <= truth[rule] + 0.03, rule
+    assert min(least.values()) < 0.0

@@ -99,7 +99,7 @@ def test_of_many_robots_the_first_have_time_lines_and_the_rest_is_counted() -> N
 
 def test_of_a_long_run_the_end_is_drawn_and_said() -> None:
     figure = make_figure(make_run(2, "01" * 60, 60.0), CAPTION)
-    assert "the last 10 minutes" in texts(figure)
+    assert "ways of the last 10 min" in texts(figure)
     assert all(len(segment) == 2 for way in ways(figure) for segment in way.get_segments())
     assert sum(len(way.get_segments()) for way in ways(figure)) == 2 * 10
 

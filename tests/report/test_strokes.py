@@ -6,7 +6,9 @@ import pytest
 
 from soter.record.tracks import RunTracks, Track
 from soter.report.strokes import (
+    CROWD_S,
     LAST_S,
+    LEAST_S,
     LONG_S,
     Mark,
     Stretch,
@@ -97,3 +99,11 @@ def test_a_run_until_a_moment_has_nothing_of_later() -> None:
     assert part.switches == [switch for switch in run.switches if switch.time_s <= 4.5] != run.switches
     assert until(run, 100.0) == run
     assert end_s(until(run, -1.0)) == 0.0
+
+
+def test_of_many_robots_less_is_drawn_of_each() -> None:
+    two, six = make_run(robots=2, period_s=30.0), make_run(robots=6, period_s=30.0)
+    assert end_s(two) == end_s(six) == 270.0
+    assert ways_since_s(two) == 0.0
+    assert ways_since_s(six) == 270.0 - CROWD_S / 6
+    assert ways_since_s(make_run(robots=60, period_s=30.0)) == 270.0 - LEAST_S

@@ -20,13 +20,13 @@ from soter.distribution.bus import Bus
 from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.runner import RunResult
-from soter.runner.ac_side import AcSide
-from soter.runner.mission_side import MissionSide
+from soter.runner.machine_host import MachineHost
+from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
+from soter.runner.peer_session import PeerSession
 from soter.runner.planner_run import _PlannerLoop
 from soter.runner.progress import Audience
 from soter.runner.run import Study, _Loop
-from soter.runner.together import Together
 from soter.sdk import Capabilities, Fleet, RobotSpec, RobotState, TruthReport
 from soter.specs import robot_specs
 from soter_sim import World
@@ -35,7 +35,7 @@ from tests.distribution.air import MemoryBus, Network
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PERIOD_S = 0.05
 
-MakeSide = Callable[["Site", Part], AcSide]
+MakeSide = Callable[["Site", Part], MissionHost]
 
 
 class OwnClock(Clock):
@@ -271,32 +271,34 @@ class Site:
     def _loop(self, name: str) -> RunResult:
         part, clock = self._part(name), OwnClock(self, 1000.0 * self._starts + 0.123)
         say = self.said.setdefault(name, []).append
-        with Together(part, clock) as together:
+        with PeerSession(part, clock) as session:
             if not part.robots:
-                side = _mission_side(self, part)
+                host = _mission_side(self, part)
                 try:
-                    self.planner = _PlannerLoop(part, self.workspace, side, together, clock)
+                    self.planner = _PlannerLoop(part, self.workspace, host, session, clock)
                     return self.planner.run(Audience(), say).result
                 finally:
-                    side.close()
-            return self._robots_loop(part, clock, together, say)
+                    host.close()
+            return self._robots_loop(part, clock, session, say)
 
-    def _robots_loop(self, part: OwnPart, clock: OwnClock, together: Together, say: Callable[[str], None]) -> RunResult:
-        side = self.make_side(self, part)
+    def _robots_loop(
+        self, part: OwnPart, clock: OwnClock, session: PeerSession, say: Callable[[str], None]
+    ) -> RunResult:
+        host = self.make_side(self, part)
         recorder = None if self._record is None else Recorder(self._record / f"{part.name}.mcap", waits=True)
         fleet = OwnFleet(self.world, [spec for spec in self.specs if spec.id in part.robots], clock)
         try:
-            side.ready()
+            host.ready()
             for robot in fleet.robots:
                 robot.init(1.0)
-            loop = _Loop(part.mission, self.workspace, fleet, side, Study(), recorder, together)
+            loop = _Loop(part.mission, self.workspace, fleet, host, Study(), recorder, session)
             self.loops[part.name] = loop
-            assert together.wait(fleet.robots, say, lambda: False)
+            assert session.wait(fleet.robots, say, lambda: False)
             loop.begin(self.workspace)
             status, failure = loop.run(Audience())
             return loop.result(status, failure, None)
         finally:
-            side.close()
+            host.close()
             if recorder is not None:
                 recorder.close()
 
@@ -311,6 +313,6 @@ class Site:
         self.network.advance(max(time_s, self.network.now_s))
 
 
-def _mission_side(site: Site, part: Part) -> MissionSide:
+def _mission_side(site: Site, part: Part) -> MachineHost:
     radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
-    return MissionSide(part.mission, site.workspace, radii_m, virtual_time=True, part=part, bus=part.open_bus())
+    return MachineHost(part.mission, site.workspace, radii_m, virtual_time=True, part=part, bus=part.open_bus())

@@ -12,9 +12,9 @@ import pytest
 
 from soter.errors import ConfigError
 from soter.runner import Progress
-from soter.runner.progress import Aside
+from soter.runner.progress import ProgressThread
 from soter.runner.real_time import real_time
-from soter.runner.remote_side import Words
+from soter.runner.remote_host import OutputPump
 from tests.waiting import wait_until
 
 
@@ -31,7 +31,7 @@ def test_only_the_latest_progress_is_shown_and_nobody_waits_for_it() -> None:
         first.set()
         assert go_on.wait(10.0)
 
-    with Aside(show) as aside:
+    with ProgressThread(show) as aside:
         aside.put(progress(1.0))
         assert first.wait(10.0)
         for time_s in (2.0, 3.0, 4.0):
@@ -48,7 +48,7 @@ def test_a_display_that_fails_is_left_alone(caplog: pytest.LogCaptureFixture) ->
         shown.append(each)
         raise OSError("the terminal is gone")
 
-    with Aside(show) as aside:
+    with ProgressThread(show) as aside:
         aside.put(progress(1.0))
         wait_until(lambda: bool(shown))
         aside.put(progress(2.0))
@@ -57,15 +57,15 @@ def test_a_display_that_fails_is_left_alone(caplog: pytest.LogCaptureFixture) ->
 
 
 @pytest.fixture
-def words() -> Iterator[tuple[Words, int]]:
-    made = Words("mission")
+def words() -> Iterator[tuple[OutputPump, int]]:
+    made = OutputPump("mission")
     speaker = os.dup(made.output_fd)
     made.started()
     yield made, speaker
     made.close()
 
 
-def test_what_is_printed_is_logged(words: tuple[Words, int], caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_printed_is_logged(words: tuple[OutputPump, int], caplog: pytest.LogCaptureFixture) -> None:
     made, speaker = words
     os.write(speaker, b"hello\n\n\x1b[2Jworld \xff\n")
     os.close(speaker)
@@ -73,7 +73,7 @@ def test_what_is_printed_is_logged(words: tuple[Words, int], caplog: pytest.LogC
     assert [record.getMessage() for record in caplog.records] == ["mission: hello", "mission:  [2Jworld \ufffd"]
 
 
-def test_a_flood_is_logged_in_part(words: tuple[Words, int], caplog: pytest.LogCaptureFixture) -> None:
+def test_a_flood_is_logged_in_part(words: tuple[OutputPump, int], caplog: pytest.LogCaptureFixture) -> None:
     made, speaker = words
     os.write(speaker, b"x" * 1000 + b"\n" + b"y\n" * 1000)
     os.close(speaker)
@@ -84,7 +84,7 @@ def test_a_flood_is_logged_in_part(words: tuple[Words, int], caplog: pytest.LogC
     assert said[-1] == "mission: ... and 981 lines more"
 
 
-def test_a_process_left_behind_is_not_waited_for(words: tuple[Words, int]) -> None:
+def test_a_process_left_behind_is_not_waited_for(words: tuple[OutputPump, int]) -> None:
     made, speaker = words
     began_s = time.perf_counter()
     made.close()

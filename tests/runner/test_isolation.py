@@ -22,7 +22,7 @@ from soter.cli.run import _exit_code
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError, RunFailed
 from soter.runner import Run, run_mission
-from soter.runner.remote_side import NICENESS, RemoteSide
+from soter.runner.remote_host import NICENESS, RemoteMissionHost
 from soter.sdk import RobotSpec
 from soter.sdk.wire import Simulator
 from soter_zmq.adapter import ZmqRobot
@@ -50,18 +50,18 @@ def mission(ac: str = "mission", **overrides: Any) -> MissionFile:
 
 
 @pytest.fixture
-def sides(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[RemoteSide]]:
+def hosts(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[RemoteMissionHost]]:
     """The sides that a test makes; none of their processes is left when it ends."""
-    made: list[RemoteSide] = []
+    made: list[RemoteMissionHost] = []
 
-    class Noted(RemoteSide):
+    class Noted(RemoteMissionHost):
         def __init__(self, *arguments: Any, **named: Any) -> None:
             super().__init__(*arguments, **named)
             made.append(self)
 
-    monkeypatch.setattr("soter.runner.run.RemoteSide", Noted)
+    monkeypatch.setattr("soter.runner.run.RemoteMissionHost", Noted)
     yield made
-    assert all(gone(side.pid) for side in made)
+    assert all(gone(host.pid) for host in made)
 
 
 def in_ac(run: Run, since_s: float, until_s: float) -> bool:
@@ -91,22 +91,24 @@ def in_ac(run: Run, since_s: float, until_s: float) -> bool:
         ("Detaches", "its process has ended with exit code 0"),
     ],
 )
-def test_a_hostile_mission_costs_its_robots_the_ac_and_no_tick(ac: str, words: str, sides: list[RemoteSide]) -> None:
+def test_a_hostile_mission_costs_its_robots_the_ac_and_no_tick(
+    ac: str, words: str, hosts: list[RemoteMissionHost]
+) -> None:
     run = run_mission(mission(ac))
     result = run.result
     assert result.status == "failed"
     assert _exit_code(result, None) == 3
     assert words in result.failure
     judge(run, words)
-    assert len(sides) == 1
+    assert len(hosts) == 1
 
 
 @pytest.mark.parametrize(("ac", "words"), [("EatsMemory", "MemoryError"), ("Raises", "no way")])
-def test_acs_that_raise_cost_their_robots_the_ac(ac: str, words: str, sides: list[RemoteSide]) -> None:
+def test_acs_that_raise_cost_their_robots_the_ac(ac: str, words: str, hosts: list[RemoteMissionHost]) -> None:
     run = run_mission(mission(ac, isolation__memory_mib=64))
     assert run.result.status == "completed"
     judge(run, words)
-    assert len(sides) == 1
+    assert len(hosts) == 1
 
 
 def judge(run: Run, words: str) -> None:
@@ -124,7 +126,7 @@ def judge(run: Run, words: str) -> None:
 
 
 @pytest.mark.ompl
-def test_a_mission_drives_through_two_processes_as_through_one(sides: list[RemoteSide], tmp_path: Path) -> None:
+def test_a_mission_drives_through_two_processes_as_through_one(hosts: list[RemoteMissionHost], tmp_path: Path) -> None:
     recorded = tmp_path / "run.mcap"
     run = run_mission(mission(duration_s=5.0, targets="uniform", planner="ompl-bitstar"), record=recorded)
     result = run.result
@@ -139,7 +141,7 @@ def test_a_mission_drives_through_two_processes_as_through_one(sides: list[Remot
     assert "Executing" in {move.get("target") for move in moves}
 
 
-def test_bad_options_of_the_mission_are_refused_before_anything_moves(sides: list[RemoteSide]) -> None:
+def test_bad_options_of_the_mission_are_refused_before_anything_moves(hosts: list[RemoteMissionHost]) -> None:
     with pytest.raises(ConfigError, match=r"planners.straight-line.speed") as refused:
         run_mission(mission(planners={"straight-line": {"speed": 3}}))
     assert refused.value.key is not None
@@ -147,22 +149,24 @@ def test_bad_options_of_the_mission_are_refused_before_anything_moves(sides: lis
 
 def test_the_mission_is_favoured_less_limited_and_taken_first() -> None:
     asked = mission(isolation__memory_mib=64)
-    side = RemoteSide(asked, asked.read_workspace(), {1: 0.1, 2: 0.1})
+    host = RemoteMissionHost(asked, asked.read_workspace(), {1: 0.1, 2: 0.1})
     try:
-        side.ready()
+        host.ready()
         # Around it there are the processes of its box, where there are namespaces.
-        pid = [side.pid, *children(side.pid)][-1]
+        pid = [host.pid, *children(host.pid)][-1]
         assert os.getpriority(os.PRIO_PROCESS, pid) == min(os.getpriority(os.PRIO_PROCESS, 0) + NICENESS, 19)
         assert Path(f"/proc/{pid}/oom_score_adj").read_text() == "1000\n"
         assert resource.prlimit(pid, resource.RLIMIT_AS)[0] < 2**40
-        assert os.getsid(pid) == side.pid != os.getsid(0)
+        assert os.getsid(pid) == host.pid != os.getsid(0)
     finally:
-        side.close()
+        host.close()
     wait_until(lambda: gone(pid))
-    side.close()
+    host.close()
 
 
-def test_without_the_right_to_it_real_time_is_refused(sides: list[RemoteSide], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_right_to_it_real_time_is_refused(
+    hosts: list[RemoteMissionHost], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError
 
@@ -178,13 +182,13 @@ def test_a_mission_that_cannot_be_made_is_refused() -> None:
         ("os:getcwd", "could not be made: TypeError"),
         ("tests.runner.hostile:ends", r"could not be started \("),
     ):
-        side = RemoteSide(asked, workspace, {1: 0.1, 2: 0.1}, factory)
+        host = RemoteMissionHost(asked, workspace, {1: 0.1, 2: 0.1}, factory)
         try:
             with pytest.raises(RunFailed, match=words):
-                side.ready()
+                host.ready()
         finally:
-            side.close()
-        assert gone(side.pid)
+            host.close()
+        assert gone(host.pid)
 
 
 class Truth:

@@ -33,8 +33,15 @@ def test_a_promise_near_to_what_was_measured_needs_a_reason() -> None:
         table(rows_of(record("sample_age_s", 0.07, ("state.age", 0.05, (0.0, 0.01, 0.06)))))
     # Of brakes the least counts.
     said = table(rows_of(record("brake_m_s2", 1.0, ("bounds.braking", 0.98, (0.9, 0.98, 1.2)))))
-    assert "| 0.98 ± 0.001 | 0.9, 0.98, 1.2 | 0.98 [1] |" in said
-    assert said.endswith("Near for a reason: [1] the robot's motors are set to it.")
+    assert "| 0.98 ± 0.001 | 0.9, 0.98, 1.2 | 0.98 [2] |" in said
+    assert said.endswith("Near for a reason: [2] the robot's motors are set to it.")
+
+
+def test_lines_of_other_adapters_stay_with_their_reasons() -> None:
+    other = "| other | `v_max_m_s` | 0.22 | 0.22 |  | 1 [1] | `goto.v_max` |"
+    said = table(rows_of(record("sample_age_s", 0.07, ("state.age", 0.01, ()))), [other])
+    assert said.splitlines()[2] == other
+    assert said.endswith("Near for a reason: [1] the robot clamps it.")
 
 
 def test_the_page_has_its_place() -> None:

@@ -18,7 +18,7 @@ from soter_lcm.wire import command_channel, decode_command, encode_report, repor
 from soter_sim.commanded import CommandedFace, run
 
 
-class Face(CommandedFace):
+class Endpoint(CommandedFace):
     """The robots' end of the bus.
 
     Args:
@@ -65,4 +65,4 @@ class Face(CommandedFace):
 
 
 if __name__ == "__main__":
-    run("soter_lcm.robots", "robots on LCM", Face)
+    run("soter_lcm.robots", "robots on LCM", Endpoint)

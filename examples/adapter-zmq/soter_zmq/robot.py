@@ -19,7 +19,7 @@ from soter_sim.commanded import CommandedFace, run
 from soter_zmq.wire import decode_command, encode_report
 
 
-class Face(CommandedFace):
+class Endpoint(CommandedFace):
     """The robots' ends of the wire.
 
     Args:
@@ -88,4 +88,4 @@ def address(socket: zmq.Socket[bytes]) -> str:
 
 
 if __name__ == "__main__":
-    run("soter_zmq.robot", "robots on ZeroMQ", Face)
+    run("soter_zmq.robot", "robots on ZeroMQ", Endpoint)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from soter.onboard.program import Ending
 from soter_sim.program import make_parser, read_namespaces, read_world, serve
-from soter_sim.ros2.face import Face
+from soter_sim.ros2.endpoint import Endpoint
 
 
 def main() -> None:
@@ -13,7 +13,7 @@ def main() -> None:
     workspace, robots, limits = read_world()
     ended = Ending(given.parent)
     namespaces = read_namespaces(given.namespaces)
-    serve(Face(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port), ended)
+    serve(Endpoint(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port), ended)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from soter.adapters.zenoh.programs import add_session, positive, read_session, r
 from soter.adapters.zenoh.session import close_session, endpoints, open_session
 from soter.onboard.program import Ending
 from soter_sim.program import make_parser, read_namespaces, read_world, serve
-from soter_sim.zenoh.face import Face
+from soter_sim.zenoh.endpoint import Endpoint
 
 
 def main() -> None:
@@ -21,7 +21,7 @@ def main() -> None:
         ended = Ending(given.parent)
         session = open_session(options)
         try:
-            face = Face(
+            face = Endpoint(
                 workspace, robots, read_namespaces(given.namespaces), session, limits, stamped=given.stamped,
                 truth_port=given.truth_port, speedup=given.speedup,
             )  # fmt: skip

@@ -21,8 +21,9 @@ from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
 from soter.clock import VehicleClock
-from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness, in_wide_rooms
-from soter.sdk import Fleet, Waypoint
+from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
+from soter.conformance.harness import LIMITS
+from soter.sdk import Capabilities, Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
 
 _HOST: Final = "127.0.0.1"
@@ -117,6 +118,7 @@ class MavlinkHarness(RelayedHarness):
     name = "mavlink"
     room_m = 2.4
     side_by_side = True
+    limits = LIMITS
     connect_timeout_s = 30.0
     backend: ClassVar[type[VehicleBackend]] = MavlinkBackend
     options: ClassVar[dict[str, Any]] = {}
@@ -129,6 +131,10 @@ class MavlinkHarness(RelayedHarness):
         self.fleet = self._opened(port, simulator.truth, robots)
         return self.fleet
 
+    def promising(self, promised: Capabilities) -> Fleet:
+        """Return a fleet of one fresh robot that was asked to promise this."""
+        return self.open_promising(promised)
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
         simulator = self._start(1, port)
@@ -140,14 +146,14 @@ class MavlinkHarness(RelayedHarness):
     def _start(self, robots: int, port: int) -> Simulator:
         rate_hz = self.options.get("stream_hz", STREAM_HZ)
         options = ("--vehicle", self.options.get("vehicle", "rover"), "--rate", str(rate_hz), *self.simulator_options)
-        self.simulator = simulator = Simulator(describe(WIDE_ROOMS, in_wide_rooms(robots)), port, *options)
+        self.simulator = simulator = Simulator(describe(WIDE_ROOMS, self.specs(robots), LIMITS), port, *options)
         return simulator
 
     def _opened(self, port: int, truth: str, robots: int) -> MavlinkFleet:
         config = MavlinkConfig.model_validate(
             {"workspace": WIDE_ROOMS, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
         )
-        return self.backend().open(config, in_wide_rooms(robots))
+        return self.backend().open(config, self.specs(robots))
 
 
 class CopterHarness(MavlinkHarness):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from geometry_msgs.msg import Twist
@@ -18,9 +19,10 @@ from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.conformance.harness import LIMITS
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
-from soter.sdk import Fleet, Waypoint
+from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
 
 FAR: Final = "/far"
@@ -78,6 +80,7 @@ class Ros2Harness(RelayedHarness):
     name = "ros2"
     room_m = 2.4
     side_by_side = True
+    limits = LIMITS
     connect_timeout_s = 20.0
 
     def open(self, robots: int) -> Fleet:
@@ -88,7 +91,11 @@ class Ros2Harness(RelayedHarness):
         return self.fleet
 
     def second(self) -> Fleet:
-        return _fleet(*self._seen_by_soter)
+        return _fleet(*self._seen_by_soter, self.specs(len(self._seen_by_soter[-1])))
+
+    def promising(self, promised: Capabilities) -> Fleet:
+        """Return a fleet of one fresh robot that was asked to promise this."""
+        return self.open_promising(promised)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
@@ -96,7 +103,7 @@ class Ros2Harness(RelayedHarness):
         return self.driven(f"{__name__}:open_given", argument, target)
 
     def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(WIDE_ROOMS, in_wide_rooms(robots))
+        self.simulator = simulator = Simulator(WIDE_ROOMS, self.specs(robots), limits=LIMITS)
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -104,10 +111,10 @@ class Ros2Harness(RelayedHarness):
 def open_given(argument: str) -> Fleet:
     """Return the first robot, where it is as JSON; what the kit's driver process calls."""
     domain_id, truth, namespaces = json.loads(argument)
-    return _fleet(domain_id, truth, "", {int(robot_id): name for robot_id, name in namespaces.items()})
+    return _fleet(domain_id, truth, "", {int(number): name for number, name in namespaces.items()}, in_wide_rooms(1))
 
 
-def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str]) -> Fleet:
+def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str], robots: Sequence[RobotSpec]) -> Fleet:
     config = Ros2Config(
         workspace=WIDE_ROOMS,
         robots={robot_id: RobotOptions(namespace=before + name) for robot_id, name in namespaces.items()},
@@ -116,4 +123,4 @@ def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str]) 
         use_sim_time=True,
         loopback=True,
     )
-    return Ros2Fleet(config, in_wide_rooms(len(namespaces)), None)
+    return Ros2Fleet(config, robots, None)

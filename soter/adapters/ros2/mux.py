@@ -132,6 +132,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(str(failure))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    if known.parent is None:
+        heard = ", ".join(each.topic_name for each in node.subscriptions)
+        node.get_logger().info(
+            f"connected in ROS domain {node.context.get_domain_id()}, listening to {heard}; Ctrl-C ends it"
+        )
     favour()
     failed = 0
     try:

@@ -18,8 +18,9 @@ from soter.adapters.zenoh.simulator import Simulator
 from soter.adapters.zenoh.talk import Listener, Voice
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.conformance.harness import LIMITS
 from soter.conformance.impaired import ImpairedRelay, Line
-from soter.sdk import Fleet, Waypoint, program
+from soter.sdk import Capabilities, Fleet, Waypoint, program
 from soter.sdk.truth import StreamedTruth
 
 _TO_ROBOT: Final = ("order", "cmd_vel_ac", "cmd_vel_sc")
@@ -76,6 +77,7 @@ class ZenohHarness(RelayedHarness):
     name = "zenoh"
     room_m = 2.4
     side_by_side = True
+    limits = LIMITS
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
@@ -87,7 +89,11 @@ class ZenohHarness(RelayedHarness):
         return self.fleet
 
     def second(self) -> Fleet:
-        return ZenohFleet(self._seen_by_soter, in_wide_rooms(len(self._seen_by_soter.robots)), None)
+        return ZenohFleet(self._seen_by_soter, self.specs(len(self._seen_by_soter.robots)), None)
+
+    def promising(self, promised: Capabilities) -> Fleet:
+        """Return a fleet of one fresh robot that was asked to promise this."""
+        return self.open_promising(promised)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
@@ -115,7 +121,7 @@ class ZenohHarness(RelayedHarness):
         return ""
 
     def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(WIDE_ROOMS, in_wide_rooms(robots), self.of_robots())
+        self.simulator = simulator = Simulator(WIDE_ROOMS, self.specs(robots), self.of_robots(), limits=LIMITS)
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 

@@ -133,6 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = _parser()
     given = parser.parse_args(arguments)
     logging.basicConfig(format="%(name)s: %(message)s")
+    logger.setLevel(logging.INFO)
     with refusing(parser):
         options = read_session(given)
         gate = VelocityGate(given.lease, given.command, given.v_max, given.yaw_rate_max)
@@ -147,10 +148,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
             station = ZenohStation(
                 session, keys, gate, given.robot, clock=given.clock, stamped=given.stamped, rate=given.speedup
             )
+            if given.parent is None:
+                logger.info("%s; Ctrl-C ends it", connections(session, given.robot))
             favour()
             station.run(ended)
         finally:
             close_session(session)
+
+
+def connections(session: Any, robot: str) -> str:
+    """Return in words to what the mux of a robot is connected now."""
+    routers, peers = (len(list(each())) for each in (session.info.routers_zid, session.info.peers_zid))
+    if not routers and not peers:
+        return f"{robot}: a Zenoh session is open, but nobody is in it yet"
+    return f"{robot}: connected to {routers} Zenoh router{'s' * (routers != 1)} and {peers} peer{'s' * (peers != 1)}"
 
 
 def _parser() -> argparse.ArgumentParser:

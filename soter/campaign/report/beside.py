@@ -34,7 +34,7 @@ def make_beside(recordings: Sequence[Recording]) -> str:
         f'<iframe title="{escape(name)}" srcdoc="{escape(make_page(recording))}"></iframe>'
         for name, recording in zip(names, recordings, strict=True)
     )
-    parts = [card("Figures", table(["figure", *names], rows)), f'<section class="frames">{frames}</section>']
+    parts = [f'<section class="frames">{frames}</section>', card("Figures", table(["figure", *names], rows))]
     return page_of(" beside ".join(names), "They play in step: whichever is moved, the others follow.", parts)
 
 

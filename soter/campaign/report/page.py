@@ -7,7 +7,6 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
-from string import Template
 from typing import Final
 
 from soter.campaign.comparison import Difference
@@ -15,6 +14,7 @@ from soter.campaign.conditions import Judged, figure
 from soter.campaign.report.cells import HEAD, cells, rate
 from soter.campaign.store import Row, Store
 from soter.campaign.summary import Group, groups
+from soter.report.page.html import frame
 from soter.sdk import RULES
 
 DOTS: Final = {
@@ -96,9 +96,10 @@ def page_of(title: str, subtitle: str, parts: Iterable[str]) -> str:
     """Return a page of parts that are HTML already, in the style of the pages of runs."""
     own = files("soter.campaign.report").joinpath("assets")
     style = files("soter.report.page").joinpath("assets", "page.css").read_text(encoding="utf-8")
-    return Template(own.joinpath("page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(title), subtitle=escape(subtitle), style=style, body="\n".join(parts),
-        program=own.joinpath("page.js").read_text(encoding="utf-8"),
+    return frame(
+        title, subtitle, "<main>\n{}\n</main>".format("\n".join(parts)),
+        style=style + own.joinpath("page.css").read_text(encoding="utf-8"),
+        programs=[own.joinpath("page.js").read_text(encoding="utf-8")],
     )  # fmt: skip
 
 
@@ -173,7 +174,9 @@ def _dots(found: Sequence[Group], name: str) -> str:
             )
         middle = x(median(value for _, value in values))
         marks.append(f'<line class="middle" x1="{middle}" x2="{middle}" y1="{y - 9:.1f}" y2="{y + 9:.1f}"/>')
-        labels.append(f"<li>{escape(group.part)} {escape(group.name)}</li>")
+        # The setting first: where there is little room, parts of one name are told apart by it.
+        label = escape(group.part if group.name == "-" else f"{group.name} · {group.part}")
+        labels.append(f'<li title="{label}">{label}</li>')
     ends = f'<text x="1%" y="{height - 3:.0f}">{low:.3g}</text>'
     ends += f'<text x="99%" y="{height - 3:.0f}" text-anchor="end">{high:.3g}</text>'
     picture = f'<svg height="{height:.0f}" role="img">{"".join(marks)}{ends}</svg>'

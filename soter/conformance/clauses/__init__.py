@@ -10,8 +10,11 @@ from soter.conformance.clauses import goto as goto
 from soter.conformance.clauses import goals as goals
 from soter.conformance.clauses import authority as authority
 from soter.conformance.clauses import deadman as deadman
+from soter.conformance.clauses import clocks as clocks
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import bounds as bounds
+from soter.conformance.clauses import contact as contact
+from soter.conformance.clauses import asked as asked
 from soter.conformance.clauses import endurance as endurance
 from soter.conformance.clauses import link as link
 from soter.conformance.clauses import process as process

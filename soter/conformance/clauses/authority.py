@@ -51,6 +51,44 @@ def flushes(bench: Bench) -> None:
     )
 
 
+@clause("authority.at_once", truth=True)
+def at_once(bench: Bench) -> None:
+    """A switch flushes a goto right before it too, and one to and fro at once flushes what was in force."""
+    robot = bench.open_one()
+    robot.goto(bench.place(robot, 0.8), Controller.AC)
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.run(bench.caps.latency_s + 2 * TICK_S)
+    bench.expect_still(
+        robot, 1.5, "a switch leaves in force what the robot has not begun to do: flush it in whatever state it is"
+    )
+    robot.switch_ac_sc(Controller.AC, "conformance")
+    bench.get_going(robot, bench.place(robot, 0.9))
+    called_s = bench.now_s
+    for to in (Controller.SC, Controller.AC):
+        robot.switch_ac_sc(to, "conformance")
+    bench.expect_stop(
+        robot, called_s, "two switches at once, to and fro, are none to the vehicle, which looks at the last one only: "
+        "each flushes"
+    )  # fmt: skip
+
+
+@clause("authority.while_dead")
+def while_dead(bench: Bench) -> None:
+    """A cancel or a switch made while the lease is dead counts: a renewal revives nothing."""
+    robot = bench.open_one()
+    for what in ("a cancel", "a switch"):
+        goal = bench.get_going(robot, bench.place(robot, 0.9))
+        bench.run(bench.orphaned_s() + TICK_S, renew=False)
+        if what == "a cancel":
+            goal.cancel()
+        else:
+            robot.switch_ac_sc(Controller.SC, "conformance")
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+        bench.expect_still(
+            robot, 1.5, f"{what} while the lease is dead is lost: the renewal revives what it was to end"
+        )
+
+
 @clause("authority.obeys_at_once", truth=True)
 def obeys_at_once(bench: Bench) -> None:
     """After a switch the new controller's goal moves the robot within the latency."""

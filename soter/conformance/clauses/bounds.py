@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
-from soter.conformance.figure import NotTested
 from soter.conformance.track import Sample, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
+from soter.errors import Unsupported
 from soter.sdk import Controller, Robot, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
@@ -17,13 +18,13 @@ _TRIALS = 16
 _STOPS = 12
 _WAKES = 200
 _BUSY_S = 0.02
-_ROOM_M = 0.1
-_SLOW = 0.2
 _TURNS = 0.6
-_TOUCH_M = 0.003
 _ASIDE_RAD = 0.7
 _ASIDE_M = 0.6
 _OFF_RAD = 0.15
+_BACK = 0.4
+_FAR_FROM = 0.8
+_FAR_TO = 4.0
 
 
 @clause("bounds.latency", truth=True)
@@ -102,6 +103,17 @@ def _legs(bench: Bench) -> list[tuple[Sample, Waypoint, list[Sample]]]:
         bench.go(robot, target)
         bench.run(1.0)
         legs.append((began, target, bench.since(robot, began_s)))
+    if bench.caps.reverses:
+        began, began_s = bench.look(robot), bench.now_s
+        back_m = _BACK * bench.harness.room_m / 2.0
+        target = Waypoint(
+            began.x_m - back_m * math.cos(began.heading_rad), began.y_m - back_m * math.sin(began.heading_rad),
+            heading_rad=began.heading_rad, radius_m=0.05,
+        )  # fmt: skip
+        with suppress(Unsupported):
+            bench.go(robot, target)
+            bench.run(1.0)
+            legs.append((began, target, bench.since(robot, began_s)))
     return legs
 
 
@@ -124,6 +136,45 @@ def tube(bench: Bench) -> None:
     bench.measure(
         "tube_m", widest, bench.caps.tube_m, _off_m(bench),
         "the vehicle drives a curve (it turns while it drives, or is pulled off), or tube_m is declared too small",
+    )  # fmt: skip
+
+
+@clause("bounds.long_tube", truth=True)
+def long_tube(bench: Bench) -> None:
+    """The robot stays within tube_m of the straight segment also where its target is several metres away."""
+    robot = bench.open_one()
+    widest = 0.0
+    for ahead in (-1.0, 1.0)[: bench.trials(2)]:
+        bench.go(robot, bench.place(robot, -_FAR_FROM * ahead))
+        bench.run(SETTLE_S)
+        began, began_s = bench.look(robot), bench.now_s
+        # Through the whole room, towards what lies far beyond it.
+        target = bench.place(robot, _FAR_TO * ahead)
+        goal = robot.goto(target, Controller.AC)
+        most_m = 2.0 * _FAR_FROM * bench.harness.room_m / 2.0
+
+        def through(began: Sample = began, began_s: float = began_s, most_m: float = most_m) -> bool:
+            gone_m = bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m)
+            return gone_m > most_m or bench.stands(robot, began_s)
+
+        bench.run(bench.way_s(), through)
+        goal.cancel()
+        bench.require(
+            bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m) > most_m,
+            f"towards a target {_FAR_TO * bench.harness.room_m / 2.0:.0f} m away it stopped short",
+        )
+        dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
+        length = math.hypot(dx, dy)
+        across = [
+            ((each.y_m - began.y_m) * dx - (each.x_m - began.x_m) * dy) / length
+            for each in bench.since(robot, began_s)
+        ]  # fmt: skip
+        widest = max(widest, max(map(abs, across)))
+        bench.run(SETTLE_S)
+    bench.measure(
+        "long_tube_m", widest, bench.caps.tube_m, _off_m(bench),
+        "on its way to a target far away the vehicle drives beside the straight segment: it steers by less the farther "
+        "that is, or plans another way",
     )  # fmt: skip
 
 
@@ -311,37 +362,4 @@ def velocity(bench: Bench) -> None:
     bench.measure(
         "speed_lag_m_s", lag, noise_m_s + caps.v_max_m_s * min(late_s / (2.0 * window_s), 1.0), slack_m_s,
         "while the speed changes velocities lag behind it: they are filtered, or those of an earlier sample",
-    )  # fmt: skip
-
-
-@clause("truth.bounds.body", tier=Tier.TRUTH)
-def body(bench: Bench) -> None:
-    """Two robots touch no earlier than body_radius_m of each allows."""
-    if not bench.harness.contacts:
-        raise NotTested("not declared: the harness's attribute 'contacts': real robots are not driven into each other")
-    first, second = bench.open(2)
-    truth, radius_m = bench.fleet.truth, bench.caps.body_radius_m
-    if truth is None:
-        raise NotTested("not declared: Fleet.truth, which counts contacts")
-
-    def apart_m() -> float:
-        return math.dist(bench.true_pose(first.id)[:2], bench.true_pose(second.id)[:2])
-
-    near_m = 2.0 * radius_m + _ROOM_M + bench.caps.v_max_m_s**2 / bench.caps.brake_m_s2
-    goals = [
-        robot.goto(Waypoint(other.spec.x_m, other.spec.y_m), Controller.AC)
-        for robot, other in ((first, second), (second, first))
-    ]
-    bench.run(10.0 * bench.way_s(), lambda: apart_m() < near_m or truth.report().contacts > 0)
-    goals[1].cancel()
-    state = bench.look(second).state
-    slowly = Waypoint(state.x_m, state.y_m, speed_m_s=_SLOW * bench.caps.v_max_m_s, timeout_s=2.0 * bench.way_s())
-    goal = first.goto(slowly, Controller.AC)
-    bench.run(2.0 * bench.way_s(), lambda: truth.report().contacts > 0 or apart_m() < radius_m or not goal.active)
-    touched_m = apart_m() if truth.report().contacts else 0.0
-    goal.cancel()
-    slack_m = _TOUCH_M + _SLOW * bench.caps.v_max_m_s * (TICK_S if not bench.caps.in_process else 0.0)
-    bench.measure(
-        "body_radius_m", touched_m / 2.0, radius_m, slack_m / 2.0,
-        f"two robots touched with their centres {touched_m:.3f} m apart: body_radius_m is declared too small",
     )  # fmt: skip

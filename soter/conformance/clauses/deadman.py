@@ -6,21 +6,25 @@ import math
 from collections.abc import Callable, Sequence
 from statistics import mean
 
-from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
+from soter.conformance.bench import STILL_RAD, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
 from soter.conformance.trials import Shuttle, measure_braking
-from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState
+from soter.sdk import Controller, Goal, GoalStatus, Robot
 
 _TRIALS = 8
 _FEW = 3
 _MOVING_SHARE = 0.4
-_LEARNS_S = 3.0
-_STEP_AGE_S = 0.1
-_CHARGE = 0.02
 _TURNED_RAD = 0.4
 _TURN_ENDS_S = 0.25
+_LEFT_M = 0.05
+_LEFT_S = 0.2
+_WAYS: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
+    ("a cancel", lambda _, goal: goal.cancel(), True),
+    ("a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance"), True),
+    ("the last renewal of its lease", lambda robot, _: robot.renew_lease(), False),
+)
 _RENEWED = "; only renew_lease() and switch_ac_sc() may renew it"
 
 
@@ -72,7 +76,7 @@ def _phase_s(bench: Bench, many: int) -> float:
 def lease(bench: Bench) -> None:
     """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
     robot, caps = bench.open_one(), bench.caps
-    shuttle, many = Shuttle(bench, robot), _FEW if bench.second else bench.trials(_TRIALS)
+    shuttle, many = Shuttle(bench, robot), _FEW if bench.judged > 1 or bench.promised else bench.trials(_TRIALS)
     told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
 
     def fall_silent(_goal: Goal) -> None:
@@ -179,98 +183,10 @@ def late(bench: Bench) -> None:
     )
 
 
-def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> Robot:
-    """See that a robot stops that hears nothing more right after something has happened to its clock; return it."""
-    robot = bench.open_one()
-    bench.faulty = True
-    bench.get_going(robot, bench.place(robot, 0.9))
-    clock = bench.fleet.clock
-    # The last renewal has arrived by then, and lives.
-    clock.sleep_until(clock.now() + min(bench.caps.latency_s, 0.5 * bench.caps.lease_s))
-    change(robot)
-    clock.sleep_until(clock.now() + bench.orphaned_s() + bench.caps.sample_age_s)
-    before = bench.true_place(robot)
-    clock.sleep_until(clock.now() + 1.0)
-    slipped = math.dist(before, bench.true_place(robot))
-    bench.require(
-        slipped <= bench.still_m,
-        f"{what} and nothing renews its lease any more, but it drives on, {slipped:.3f} m within a second: a lease "
-        "must end when the clock that it is counted by goes back",
-    )
-    return robot
-
-
-@clause("deadman.clock_back", tier=Tier.WIRE)
-def clock_back(bench: Bench) -> None:
-    """A vehicle's clock that steps back does not prolong the lease."""
-    bench.require_hook("step_clock")
-    _silent_after(
-        bench, lambda robot: bench.harness.step_clock(robot.id, -30.0), "the vehicle's clock went back by 30 s"
-    )
-
-
-@clause("deadman.clock_steps", tier=Tier.WIRE)
-def clock_steps(bench: Bench) -> None:
-    """After a step of the vehicle's clock, back or forth, samples are as fresh as before and the robot obeys again."""
-    bench.require_hook("step_clock")
-    robot = bench.open_one()
-    for number, seconds in enumerate((-30.0, 30.0)):
-        bench.faulty = True
-        bench.harness.step_clock(robot.id, seconds)
-        bench.run(_LEARNS_S)
-        age_s = robot.read_state().age_s(bench.now_s)
-        bench.require(
-            age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
-            f"{_LEARNS_S:.0f} s after the vehicle's clock stepped by {seconds:+.0f} s the sample is said to be "
-            f"{age_s:.1f} s old: a clock that goes another way has to be learned anew",
-        )
-        bench.go(
-            robot, bench.place(robot, 0.3 if number else -0.3),
-            cause=f"after its clock stepped by {seconds:+.0f} s the robot does not obey: leases are said by a clock "
-            "that it no longer has",
-        )  # fmt: skip
-
-
-@clause("deadman.restart", tier=Tier.WIRE)
-def restart(bench: Bench) -> None:
-    """A vehicle that restarts has forgotten its lease, and obeys again once it is commanded anew."""
-    bench.require_hook("restart")
-    said: list[RobotState] = []
-
-    def start_anew(robot: Robot) -> None:
-        said.append(robot.read_state())
-        bench.harness.restart(robot.id)
-
-    robot = _silent_after(bench, start_anew, "the vehicle has restarted")
-    bench.run(_LEARNS_S)
-    before, now = said[0].battery, robot.read_state()
-    rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
-    bench.require(
-        before is None or (now.battery is not None and abs(now.battery - before) <= _CHARGE + rises),
-        f"before it restarted the charge was said to be {before}, and now {now.battery}: its gauge begins anew with a "
-        "guess",
-    )
-    for to in (Controller.SC, Controller.AC):
-        robot.switch_ac_sc(to, "conformance")
-        bench.run(bench.caps.latency_s + 2 * TICK_S)
-    bench.go(robot, bench.place(robot, 0.0), cause="after a restart the robot does not obey any more")
-    bench.run(SETTLE_S)
-    bench.get_going(robot, bench.place(robot, 0.9))
-    bench.expect_stop(
-        robot, bench.now_s, "after a restart its lease is longer than lease_s: what was set is lost with the power",
-        extra_s=bench.caps.lease_s, renew=False,
-    )  # fmt: skip
-
-
 @clause("deadman.turning", needs=("pivots_first",))
 def turning(bench: Bench) -> None:
     """A robot that turns in place ends that, too, at a cancel, at a switch and when its lease ends."""
-    ways: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
-        ("a cancel", lambda _, goal: goal.cancel(), True),
-        ("a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance"), True),
-        ("the last renewal of its lease", lambda robot, _: robot.renew_lease(), False),
-    )
-    for what, call, renew in ways:
+    for what, call, renew in _WAYS:
         robot, caps = bench.open_one(), bench.caps
         began = bench.look(robot)
         goal = robot.goto(bench.place(robot, -0.8), Controller.AC)
@@ -292,6 +208,35 @@ def turning(bench: Bench) -> None:
             f"after {what} it goes on to turn: what it is told waits until the turn is done",
         )  # fmt: skip
         bench.close()
+
+
+@clause("deadman.arriving", truth=True)
+def arriving(bench: Bench) -> None:
+    """Near its target, too, a robot stops at a cancel, at a switch and when its lease ends."""
+    for number, (what, call, renew) in enumerate(reversed(_WAYS), start=1):
+        robot, caps = bench.open_one(), bench.caps
+        begin_s = (0.0 if renew else caps.lease_s) + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + TICK_S
+        run_m = caps.v_max_m_s * (begin_s + caps.sample_age_s) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
+        left_m = _LEFT_M + _LEFT_S * caps.v_max_m_s
+        target = bench.place(robot, 0.8, radius_m=0.5 * _LEFT_M)
+        goal = bench.get_going(robot, target)
+        x_m, y_m = target.x_m, target.y_m
+        bench.run(
+            bench.way_s(),
+            lambda robot=robot, x_m=x_m, y_m=y_m, near_m=run_m + left_m: (  # type: ignore[misc]
+                bench.tracks[robot.id][-1].distance_m(x_m, y_m) <= near_m
+            ),
+        )
+        call(robot, goal)
+        bench.run(begin_s + caps.v_max_m_s / caps.brake_m_s2 + 1.0, renew=renew)
+        bench.measure(
+            "left_m", bench.look(robot).distance_m(x_m, y_m), left_m - caps.v_max_m_s * TICK_S - caps.overshoot_m,
+            bench.still_m, at_least=True,
+            cause=f"after {what} near its target it goes on to it: what was begun is ended first, as in docking",
+        )  # fmt: skip
+        bench.close()
+        if number == bench.trials(len(_WAYS)):
+            return
 
 
 @clause("deadman.kept_alive")

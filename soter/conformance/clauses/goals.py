@@ -13,6 +13,7 @@ from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus
 
+_MANY = 300
 _REPLACED = 4
 _EARLY = 2
 _GAINS = 0.15
@@ -23,14 +24,15 @@ _SAMPLE_S = 0.02
 def ids(bench: Bench) -> None:
     """Every goal has an id of its own, and samples name the goal in progress, or none."""
     robot = bench.open_one()
-    goals = [robot.goto(bench.place(robot, 0.5), Controller.AC) for _ in range(5)]
-    bench.require(len({goal.id for goal in goals}) == 5, "two goals have one id: goto() is overridden")
+    # More than eight bits can number.
+    goals = [robot.goto(bench.place(robot, 0.5), Controller.AC) for _ in range(_MANY)]
+    bench.require(len({goal.id for goal in goals}) == _MANY, "two goals have one id: goto() is overridden")
     bench.run(bench.caps.latency_s + bench.caps.sample_age_s + 4 * TICK_S)
     seen = bench.look(robot).state.goal_id
     bench.require(
         seen in (None, goals[-1].id),
-        f"the sample names goal {seen}, the one in progress is {goals[-1].id}: an older goal, or the vehicle's own "
-        "count",
+        f"the sample names goal {seen}, the one in progress is {goals[-1].id}: an older goal, the vehicle's own count, "
+        "or a number of too few bits",
     )
 
 
@@ -104,6 +106,26 @@ def cancel(bench: Bench) -> None:
             bench.expect_stop(robot, called_s, "while it drives backwards a cancel does not stop it")
 
 
+@clause("goal.of_sc")
+def of_sc(bench: Bench) -> None:
+    """What ends a goal of the AC ends one of the SC: a cancel, its time-out, and a lease that ends."""
+    robot = bench.open_one(Controller.SC)
+    goal = bench.get_going(robot, bench.place(robot, 0.9), Controller.SC)
+    called_s = bench.now_s
+    goal.cancel()
+    bench.expect_stop(robot, called_s, "a cancel stops goals of the AC only")
+    bench.get_going(robot, bench.place(robot, -0.9), Controller.SC)
+    bench.expect_stop(
+        robot, bench.now_s, "the lease counts for goals of the AC only", extra_s=bench.caps.lease_s, renew=False
+    )
+    timeout_s = 0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s
+    goal = robot.goto(bench.place(robot, 0.9, timeout_s=timeout_s), Controller.SC)
+    bench.run(timeout_s + 1.0, lambda: not goal.active)
+    called_s = bench.now_s
+    bench.require_status(goal, GoalStatus.TIMED_OUT, "the goal's own time-out counts, in fleet time")
+    bench.expect_stop(robot, called_s, "the time-out of a goal stops goals of the AC only")
+
+
 @clause("goal.cancel_early")
 def cancel_early(bench: Bench) -> None:
     """A cancel stops a robot that is still gaining speed as soon as one that drives evenly."""
@@ -123,6 +145,9 @@ def cancel_early(bench: Bench) -> None:
         "cancel_early_s", quantile(begins_s, 0.5), caps.latency_s + caps.setpoint_period_s, bench.fit_s + _SAMPLE_S,
         "a stop waits until the robot is up to speed", spread=begins_s,
     )  # fmt: skip
+    robot.goto(bench.place(robot, 0.8), Controller.AC).cancel()
+    bench.run(caps.latency_s + 2 * TICK_S)
+    bench.expect_still(robot, 1.0, "a cancel right after its goto is lost: it stops only what moves already")
 
 
 @clause("goal.cancel_own")

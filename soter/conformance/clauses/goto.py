@@ -223,6 +223,20 @@ def speed_cap(bench: Bench) -> None:
         "low_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
         "a low speed_m_s is not kept: the vehicle does not go as slowly",
     )  # fmt: skip
+    bench.run(SETTLE_S)
+    bench.tracks[robot.id].clear()
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.go(robot, bench.place(robot, -0.1, speed_m_s=cap), Controller.SC)
+    with suppress(Unsupported):
+        bench.go(
+            robot, bench.place(robot, 0.4, speed_m_s=cap)._replace(heading_rad=robot.spec.heading_rad), Controller.SC
+        )
+    seen, off = bench.fastest(robot)
+    bench.measure(
+        "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
+        "the speed_m_s of a goal of the SC, or of one with a heading, is not passed on to the vehicle",
+    )  # fmt: skip
+    robot.switch_ac_sc(Controller.AC, "conformance")
     # A cap is the goal's own: the next one comes up to speed again.
     bench.get_going(robot, bench.place(robot, -0.8), cause="the cap of an earlier goal is kept")
 

@@ -106,8 +106,15 @@ def reopen(bench: Bench) -> None:
     robot = bench.open_one()
     bench.go(robot, bench.place(robot, 0.4))
     bench.close()
+    for before in (Controller.AC, Controller.SC):
+        robot = bench.open_one(before)
+        bench.get_going(robot, bench.place(robot, 0.8), before)
+        bench.close()
+        # Whoever drove is in charge again, and renewed: what the vehicle has kept would be driven to.
+        again = bench.open_one(before)
+        bench.expect_still(again, 1.0, f"what the {before} was on its way to when it was closed is driven to once more")
+        bench.close()
     again = bench.open_one()
-    bench.expect_still(again, 1.0, "a target of the fleet before is still alive")
     bench.go(
         again,
         bench.place(again, 0.4),

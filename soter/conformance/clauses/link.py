@@ -5,9 +5,12 @@ from __future__ import annotations
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
+from soter.errors import RobotUnavailable
 from soter.sdk import Controller, GoalStatus, Link, Robot
 
 _LOST_S = 4.0
+_PATIENCE_S = 2.0
+_SLACK_S = 1.0
 
 
 def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
@@ -111,6 +114,29 @@ def reconnects(bench: Bench) -> None:
     )
     bench.run(SETTLE_S)
     bench.expect_still(robot, 1.0, "what was sent while the link was cut is delivered late")
+
+
+@clause("link.in_time", tier=Tier.WIRE, hooks=("cut",))
+def in_time(bench: Bench) -> None:
+    """Of a robot that does not answer, init() raises RobotUnavailable and close() returns, both in their time."""
+    (robot,) = bench.open_raw().robots
+    _cut(bench, robot)
+    began_s = robot.clock.steady_s()
+    bench.require_raises(RobotUnavailable, lambda: robot.init(_PATIENCE_S), "init() of a robot whose link is cut")
+    bench.measure(
+        "init_s", robot.clock.steady_s() - began_s, _PATIENCE_S, _SLACK_S,
+        "init() must give up after its time-out: the time of each step in it counts, not of each alone",
+    )  # fmt: skip
+    bench.close()
+    robot = bench.open_one()
+    _cut(bench, robot)
+    bench.run(1.0)
+    began_s = robot.clock.steady_s()
+    robot.close(_PATIENCE_S)
+    bench.measure(
+        "close_s", robot.clock.steady_s() - began_s, _PATIENCE_S, _SLACK_S,
+        "close() must give up after its time-out where nobody answers: the other robots wait to be stopped",
+    )  # fmt: skip
 
 
 @clause("link.one_of_two", tier=Tier.WIRE, hooks=("cut",))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Final
 
 from soter.conformance.bench import Bench
@@ -13,6 +14,7 @@ from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.usage import Usage, usage
+from soter.errors import SoterError
 from soter.sdk import Controller
 
 _WARM_UPS: Final = 2
@@ -27,6 +29,7 @@ _BOUND: Final = 0.5
 
 _SETTLE_S: Final = 0.5
 _SHOWN: Final = 3
+_IN_VAIN_S: Final = 0.3
 
 _NAMES: Final = {
     "threads": "threads", "descriptors": "file descriptors", "processes": "processes", "memory_mib": "MiB of memory",
@@ -37,14 +40,24 @@ _COUNTED: Final = ("threads", "descriptors", "processes")
 @clause("resources.given_back")
 def given_back(bench: Bench) -> None:
     """However often robots are opened, closing gives back all threads, file descriptors, processes and memory."""
+    _see_it_given_back(bench, _open_and_close, "open")
+
+
+@clause("resources.unready")
+def unready(bench: Bench) -> None:
+    """What is opened and never gets ready, because the robot does not answer, is given back as well."""
+    _see_it_given_back(bench, _open_in_vain, "open of a robot that never got ready")
+
+
+def _see_it_given_back(bench: Bench, open_and_close: Callable[[Bench], None], what: str) -> None:
     for _ in range(_WARM_UPS):
-        _open_and_close(bench)
+        open_and_close(bench)
     before, opens = _settled(None), 0
     least = dict.fromkeys(_NAMES, math.inf)
     left: dict[str, Sequence[str]] = {}
     while opens < _ROUNDS * _OPENS and max(least.values()) > _BOUND:
         for _ in range(_OPENS):
-            _open_and_close(bench)
+            open_and_close(bench)
         opens += _OPENS
         after = _settled(before)
         for name in _COUNTED:
@@ -62,7 +75,7 @@ def given_back(bench: Bench) -> None:
     for name, grown in sorted(least.items(), key=lambda each: each[1]):
         bench.measure(
             f"{name}_per_open", max(grown, 0.0), _BOUND, 0.0,
-            f"every open adds {' and '.join(leaks)}, {opens} opens in a row; the adapter's _disconnect() and "
+            f"every {what} adds {' and '.join(leaks)}, {opens} opens in a row; the adapter's _disconnect() and "
             "Fleet._close(), or the harness's close(), must end and close what was started",
         )  # fmt: skip
 
@@ -71,8 +84,20 @@ def _open_and_close(bench: Bench) -> None:
     robot = bench.open_one()
     robot.goto(bench.place(robot, 0.2), Controller.AC)
     bench.run(4 * TICK_S)
-    bench.fleet.close()
-    bench.harness.close()
+    _close(bench)
+
+
+def _open_in_vain(bench: Bench) -> None:
+    fleet = bench.open_raw()
+    if bench.harness.gives("cut"):
+        bench.harness.cut(fleet.robots[0].id)
+        with suppress(SoterError):
+            fleet.robots[0].init(_IN_VAIN_S)
+    _close(bench)
+
+
+def _close(bench: Bench) -> None:
+    bench.close()
     # The bench itself must not be what grows.
     del bench.fleets[:-1]
 

@@ -15,6 +15,7 @@ from soter.sdk import Controller, GoalStatus
 _SLOWLY = 0.5
 _TRIALS = 3
 _SAME = 2e-3
+_TWO = 2
 
 
 @clause("several.ids", truth=True)
@@ -129,10 +130,29 @@ def _whose(bench: Bench, said: dict[int, float]) -> str:
 @clause("several.second")
 def second(bench: Bench) -> None:
     """What holds of the first robot holds of the second."""
-    bench.second = True
-    for check in (state.start, state.frame, state.yaw_rate, state.age, goals.cancel, deadman.lease):
+    bench.judged = 2
+    for check in (
+        state.start, state.frame, state.velocity, state.yaw_rate, state.age, goals.cancel, deadman.lease,
+    ):  # fmt: skip
         check(bench)
         bench.close()
+
+
+@clause("several.last")
+def last(bench: Bench) -> None:
+    """What holds of two robots holds of the last of many: a cancel stops it, and so does its lease when it ends."""
+    bench.judged = bench.harness.robots_most
+    if bench.judged <= _TWO:
+        raise NotTested("not declared: the harness's attribute 'robots_most'")
+    for check in (state.start, goals.cancel):
+        check(bench)
+        bench.close()
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.expect_stop(
+        robot, bench.now_s, "what watches the leases of two robots leaves out those behind them", renew=False,
+        extra_s=bench.caps.lease_s,
+    )  # fmt: skip
 
 
 @clause("several.lease", truth=True)

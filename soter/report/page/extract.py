@@ -16,6 +16,7 @@ from soter.record.reader import Recording
 from soter.record.summary import Summary, summarise
 from soter.report.colours import ac_colour, driver_colour
 from soter.report.page.pack import Columns, fewest_steps
+from soter.report.page.rules import body_radius_m
 from soter.report.page.story import Buckets, Numbers, RobotStory, Rows, Story
 
 VERSION: Final = 1
@@ -42,6 +43,7 @@ def extract(recording: Recording) -> tuple[str, str]:
     content = recording.content()
     story = Story(
         recording.about,
+        recording.workspace(),
         fewest_steps(content.ticks * max(len(content.series), 1), MOST_POSES),
         fewest_steps(content.ticks, MOST_BUCKETS),
     )
@@ -112,7 +114,7 @@ class Document:
         return {
             "id": about.robot_id,
             "colour": ac_colour(index),
-            "radiusM": about.capabilities.get("body_radius_m", 0.1),
+            "radiusM": body_radius_m(about),
             "poses": {
                 "timeS": column(robot.time_s, _TIME_S),
                 "xM": column(robot.x_m, _PLACE_M),
@@ -126,6 +128,7 @@ class Document:
             "modules": [
                 {
                     "name": module.name,
+                    "colour": driver_colour(module.name),
                     "unit": module.unit,
                     "edge": module.edge_margin,
                     "horizonReach": module.horizon_reach,
@@ -133,7 +136,7 @@ class Document:
                     # The largest bound of a bucket: what is drawn must not look better than it was.
                     "reach": column(reaches.high, _MARGIN),
                 }
-                for module, margins, reaches in zip(about.modules, robot.margins, robot.reaches, strict=True)
+                for module, margins, reaches in zip(robot.modules, robot.margins, robot.reaches, strict=True)
             ],
             "targets": self._rows(robot.targets),
             "goals": {

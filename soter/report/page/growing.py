@@ -23,7 +23,7 @@ class GrowingPage:
     def __init__(self, recording: Recording) -> None:
         self._recording: Final = recording
         self._content: Final = Content.of(recording.about)
-        self._story: Final = Story(recording.about)
+        self._story: Final = Story(recording.about, recording.workspace())
 
     def add(self, ticks: Sequence[Tick], *, goes_on: bool) -> str:
         """Add ticks; return the data that take an open page from what was added before to what there is now.

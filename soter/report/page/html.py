@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -10,11 +11,16 @@ from typing import Final
 from soter.record.reader import Recording
 from soter.report.page.extract import extract
 
-PROGRAMS: Final = ("data.js", "plan.js", "charts.js", "panels.js", "page.js")
+PROGRAMS: Final = ("data.js", "plan.js", "charts.js", "panels.js", "tip.js", "page.js")
 """In the order in which they run."""
 
-LIVE_PROGRAMS: Final = ("data.js", "plan.js", "charts.js", "panels.js", "live.js", "page.js")
+LIVE_PROGRAMS: Final = (*PROGRAMS[:-1], "live.js", PROGRAMS[-1])
 """The same with what hears of a run that goes on."""
+
+_SKIPS: Final = """\
+<a class="skip" href="#plan-heading">Skip to the plan</a>
+<a class="skip" href="#play">Skip to the playback, which follows the rest of the page</a>
+"""
 
 
 def make_page(recording: Recording) -> str:
@@ -37,15 +43,42 @@ def page_of(title: str, data: str, stream: str = "") -> str:
         stream: for a run that goes on, where to hear of it: an address on the server that the page comes from. Only
             then may a page ask for anything.
     """
-    programs = "\n".join(f"<script>\n{_asset(name)}</script>" for name in (LIVE_PROGRAMS if stream else PROGRAMS))
-    return Template(_asset("page.html")).substitute(
-        title=escape(title),
-        style=_asset("page.css"),
-        programs=programs,
-        data=data,
-        connections="; connect-src 'self'" if stream else "",
-        stream=f' data-stream="{escape(stream)}"' if stream else "",
+    body = Template(_asset("run.html")).substitute(
+        data=data, stream=f' data-stream="{escape(stream)}"' if stream else ""
     )
+    return frame(
+        title, "", body, style=_asset("page.css"), programs=map(_asset, LIVE_PROGRAMS if stream else PROGRAMS),
+        skips=_SKIPS, tools=_asset("tools.html"), connections="; connect-src 'self'" if stream else "",
+    )  # fmt: skip
+
+
+def frame(
+    title: str,
+    subtitle: str,
+    body: str,
+    *,
+    style: str,
+    programs: Iterable[str],
+    skips: str = "",
+    tools: str = "",
+    connections: str = "",
+) -> str:
+    """Return a page with the head that all pages have.
+
+    Args:
+        title: of the page.
+        subtitle: below it.
+        body: what follows, as HTML.
+        style: CSS.
+        programs: JavaScript, in the order in which they run.
+        skips: links for who reads without a mouse, as HTML.
+        tools: buttons beside the one for the theme, as HTML.
+        connections: what the page may ask for, as a part of its content security policy; nothing by default.
+    """
+    return Template(_asset("page.html")).substitute(
+        title=escape(title), subtitle=escape(subtitle), body=body, style=style, skips=skips, tools=tools,
+        programs="\n".join(f"<script>\n{each}</script>" for each in programs), connections=connections,
+    )  # fmt: skip
 
 
 def _asset(name: str) -> str:

@@ -14,9 +14,11 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from soter.geometry.workspace import Workspace
 from soter.record.content import Content, Series, Way
 from soter.record.messages import AC, About, Breach, Goal, RobotAbout, Stall, Switch, Target
 from soter.report.page.pack import buckets, starts_of_runs
+from soter.report.page.rules import RuleMargins, modules_of
 
 S = TypeVar("S", bound=MutableSequence[Any])
 
@@ -112,6 +114,7 @@ class RobotStory:
 
     Attributes:
         about: what was said of it before the first tick.
+        modules: whose margins there are.
         time_s, x_m, y_m, heading_rad: its poses.
         stretches: rows of begin in fleet time and index of who drove from then on.
         bucket_s: when each bucket begins.
@@ -124,12 +127,13 @@ class RobotStory:
 
     def __init__(self, about: RobotAbout) -> None:
         self.about: Final = about
+        self.modules: Final = modules_of(about)
         self.time_s, self.x_m, self.y_m, self.heading_rad = Numbers(), Numbers(), Numbers(), Numbers()
         self.stretches: Final = Rows()
         self.bucket_s: Final = Numbers()
         self.charge: Final = Buckets()
-        self.margins: Final = [Buckets() for _ in about.modules]
-        self.reaches: Final = [Buckets() for _ in about.modules]
+        self.margins: Final = [Buckets() for _ in self.modules]
+        self.reaches: Final = [Buckets() for _ in self.modules]
         self.targets: Final = Rows()
         self.goals: Final = tuple(Numbers() for _ in range(5))
         self.way_s, self.way_begin, self.way_x_m, self.way_y_m = Numbers(), Numbers(), Numbers(), Numbers()
@@ -151,7 +155,7 @@ class RobotStory:
         self.bucket_s.add(np.asarray(series.time_s)[-first % bucket_ticks :: bucket_ticks])
         self.charge.add(series.battery, first, bucket_ticks)
         nothing: array[float] = array("d")
-        for module, margin, reach in zip(self.about.modules, self.margins, self.reaches, strict=True):
+        for module, margin, reach in zip(self.modules, self.margins, self.reaches, strict=True):
             margin.add(series.margins.get(module.name, nothing), first, bucket_ticks)
             reach.add(series.reaches.get(module.name, nothing), first, bucket_ticks)
 
@@ -230,6 +234,7 @@ class Story:
 
     Args:
         about: what was said before the first tick.
+        workspace: where it was.
         pose_ticks: of so many ticks one pose is kept.
         bucket_ticks: so many ticks are gathered.
 
@@ -243,7 +248,8 @@ class Story:
         stalls: rows of robot, begin, end, module and cause; what has not ended has no end.
     """
 
-    def __init__(self, about: About, pose_ticks: int = 1, bucket_ticks: int = 1) -> None:
+    def __init__(self, about: About, workspace: Workspace, pose_ticks: int = 1, bucket_ticks: int = 1) -> None:
+        self._rules: Final = None if about.modules else RuleMargins(about, workspace)
         self.drivers: Final = (AC, *about.modules)
         self.robots: Final = [RobotStory(each) for each in about.robots]
         self.switches: Final = Rows()
@@ -259,6 +265,8 @@ class Story:
     def add(self, content: Content) -> None:
         """Add what is in a content's series, and the events that it did not have the last time."""
         count = 0
+        if self._rules is not None:
+            self._rules.add(content.series)
         for robot in self.robots:
             series = content.series[robot.about.robot_id]
             robot.add(series, self._ticks, self.pose_ticks, self.bucket_ticks)

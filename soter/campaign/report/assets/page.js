@@ -1,8 +1,10 @@
 "use strict";
 (() => {
   const root = document.documentElement;
+  const frames = [...document.querySelectorAll("iframe")];
   document.getElementById("theme").addEventListener("click", () => {
     root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+    for (const frame of frames) frame.contentWindow.soter?.page?.setTheme(root.dataset.theme);
   });
 
   // By the first number of a cell where there is one, else by its text; what is not known comes last.
@@ -27,7 +29,6 @@
   });
 
   // Recordings side by side: all are at the time of the one that was moved last. Each frame is a page of its own.
-  const frames = [...document.querySelectorAll("iframe")];
   const shown = new Map();
   const inStep = () => {
     const players = frames.map((frame) => frame.contentWindow.soter?.player).filter((player) => player);

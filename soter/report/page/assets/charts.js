@@ -6,6 +6,7 @@
   const LEFT = 46; // CSS pixels for what stands beside a curve
   const RIGHT = 10;
   const AXIS = 18;
+  const UNTOLD_M = 0.5; // of margins that are compared with nothing but 0
   const STEPS_S = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400];
 
   function clock(timeS, digits = 1) {
@@ -120,7 +121,7 @@
   // One robot's time: who was in control, where that changed, and its targets.
   class Lane extends Chart {
     constructor(holder, run, style, robot, last) {
-      super(holder, run, style, { label: `Who was in control of robot ${robot.id} over time`, height: 50, axis: last });
+      super(holder, run, style, { label: `Who drove robot ${robot.id} over time`, height: 50, axis: last });
       this.robot = robot;
     }
 
@@ -170,13 +171,15 @@
       context.restore();
     }
 
-    // Who was in control of a robot at a moment, and why, in words.
-    describe(timeS) {
+    // Who drove a robot at a moment, and why; what is within a few pixels comes first, because it is hard to hit.
+    tell(timeS) {
       const { run, robot } = this;
-      const now = window.soter.moment({ ...run, robots: [robot] }, timeS).robots[0];
-      if (!now) return "";
-      const why = now.driver !== 0 && now.cause && now.cause.cause ? `: ${now.cause.cause}` : "";
-      return `${clock(timeS)}, robot ${robot.id}: ${run.drivers[now.driver].name} in control since ${clock(now.sinceS)}${why}`;
+      const near = Math.abs(this.timeAt(this.x(timeS) + 4) - timeS);
+      const at = indexAt(robot.switchTimes, timeS + near);
+      const switched = robot.switches[at];
+      if (switched && switched.after !== 0 && switched.before === 0 && timeS - switched.timeS <= near) return soter.tellDisengagement(switched);
+      const now = soter.moment({ ...run, robots: [robot] }, timeS).robots[0];
+      return now && { head: `${clock(timeS)}, robot ${robot.id}: ${soter.driving(run, now)}`, rows: soter.tellRobot(run, now).rows };
     }
   }
 
@@ -217,7 +220,7 @@
           if (Number.isFinite(module.reach[at])) reach = Math.max(reach, module.reach[at]);
         }
       }
-      const level = Math.max(this.edge ?? 0, reach, 1e-3);
+      const level = Math.max(this.edge ?? 0, reach) || UNTOLD_M;
       const high = Math.min(Math.max(most, level * 1.15), level * 3);
       const low = Math.min(0, Number.isFinite(least) ? least : 0);
       return [low - 0.06 * (high - low), high * 1.04];
@@ -242,6 +245,16 @@
       for (const { robot, module } of this.curves) this.reach(context, robot, module, height);
       for (const { robot, module } of this.curves) this.curve(context, robot, module, height);
       context.restore();
+    }
+
+    // What the margin of every robot was.
+    tell(timeS) {
+      const rows = this.curves.map(({ robot, module }) => {
+        const at = Math.max(0, indexAt(robot.bucketS, timeS));
+        const reach = Number.isFinite(module.reach[at]) ? `, reach ${soter.amount(module.reach[at], this.unit)}` : "";
+        return [`robot ${robot.id}`, `${soter.amount(module.low[at], this.unit)}${reach}`];
+      });
+      return { head: `${clock(timeS)}, ${this.name}`, rows };
     }
 
     threshold(context, height, value, text, colour, dash) {
@@ -319,7 +332,7 @@
     constructor(holder, run, style, releasedFrom) {
       // What a charge lacks to be drawn like a margin. Its own values stay those of the robot, also when they grow.
       super(holder, run, style, "charge", run.robots.filter((robot) => soter.knowsCharge(robot)).map((robot) => (
-        { robot, module: Object.assign(Object.create(robot.charge), { reach: [], unit: "", edge: releasedFrom }) }
+        { robot, module: Object.assign(Object.create(robot.charge), { reach: [], unit: "of a charge", edge: releasedFrom }) }
       )));
       this.canvas.setAttribute("aria-label", "Charge of every robot over time");
     }
@@ -397,6 +410,8 @@
   Object.assign(window.soter, {
     Lane, Margin, Charge, clock, percent,
     knowsCharge: (robot) => robot.charge.low.some((each) => !Number.isNaN(each)),
-    colourOf: (run, name) => (run.drivers.find((each) => each.name === name) || { colour: "#888888" }).colour,
+    colourOf: (run, name) => (
+      [...run.drivers, ...run.robots.flatMap((robot) => robot.modules)].find((each) => each.name === name) || { colour: "#888888" }
+    ).colour,
   });
 })();

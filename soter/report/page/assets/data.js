@@ -6,6 +6,7 @@ window.soter = {};
   const MINUS_INFINITY = 2;
   const KINDS = { i1: Int8Array, i2: Int16Array, i4: Int32Array, f8: Float64Array };
   const LONGEST_GAP_S = 1.0; // across longer ones there is no straight line
+  const STARTING_S = 5.0; // every module begins in SC; for so long that says nothing
 
   async function inflated(base64) {
     const text = atob(base64);
@@ -95,6 +96,7 @@ window.soter = {};
     run.stalls = run.rows.stalls.map(([robot, startS, endS, module, cause]) => ({ robot, startS, endS, module, cause }));
     run.disengagements = run.switches.filter((each) => each.before === 0 && each.after !== 0);
     run.truth.violations = run.truth.violations.map(([rule, robots, startS, endS]) => ({ rule, robots, startS, endS }));
+    run.events = [...run.disengagements.map((each) => each.timeS), ...run.truth.violations.map((each) => each.startS)].sort((a, b) => a - b);
     for (const robot of run.robots) {
       robot.stretches = robot.rows.stretches.map(([startS, driver], at, all) => (
         { startS, endS: at + 1 < all.length ? all[at + 1][0] : run.lastS, driver }
@@ -116,7 +118,7 @@ window.soter = {};
       drivers: part.drivers, workspace: part.workspace, rows: {},
       robots: part.robots.map(({ id, colour, radiusM, modules }) => ({
         id, colour, radiusM, rows: {}, poses: {}, charge: {}, goals: {}, ways: {},
-        modules: modules.map(({ name, unit, edge, horizonReach }) => ({ name, unit, edge, horizonReach })),
+        modules: modules.map(({ name, colour: own, unit, edge, horizonReach }) => ({ name, colour: own, unit, edge, horizonReach })),
       })),
     };
     take(run, part, get);
@@ -165,7 +167,10 @@ window.soter = {};
     const goal = goalAt(robot, timeS);
     const way = stretch.driver === 0 ? wayAt(robot, timeS) : [];
     const target = robot.targets.find((each) => each.beginS <= timeS && (each.endS === null || timeS < each.endS));
+    const starting = stretch.driver !== 0 && !cause && timeS - stretch.startS < STARTING_S;
     return {
+      // In whose colour it is shown: while the robot starts nobody has taken it from its AC.
+      shown: starting ? 0 : stretch.driver, starting,
       id: robot.id, ...pose, driver: stretch.driver, sinceS: stretch.startS, cause, margins, goal, way,
       target: target || null, breaks: brokenAt(run, robot.id, timeS), charge: robot.charge.low[bucket],
       reachM: reachM(run, robot, stretch.driver, margins),

@@ -6,6 +6,7 @@
   const LONGEST_FRAME_S = 0.25; // of host time; a page that slept does not leap
   const LONGEST_STEP_S = 1; // of host time; it is not expected that a run takes longer to grow
   const UNHURRIED = 1.25; // who takes longer than a run takes to grow seldom has to stand still
+  const ADDRESS_MS = 400; // browsers let nobody change the address much more often
   const byId = (id) => document.getElementById(id);
 
   // --- colours ---------------------------------------------------------------------------------------------
@@ -99,9 +100,9 @@
       this.setSpeed(SPEEDS[Math.min(SPEEDS.length - 1, Math.max(0, at))]);
     }
 
-    // To the next disengagement, or with -1 to the one before.
+    // To the next disengagement or violation, or with -1 to the one before.
     step(by) {
-      const times = this.run.disengagements.map((each) => each.timeS);
+      const times = this.run.events;
       const found = by > 0 ? times.find((each) => each > this.timeS + 1e-6) : times.filter((each) => each < this.timeS - 1e-6).pop();
       if (found !== undefined) this.jump(found);
     }
@@ -161,7 +162,9 @@
       const jump = (timeS) => this.player.jump(timeS);
       this.jump = jump;
       this.words();
+      this.tip = new soter.Tip();
       this.plan = new soter.Plan(byId("plan"), run, this.style);
+      soter.handlePlan(this.plan, this.tip, () => this.moment, () => this.later());
       this.table = new soter.Disengagements(run, this.style, jump);
       this.makeCharts();
       this.theme();
@@ -170,6 +173,7 @@
       for (const id of ["main", "transport"]) byId(id).hidden = false;
       this.resize();
       new ResizeObserver(() => this.resize()).observe(byId("main"));
+      addEventListener("resize", () => this.resize());
     }
 
     words() {
@@ -209,9 +213,9 @@
       this.charged = new Set(run.robots.filter((robot) => soter.knowsCharge(robot)));
       for (const id of ["lanes", "margins", "charges"]) byId(id).replaceChildren();
       run.robots.forEach((robot, at) => this.charts.push(new soter.Lane(lanes, run, style, robot, at === run.robots.length - 1)));
-      const names = run.drivers.slice(1).map((each) => each.name).filter((name) => (
-        run.robots.some((robot) => robot.modules.some((each) => each.name === name && each.low.length))
-      ));
+      const known = run.robots.flatMap((robot) => robot.modules).filter((each) => each.low.length && (run.goesOn || each.low.some((value) => Number.isFinite(value))));
+      const names = [...new Set(known.map((each) => each.name))];
+      const judged = run.drivers.length === 1;
       for (const name of names) {
         const plot = soter.element("figure", {}, soter.element("figcaption", {}));
         byId("margins").append(plot);
@@ -222,9 +226,10 @@
         plot.firstChild.append(soter.element("b", {}, name), `${unit}${edge}${reach}`);
         this.charts.push(chart);
       }
-      byId("margins-note").textContent = names.length
-        ? "One curve a robot. Below 0 the rule is broken as the module knows it (red). Below the coloured line, its reach R(H), the module takes over; from the dashed line on it gives the robot back. Large margins leave the plot at the top."
-        : run.drivers.length > 1 ? "No margin was recorded." : "No safety modules took part in this run.";
+      byId("margins-note").textContent = names.length && judged
+        ? "No safety module took part: these are the margins that ground truth goes by, from the recorded positions. One curve a robot. Below 0 the rule is broken (red)."
+        : names.length ? "One curve a robot. Below 0 the rule is broken as the module knows it (red). Below the coloured line, its reach R(H), the module takes over; from the dashed line on it gives the robot back. Large margins leave the plot at the top."
+          : "No margin was recorded.";
       const battery = run.robots.flatMap((robot) => robot.modules).find((each) => each.name === "battery");
       if (this.charged.size) {
         const plot = soter.element("figure", { class: "whole" }, soter.element("figcaption", {}));
@@ -295,6 +300,29 @@
       byId("speed").value = String(player.speed);
       this.moment = moment;
       if (soter.live) soter.live.say();
+      this.address ??= setTimeout(() => this.tellAddress(), ADDRESS_MS);
+    }
+
+    // The moment is part of the address, so that it can be kept and sent; at the beginning and in a frame there is none.
+    tellAddress() {
+      this.address = undefined;
+      const { run, player } = this;
+      if (window.parent !== window || player.following) return;
+      const fragment = player.timeS > run.firstS ? `#t=${Number(player.timeS.toFixed(2))}` : "";
+      if (fragment !== location.hash) history.replaceState(null, "", fragment || location.pathname + location.search);
+    }
+
+    copyLink() {
+      this.tellAddress();
+      const button = byId("copy-link");
+      const said = (text) => {
+        byId("copied").textContent = text;
+        setTimeout(() => { byId("copied").textContent = ""; }, 2000);
+      };
+      // Pages in files and of other hosts may have no clipboard; then the address is there to be copied.
+      const text = location.href;
+      (navigator.clipboard ? navigator.clipboard.writeText(text) : Promise.reject()).then(() => said("link copied"), () => said(text));
+      button.focus();
     }
 
     // The part of the run that charts show goes along with the moment, a part at a time.
@@ -312,7 +340,7 @@
       for (const chart of this.charts) chart.show(begin, end);
     }
 
-    // Behind the slider: who was in control, a row for each robot.
+    // Behind the slider: who drove, a row for each robot, and across them where a rule was broken.
     drawOverview() {
       if (this.band) return;
       this.band = true;
@@ -334,6 +362,15 @@
         }
       });
       context.globalAlpha = 1;
+      const edge = Math.max(3, Math.round(canvas.height / 4));
+      for (const { startS, endS } of this.run.truth.violations) {
+        const left = ((startS - firstS) / span) * canvas.width;
+        const wide = Math.max(3, (((endS ?? lastS) - startS) / span) * canvas.width);
+        context.fillStyle = this.style.colours.alarm;
+        context.fillRect(left, 0, wide, edge);
+        context.fillRect(left, canvas.height - edge, wide, edge);
+        context.fillRect(left, 0, 2, canvas.height);
+      }
     }
 
     // --- what a user does ----------------------------------------------------------------------------------
@@ -341,16 +378,21 @@
     scrubbable(chart) {
       const seek = (event) => this.player.seek(chart.timeAt(event.clientX - chart.canvas.getBoundingClientRect().left));
       let holding = false;
+      const tell = (event) => this.tip.show(chart.tell(chart.timeAt(event.clientX - chart.canvas.getBoundingClientRect().left)), event.clientX, event.clientY);
       chart.canvas.addEventListener("pointerdown", (event) => {
         if (event.button !== 0) return;
         holding = true;
         chart.canvas.setPointerCapture(event.pointerId);
         this.player.pause();
         seek(event);
+        tell(event);
       });
       chart.canvas.addEventListener("pointermove", (event) => {
         if (holding) seek(event);
-        else if (chart.describe) chart.canvas.title = chart.describe(chart.timeAt(event.offsetX));
+        if (holding || event.pointerType === "mouse") tell(event);
+      });
+      chart.canvas.addEventListener("pointerleave", (event) => {
+        if (event.pointerType === "mouse") this.tip.hide();
       });
       for (const name of ["pointerup", "pointercancel"]) chart.canvas.addEventListener(name, () => { holding = false; });
     }
@@ -377,6 +419,8 @@
       }
       byId("help-open").addEventListener("click", () => byId("help").showModal());
       byId("theme").addEventListener("click", () => this.otherTheme());
+      byId("copy-link").addEventListener("click", () => this.copyLink());
+      addEventListener("hashchange", () => goTo(player));
       // The system decides until somebody has chosen here.
       matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ({ matches }) => {
         if (!this.chosen) this.setTheme(matches ? "dark" : "light");
@@ -426,6 +470,7 @@
         n: () => player.step(1),
         p: () => player.step(-1),
         t: () => this.otherTheme(),
+        c: () => this.copyLink(),
         "?": () => byId("help").showModal(),
       };
       const act = keys[event.key];
@@ -435,13 +480,20 @@
     }
   }
 
+  // To the moment that the address names; return whether it does.
+  function goTo(player) {
+    const at = /^#t=([0-9.]+)$/.exec(location.hash);
+    if (at) player.seek(Number(at[1]));
+    return Boolean(at);
+  }
+
   function begin(run) {
     soter.page = new Page(run);
     soter.player = soter.page.player;
-    const at = /^#t=([0-9.]+)$/.exec(location.hash);
-    if (at) soter.player.seek(Number(at[1]));
-    else if (run.goesOn) soter.player.follow();
-    else soter.player.seek(run.firstS);
+    if (!goTo(soter.player)) {
+      if (run.goesOn) soter.player.follow();
+      else soter.player.seek(run.firstS);
+    }
     soter.openedMs = performance.now();
   }
 

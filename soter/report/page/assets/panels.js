@@ -3,6 +3,7 @@
 (() => {
   const { clock, percent, colourOf } = window.soter;
   const CHARGE = "of a charge"; // the unit of margins that are parts of one
+  const UNTOLD_M = 0.25; // the scale of margins that are compared with nothing but 0
   const LATE_ROWS = 4000; // beyond these a table only makes a page slow
 
   function element(name, attributes = {}, ...children) {
@@ -163,7 +164,7 @@
     const givenUp = Object.entries(summary.targets).filter(([name]) => name !== "reached").map(([name, count]) => `${count} ${name.replace("_", " ")}`);
     const margins = Object.entries(truth.margins).filter(([, value]) => value !== null);
     document.getElementById("figures").replaceChildren(
-      figure("AC in control", summary.ticks ? percent1(summary.acShare) : "–", "of the robots' time", bar),
+      figure("AC driving", summary.ticks ? percent1(summary.acShare) : "–", "of the robots' time", bar),
       figure("Disengagements", taken.toLocaleString("en"), counted.length ? counted : "no safety modules"),
       figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
       figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
@@ -211,6 +212,32 @@
     );
   }
 
+  // --- what something under a pointer is: a line, and rows of name and value -------------------------------
+
+  const driving = (run, now) => (
+    now.starting ? "starting" : now.driver === 0 ? "AC driving" : `${run.drivers[now.driver].name} module driving`
+  );
+
+  function tellRobot(run, now) {
+    const rows = now.margins.map((each) => [each.name, `${amount(each.margin, each.unit)}${Number.isFinite(each.reach) ? `, reach ${amount(each.reach, each.unit)}` : ""}`]);
+    if (now.driver !== 0 && now.cause && now.cause.cause) rows.unshift(["because", `${now.cause.module}: ${now.cause.cause}`]);
+    if (Number.isFinite(now.charge)) rows.push(["charge", percent1(now.charge)]);
+    rows.push(["at", `${now.xM.toFixed(2)}, ${now.yM.toFixed(2)} m`]);
+    if (now.breaks.length) rows.push(["breaks", now.breaks.join(", ")]);
+    return { head: `Robot ${now.id}: ${driving(run, now)}`, rows };
+  }
+
+  function tellDisengagement(each) {
+    const rows = [["cause", each.cause || "none was given"]];
+    if (each.joined.length) rows.push(["also", each.joined.join(", ")]);
+    return { head: `${clock(each.timeS)}: ${each.module} module took robot ${each.robot} from its AC`, rows };
+  }
+
+  function tellTarget(now) {
+    const { xM, yM, beginS } = now.target;
+    return { head: `Target of robot ${now.id}`, rows: [["at", `${xM.toFixed(2)}, ${yM.toFixed(2)} m`], ["since", clock(beginS)]] };
+  }
+
   // --- the moment ------------------------------------------------------------------------------------------
 
   class RobotCards {
@@ -246,15 +273,14 @@
       for (const now of moment.robots) {
         const parts = this.cards.get(now.id);
         const robot = this.run.robots.find((each) => each.id === now.id);
-        const name = this.run.drivers[now.driver].name;
-        set(parts.who, now.driver === 0 ? "AC in control" : `${name} in control`);
-        const colour = this.style.shade(now.driver === 0 ? robot.colour : this.run.drivers[now.driver].colour);
+        set(parts.who, driving(this.run, now));
+        const colour = this.style.shade(now.shown === 0 ? robot.colour : this.run.drivers[now.driver].colour);
         if (parts.colour !== colour) {
           parts.colour = colour;
           parts.card.style.setProperty("--dot", colour);
         }
         const since = `for ${(moment.timeS - now.sinceS).toFixed(1)} s`;
-        const why = now.cause && now.driver !== 0 && now.cause.cause ? `${now.cause.module}: ${now.cause.cause}, ` : "";
+        const why = now.driver !== 0 && now.cause && now.cause.cause ? `${now.cause.module}: ${now.cause.cause}, ` : "";
         set(parts.why, `${why}${since}${now.breaks.length ? `; breaks ${now.breaks.join(", ")}` : ""}`);
         parts.why.classList.toggle("broken", now.breaks.length > 0);
         set(parts.charge, Number.isFinite(now.charge) ? percent(now.charge) : "charge not known");
@@ -272,7 +298,7 @@
 
   // A gauge ends a bit above the margin from which on a robot is given back.
   function scaleOf(module) {
-    return Math.max(module.edge ?? 0, module.horizonReach ?? 0, 1e-3) * 2;
+    return (Math.max(module.edge ?? 0, module.horizonReach ?? 0) || UNTOLD_M) * 2;
   }
 
   function set(holder, text) {
@@ -338,5 +364,5 @@
     }
   }
 
-  Object.assign(window.soter, { element, subtitle, verdict, breaches, notices, figures, about, legend, RobotCards, Disengagements });
+  Object.assign(window.soter, { element, amount, driving, tellRobot, tellDisengagement, tellTarget, subtitle, verdict, breaches, notices, figures, about, legend, RobotCards, Disengagements });
 })();

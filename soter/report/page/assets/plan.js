@@ -5,6 +5,11 @@
   const RIM = 0.05; // of the larger side, around the fence
   const FAR = 0.25; // of a side; targets further outside of the fence are out of sight
   const LEAST_BODY_PX = 8;
+  const LEAST_PX = 200; // a lower window has to be scrolled
+  const LEAST_SIDE_PX = 470; // for what stands beside the plan
+  const LEAST_CARD_PX = 380;
+  const MOST_ZOOM = 12;
+  const NEAR_PX = 13; // from a finger or a pointer to what it means
 
   class Plan {
     constructor(canvas, run, style) {
@@ -13,6 +18,7 @@
       this.style = style;
       this.layers = { reach: true, ways: true, targets: true, marks: true };
       this.trailS = 60;
+      this.zoom = 1;
       this.grown();
     }
 
@@ -25,28 +31,89 @@
       return !before || this.extent.some((each, at) => each !== before[at]);
     }
 
-    // Take the width that there is; the height follows from the workspace.
+    // As large as fits beside the tables and above the player, so that the plan is never under it.
     resize() {
       const [west, south, east, north] = this.extent;
-      const holder = getComputedStyle(this.canvas.parentElement);
-      const width = parseFloat(holder.width) - parseFloat(holder.paddingLeft) - parseFloat(holder.paddingRight) - 2;
+      const card = this.canvas.parentElement;
+      const stage = card.parentElement;
+      const css = getComputedStyle(card);
+      const frame = parseFloat(css.paddingLeft) + parseFloat(css.paddingRight) + 2;
+      const beside = window.matchMedia("(min-width: 1001px)").matches;
+      const width = stage.clientWidth - frame - (beside ? LEAST_SIDE_PX : 0);
       if (!(width > 0)) return; // a page that is not shown has no size
-      const most = Math.max(340, Math.min(window.innerHeight - 350, 760));
-      this.scale = Math.min(width / (east - west), most / (north - south));
+      const player = document.getElementById("transport").offsetHeight;
+      const room = window.innerHeight - player - (this.canvas.getBoundingClientRect().top + window.scrollY) - 10;
+      const most = room >= LEAST_PX ? room : Math.max(LEAST_PX, window.innerHeight - player - 40);
+      this.fit = Math.min(width / (east - west), most / (north - south));
       const ratio = window.devicePixelRatio || 1;
-      this.width = Math.round(this.scale * (east - west));
-      this.height = Math.round(this.scale * (north - south));
+      this.width = Math.floor(this.fit * (east - west));
+      this.height = Math.floor(this.fit * (north - south));
+      stage.style.setProperty("--plan", `${Math.max(LEAST_CARD_PX, this.width) + frame}px`);
       this.canvas.style.width = `${this.width}px`;
       this.canvas.style.height = `${this.height}px`;
       this.canvas.width = Math.round(this.width * ratio);
       this.canvas.height = Math.round(this.height * ratio);
       this.ratio = ratio;
+      this.look(this.zoom, this.west ?? west, this.north ?? north);
+    }
+
+    // Look at a part: so many times as large, from a west and a north edge on, within what there is.
+    look(zoom, westM, northM) {
+      const [west, south, east, north] = this.extent;
+      this.zoom = Math.min(MOST_ZOOM, Math.max(1, zoom));
+      this.scale = this.fit * this.zoom;
+      this.west = Math.min(Math.max(westM, west), east - (east - west) / this.zoom);
+      this.north = Math.max(Math.min(northM, north), south + (north - south) / this.zoom);
+      this.canvas.classList.toggle("zoomed", this.zoom > 1);
       this.ground = null;
     }
 
-    // Where a place is, in CSS pixels of the canvas.
+    // Zoom by a factor; the place at some pixels stays where it is.
+    zoomBy(factor, x = this.width / 2, y = this.height / 2) {
+      const [xM, yM] = this.place(x, y);
+      const scale = this.fit * Math.min(MOST_ZOOM, Math.max(1, this.zoom * factor));
+      this.look(this.zoom * factor, xM - x / scale, yM + y / scale);
+    }
+
+    pan(right, down) {
+      this.look(this.zoom, this.west - right / this.scale, this.north + down / this.scale);
+    }
+
+    // Where a place is, in CSS pixels of the canvas; and what place is there.
     at(xM, yM) {
-      return [(xM - this.extent[0]) * this.scale, (this.extent[3] - yM) * this.scale];
+      return [(xM - this.west) * this.scale, (this.north - yM) * this.scale];
+    }
+
+    place(x, y) {
+      return [this.west + x / this.scale, this.north - y / this.scale];
+    }
+
+    // What is at some pixels: a robot, else where one was taken from its AC, else a target; null if nothing is.
+    find(x, y, moment) {
+      const away = (xM, yM) => {
+        const [right, down] = this.at(xM, yM);
+        return Math.hypot(right - x, down - y);
+      };
+      const nearest = (things, most) => things.reduce((best, each) => (each.away <= (best ? best.away : most) ? each : best), null);
+      const robots = moment.robots.map((now) => {
+        const robot = this.run.robots.find((each) => each.id === now.id);
+        return { robot: now, away: away(now.xM, now.yM) - Math.max(LEAST_BODY_PX, robot.radiusM * this.scale) };
+      });
+      const found = nearest(robots, NEAR_PX);
+      if (found) return found;
+      const marks = this.layers.marks ? this.run.robots.flatMap((robot) => this.marksOf(robot, moment.timeS)) : [];
+      const mark = nearest(marks.map((each) => ({ mark: each, away: away(each.xM, each.yM) })), NEAR_PX);
+      if (mark) return mark;
+      const targets = this.layers.targets ? moment.robots.filter((now) => now.target) : [];
+      return nearest(targets.map((now) => ({ target: now, away: away(now.target.xM, now.target.yM) })), NEAR_PX);
+    }
+
+    // Disengagements of a robot within its trail, with where it was.
+    marksOf(robot, timeS) {
+      return this.marks.get(robot.id).filter((each) => each.timeS <= timeS && each.timeS >= timeS - this.trailS).map((each) => {
+        const pose = window.soter.moment({ ...this.run, robots: [robot] }, each.timeS).robots[0];
+        return { ...each, xM: pose.xM, yM: pose.yM };
+      });
     }
 
     colour(robot, driver) {
@@ -140,7 +207,7 @@
       }
       context.stroke();
       // A bar says how long a metre is, in the corner where nobody drives.
-      const [left, top] = this.at(0, 0);
+      const [left, top] = this.zoom > 1 ? [10, this.height - 18] : this.at(0, 0);
       context.fillStyle = this.style.colours.soft;
       context.font = "11px system-ui, sans-serif";
       context.textBaseline = "middle";
@@ -177,10 +244,8 @@
     }
 
     drawMarks(context, robot, timeS) {
-      for (const each of this.marks.get(robot.id)) {
-        if (each.timeS > timeS || each.timeS < timeS - this.trailS) continue;
-        const pose = window.soter.moment({ ...this.run, robots: [robot] }, each.timeS).robots[0];
-        const [x, y] = this.at(pose.xM, pose.yM);
+      for (const each of this.marksOf(robot, timeS)) {
+        const [x, y] = this.at(each.xM, each.yM);
         context.beginPath();
         context.arc(x, y, 4, 0, 2 * Math.PI);
         context.fillStyle = this.colour(robot, each.after);
@@ -194,7 +259,7 @@
     reach(context, robot, now) {
       if (now.reachM === null) return;
       const [x, y] = this.at(now.xM, now.yM);
-      const colour = this.colour(robot, now.driver);
+      const colour = this.colour(robot, now.shown);
       context.beginPath();
       context.arc(x, y, (robot.radiusM + now.reachM) * this.scale, 0, 2 * Math.PI);
       context.globalAlpha = 0.16;
@@ -224,7 +289,7 @@
     way(context, robot, now) {
       const places = now.driver === 0 && now.way.length ? now.way : now.goal ? [[now.goal.xM, now.goal.yM]] : [];
       if (!places.length) return;
-      const colour = this.colour(robot, now.driver);
+      const colour = this.colour(robot, now.shown);
       context.strokeStyle = colour;
       context.lineWidth = 1.4;
       context.setLineDash([3, 4]);
@@ -246,7 +311,7 @@
     body(context, robot, now) {
       const [x, y] = this.at(now.xM, now.yM);
       const radius = Math.max(LEAST_BODY_PX, robot.radiusM * this.scale);
-      const colour = this.colour(robot, now.driver);
+      const colour = this.colour(robot, now.shown);
       const nose = [Math.cos(now.headingRad), -Math.sin(now.headingRad)];
       const side = [-nose[1], nose[0]];
       // The nose is a wedge outside of the body, so that the number has its room inside.
@@ -262,7 +327,7 @@
       context.stroke();
       context.fillStyle = colour;
       context.fill();
-      if (now.driver !== 0) {
+      if (now.shown !== 0) {
         // The robot's own colour stays visible while a module drives it.
         context.beginPath();
         context.arc(x, y, radius * 0.78, 0, 2 * Math.PI);

@@ -1,4 +1,4 @@
-"""The ACs' side of the ports, as the runner needs it: whoever the ACs are, and whichever process they run in."""
+"""What runs the ACs, as the runner needs it: machines or controllers, in this process or in one of their own."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Scene:
     capabilities: Mapping[int, Capabilities] = field(default_factory=dict)
 
 
-class AcSide(Protocol):
+class MissionHost(Protocol):
     """Everything that is untrusted. Made before the robots are opened, so that bad options move nothing."""
 
     @property

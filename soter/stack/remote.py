@@ -12,12 +12,12 @@ from soter.stack.robot_agent import RobotAgent
 
 
 @dataclass(frozen=True, slots=True)
-class OtherSideCame(Event):
+class RemoteCame(Event):
     """The process of the machine that this one stands for is there: for the first time, or after a new start."""
 
 
 @dataclass(frozen=True, slots=True)
-class JoinedAway(Event):
+class RemoteJoined(Event):
     """From a task planner elsewhere: a robot agent is to be told of another, by the numbers of their robots."""
 
     robot_id: int
@@ -25,7 +25,7 @@ class JoinedAway(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class VisitAway(Event):
+class RemoteVisit(Event):
     """From a task planner elsewhere: a robot is to go there."""
 
     robot_id: int
@@ -33,7 +33,7 @@ class VisitAway(Event):
 
 
 @dataclass(frozen=True)
-class AwayKit:
+class RemoteKit:
     """What stands for a robot whose agent is in another process.
 
     Attributes:
@@ -47,28 +47,28 @@ class AwayKit:
     subscribe: Callable[[int, MachineRef], None]
 
 
-class AwayAgent(Machine):
+class RemoteAgent(Machine):
     """Stands beside the task planner for a robot agent elsewhere, and remembers what that was told.
 
     A process that starts anew knows nothing: it is told again who else there is, and given its target again.
     """
 
-    Starting: State[tuple[AwayKit, MachineRef]] = State(start=True)
+    Starting: State[tuple[RemoteKit, MachineRef]] = State(start=True)
     Standing: State[None] = State()
 
-    kit: AwayKit
+    kit: RemoteKit
     task_planner: MachineRef
 
     @Starting.entry
-    def _start(self, given: tuple[AwayKit, MachineRef]) -> Next:
+    def _start(self, given: tuple[RemoteKit, MachineRef]) -> Next:
         self.kit, self.task_planner = given
         self.others: list[int] = []
         self.target: VisitTarget | None = None
         self.kit.subscribe(self.kit.robot_id, self.ref)
         return Goto(self.Standing)
 
-    @Standing.on(OtherSideCame)
-    def _came(self, e: OtherSideCame) -> Next:
+    @Standing.on(RemoteCame)
+    def _came(self, e: RemoteCame) -> Next:
         for other_id in self.others:
             self._tell_of(other_id)
         if self.target is not None:
@@ -95,19 +95,19 @@ class AwayAgent(Machine):
         return Stay()
 
     def _tell_of(self, other_id: int) -> None:
-        self.kit.tell(JoinedAway(self.kit.robot_id, other_id))
+        self.kit.tell(RemoteJoined(self.kit.robot_id, other_id))
 
     def _give(self, target: VisitTarget) -> None:
-        self.kit.tell(VisitAway(self.kit.robot_id, target))
+        self.kit.tell(RemoteVisit(self.kit.robot_id, target))
 
 
-def robot_agent(kit: RobotKit | AwayKit) -> type[Machine]:
+def robot_agent(kit: RobotKit | RemoteKit) -> type[Machine]:
     """Return the class of a robot's agent, or of what stands for it. Both take `(kit, who is told)`."""
-    return AwayAgent if isinstance(kit, AwayKit) else RobotAgent
+    return RemoteAgent if isinstance(kit, RemoteKit) else RobotAgent
 
 
 @dataclass(frozen=True)
-class AwayTasks:
+class RemoteTasks:
     """What a process with robots knows of a mission whose task planner is in another.
 
     Attributes:
@@ -142,22 +142,22 @@ class _Errand:
     agent: MachineRef
     given: int | None = None
     busy: bool = False
-    waiting: VisitAway | None = None
+    waiting: RemoteVisit | None = None
 
 
-class AwayTaskPlanner(Machine):
+class RemoteTaskPlanner(Machine):
     """Stands beside robot agents for a task planner elsewhere, and numbers targets anew: that one may start anew too.
 
     What a robot is after when the task planner goes, it finishes. What it is given by a new one waits until then.
     """
 
-    Starting: State[AwayTasks] = State(start=True)
+    Starting: State[RemoteTasks] = State(start=True)
     Standing: State[None] = State()
 
-    tasks: AwayTasks
+    tasks: RemoteTasks
 
     @Starting.entry
-    def _start(self, tasks: AwayTasks) -> Next:
+    def _start(self, tasks: RemoteTasks) -> Next:
         self.tasks = tasks
         self.last_target_id = 0
         self.errands = {
@@ -167,22 +167,22 @@ class AwayTaskPlanner(Machine):
         tasks.subscribe(self.ref)
         return Goto(self.Standing)
 
-    @Standing.on(OtherSideCame)
-    def _came(self, e: OtherSideCame) -> Next:
+    @Standing.on(RemoteCame)
+    def _came(self, e: RemoteCame) -> Next:
         for errand in self.errands.values():
             errand.given = errand.waiting = None
         return Stay()
 
-    @Standing.on(JoinedAway)
-    def _joined(self, e: JoinedAway) -> Next:
+    @Standing.on(RemoteJoined)
+    def _joined(self, e: RemoteJoined) -> Next:
         errand, here = self.errands.get(e.robot_id), self.errands.get(e.other_id)
         other = here.agent if here is not None else self.tasks.agents.get(e.other_id)
         if errand is not None and other is not None:
             self.send(errand.agent, RobotJoined(e.other_id, other))
         return Stay()
 
-    @Standing.on(VisitAway)
-    def _visit(self, e: VisitAway) -> Next:
+    @Standing.on(RemoteVisit)
+    def _visit(self, e: RemoteVisit) -> Next:
         errand = self.errands.get(e.robot_id)
         if errand is None:
             return Stay()
@@ -204,7 +204,7 @@ class AwayTaskPlanner(Machine):
             self._give(errand, waiting)
         return Stay()
 
-    def _give(self, errand: _Errand, e: VisitAway) -> None:
+    def _give(self, errand: _Errand, e: RemoteVisit) -> None:
         self.last_target_id += 1
         errand.given, errand.busy = e.target.target_id, True
         self.tasks.on_target(e.robot_id, self.last_target_id, e.target.place)

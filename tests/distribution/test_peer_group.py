@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soter.clock import Clock
-from soter.distribution.company import Company
+from soter.distribution.peer_group import PeerGroup
 from soter.distribution.peers import DRIFT, RemoteRobot
 from soter.distribution.status import Echo, RobotStatus, Status, decode_status, encode_status
 from soter.isolation.messages import Garbage
@@ -53,7 +53,7 @@ class Process:
     def __init__(self, network: Network, name: str, other: str, robot_id: int, offset_s: float, rate: float) -> None:
         self.network, self.name, self.robot_id = network, name, robot_id
         self.clock = SkewedClock(network, offset_s, rate)
-        self.company = Company(
+        self.peer_group = PeerGroup(
             MemoryBus(network, name), "soter", name, {other: {3 - robot_id: (SPEED, 0.0)}}, MISSION, self.clock
         )
         self.told: dict[float, float] = {}  # place of a sample, and when it was really taken
@@ -62,15 +62,15 @@ class Process:
 
     @property
     def peer(self) -> RemoteRobot:
-        return self.company.peers[0]
+        return self.peer_group.peers[0]
 
     def tick(self) -> None:
-        self.company.look()
+        self.peer_group.look()
         self.where_m += 1e-3
         true_s = self.network.now_s - self.age_s
         self.told[self.where_m] = true_s
         sample = state(self.robot_id)._replace(x_m=self.where_m, stamp_s=self.clock.at(true_s))
-        self.company.tell([RobotStatus(sample, True, "", False)])
+        self.peer_group.tell([RobotStatus(sample, True, "", False)])
 
     def known_age_s(self) -> float:
         """How old the peer's sample is at most, by what this process knows."""
@@ -96,7 +96,7 @@ class World:
 
     def restart_b(self) -> None:
         """Start b anew, with a clock of its own that begins anywhere."""
-        self.b.company.close()
+        self.b.peer_group.close()
         told = self.b.told
         self.b = Process(self.network, "b", "a", 2, -77.0, 1.0)
         self.b.told.update(told)
@@ -173,8 +173,8 @@ def test_before_anything_came_back_nothing_is_known() -> None:
     world.run(1.0)
     assert world.a.peer.sample() is None
     assert world.a.peer.heard_of(1) == -math.inf
-    assert world.a.company.missing(0.0) == {"b": "it does not hear this one"}
-    assert world.b.company.missing(0.0) == {"a": "it has not been heard yet"}
+    assert world.a.peer_group.missing(0.0) == {"b": "it does not hear this one"}
+    assert world.b.peer_group.missing(0.0) == {"a": "it has not been heard yet"}
 
 
 def alive(me: Process) -> bool:
@@ -235,17 +235,17 @@ def test_late_words_of_an_ended_start_are_not_taken_for_the_one_that_lives() -> 
     world.run(1.0)
     world.restart_b()
     world.run(1.0)
-    world.a.company.look()
+    world.a.peer_group.look()
     before = world.a.peer.sample()
     assert before is not None
     serial = decode_status(late[18]).serial
     stale = msgspec.structs.replace(decode_status(late[18]), serial=serial + 1000)
     MemoryBus(world.network, "b").publish("soter/b/status", encode_status(stale))
     world.network.advance(world.network.now_s + 0.003)
-    world.a.company.look()
+    world.a.peer_group.look()
     assert world.a.peer.sample() == before
     assert alive(world.a)
-    assert world.a.company.others["b"].starts == 2
+    assert world.a.peer_group.others["b"].starts == 2
 
 
 def test_a_peer_that_moves_too_fast_is_found_out_by_its_own_stamps() -> None:
@@ -307,35 +307,35 @@ def test_a_port_of_another_process_shows_and_takes_nothing() -> None:
 
 def test_another_process_of_the_same_name_is_told_from_what_an_earlier_start_has_left_behind() -> None:
     world = World()
-    bus, company = MemoryBus(world.network, "c"), world.a.company
+    bus, peer_group = MemoryBus(world.network, "c"), world.a.peer_group
     for serial in range(40):
         bus.publish("soter/a/status", encode_status(Status("a", 999, MISSION, serial, serial * TICK_S)))
     world.run(1.0)
-    assert not company.has_twin(), "all of it came at once"
+    assert not peer_group.has_twin(), "all of it came at once"
     for serial in range(10):
         bus.publish("soter/a/status", encode_status(Status("a", 888, MISSION, serial, serial * TICK_S)))
         world.run(TICK_S)
-    assert company.has_twin()
-    assert not world.b.company.has_twin()
+    assert peer_group.has_twin()
+    assert not world.b.peer_group.has_twin()
 
 
 def test_another_mission_and_garbage_are_noticed(caplog: pytest.LogCaptureFixture) -> None:
     world = World()
     world.run(1.0)
-    bus, company = MemoryBus(world.network, "c"), world.a.company
+    bus, peer_group = MemoryBus(world.network, "c"), world.a.peer_group
     for data in (b"garbage", b"", b"\xc1" * 99):
         bus.publish("soter/b/status", data)
     bus.publish("soter/c/status", encode_status(Status("c", 999, MISSION, 1, 0.0)))
     stranger = RobotStatus(state(7), True, "", False)
     bus.publish("soter/b/status", encode_status(Status("b", 999, MISSION, 1, 0.0, (stranger,))))
     world.network.advance(world.network.now_s + 0.01)
-    company.look()
-    assert company.garbage == 3
-    assert company.others["b"].strangers == 1
+    peer_group.look()
+    assert peer_group.garbage == 3
+    assert peer_group.others["b"].strangers == 1
     bus.publish("soter/b/status", encode_status(Status("b", 999, "another", 1, 0.0)))
     world.network.advance(world.network.now_s + 0.01)
-    company.look()
-    assert "another mission" in company.missing(0.0)["b"]
+    peer_group.look()
+    assert "another mission" in peer_group.missing(0.0)["b"]
     assert sum("no message of SOTER" in record.getMessage() for record in caplog.records) == 1
     assert sum("runs another mission" in record.getMessage() for record in caplog.records) == 1
 

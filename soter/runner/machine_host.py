@@ -16,16 +16,16 @@ from soter.missions import Stage, make_mission
 from soter.record.messages import Transition
 from soter.record.transition import DETAIL_CHARACTERS, in_words
 from soter.rta import ControlReport, Report
-from soter.runner.ac_side import Scene
 from soter.runner.boxes import box_of
-from soter.runner.correspondence import Correspondence
+from soter.runner.mailbox import Mailbox
+from soter.runner.mission_host import Scene
 from soter.runner.part import Part
-from soter.stack.away import AwayTaskPlanner, AwayTasks
 from soter.stack.declaration import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
 from soter.stack.planners import PlanRequest, PlanService
+from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 
 logger = logging.getLogger(__name__)
 
@@ -33,8 +33,8 @@ TASK_PLANNER: Final = "TaskPlanner"
 HERE: Final = "local"
 
 
-class MissionSide:
-    """An `AcSide`: the machines, run between the ticks, and what the ports and the planner report to them.
+class MachineHost:
+    """An `MissionHost`: the machines, run between the ticks, and what the ports and the planner report to them.
 
     Args:
         mission: what to do.
@@ -74,7 +74,7 @@ class MissionSide:
         self._runtime: Final = Runtime(
             now=self._now, on_failure=self._failed, node=HERE if part is None else part.name
         )  # fmt: skip
-        self._letters: Final = None if part is None or bus is None else Correspondence(part, bus, self._runtime)
+        self._mailbox: Final = None if part is None or bus is None else Mailbox(part, bus, self._runtime)
         self._listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self._owners: dict[str, int] = {}
         self._waiting: dict[int, tuple[PlanRequest, MachineRef]] = {}
@@ -107,10 +107,10 @@ class MissionSide:
         if scene.on_transition is not None:
             tell = scene.on_transition
             self._runtime.observe(lambda transition: tell(in_words(transition)))
-        part, letters, log = self._part, self._letters, scene.log
+        part, messages, log = self._part, self._mailbox, scene.log
         if self._plays is not None:
-            of_all = kits if part is None or letters is None else {
-                robot_id: kits.get(robot_id) or letters.kit(robot_id) for robot_id in sorted(part.homes)
+            of_all = kits if part is None or messages is None else {
+                robot_id: kits.get(robot_id) or messages.kit(robot_id) for robot_id in sorted(part.homes)
             }  # fmt: skip
             stage = Stage(
                 scene.workspace, self._body_radius_m, seed, self._mission.base_tick_s, of_all, everybody,
@@ -121,15 +121,15 @@ class MissionSide:
             except Exception as failure:
                 logger.exception("the mission failed")
                 self.failures[None] = f"the mission failed: {failure!r}"
-        elif part is not None and letters is not None:
+        elif part is not None and messages is not None:
             agents = {
                 robot_id: MachineRef(robot_id, f"RobotAgent {robot_id}", process)
                 for robot_id, process in part.homes.items()
             }
-            away = AwayTasks(
-                kits, letters.tell_task_planner, letters.hears_task_planner, agents, log.on_target, log.on_ended
+            away = RemoteTasks(
+                kits, messages.tell_task_planner, messages.hears_task_planner, agents, log.on_target, log.on_ended
             )
-            self._runtime.create(AwayTaskPlanner, away, name=TASK_PLANNER)
+            self._runtime.create(RemoteTaskPlanner, away, name=TASK_PLANNER)
         # Before the first tick, so that no machine misses the first report of a port.
         self._runtime.run()
 
@@ -145,8 +145,8 @@ class MissionSide:
 
     def run(self, now_s: float) -> None:
         """Deliver the plans whose time has come and let the machines do what they can do now."""
-        if self._letters is not None:
-            self._letters.pump(now_s)
+        if self._mailbox is not None:
+            self._mailbox.pump(now_s)
         if self._plans is not None and self._waiting:
             for plan in self._plans.due(now_s):
                 request, machine = self._waiting.pop(plan.request_id)
@@ -180,8 +180,8 @@ class MissionSide:
         """End the planner's processes and close the machines."""
         if self._plans is not None:
             self._plans.close()
-        if self._letters is not None:
-            self._letters.close()
+        if self._mailbox is not None:
+            self._mailbox.close()
         try:
             self._runtime.close()
         except SoterError as failure:

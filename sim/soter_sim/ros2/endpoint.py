@@ -22,7 +22,7 @@ from soter_sim.streamed import StreamedFace
 logger = logging.getLogger(__name__)
 
 
-class Face(StreamedFace):
+class Endpoint(StreamedFace):
     """The ROS 2 face of a world.
 
     Args:

@@ -12,7 +12,7 @@ from soter.config import MissionFile
 from soter.controllers import Arena, Controller, build
 from soter.geometry.workspace import Workspace
 from soter.rta import Report
-from soter.runner.ac_side import Scene
+from soter.runner.mission_host import Scene
 
 logger = logging.getLogger(__name__)
 
@@ -22,7 +22,7 @@ class _Driver:
     """A controller, and what has come of it.
 
     Attributes:
-        controller: untrusted; everything of it is called by `ControllerSide._attempt`.
+        controller: untrusted; everything of it is called by `ControllerHost._attempt`.
         robot_ids: its robots.
         incidents: how many of its incidents are known.
     """
@@ -42,8 +42,8 @@ class _Driver:
         return f"{self.name}.{'step' if type(self.controller).act is Controller.act else 'act'}"
 
 
-class ControllerSide:
-    """An `AcSide` with controllers behind it. No planner, no machines, no targets.
+class ControllerHost:
+    """An `MissionHost` with controllers behind it. No planner, no machines, no targets.
 
     A controller that fails costs its own robots their AC, and nothing else.
 

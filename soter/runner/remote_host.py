@@ -1,4 +1,4 @@
-"""The ACs' side in a process of its own, on a wall clock: whatever becomes of it, the supervisor's ticks go on."""
+"""The mission host in a process of its own, on a wall clock: whatever becomes of it, the supervisor's ticks go on."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from soter.isolation.messages import Garbage, PeerSeen, Refused, Room, TargetGiv
 from soter.isolation.supervisor_end import SupervisorEnd
 from soter.record.messages import Transition
 from soter.rta import Report
-from soter.runner.ac_side import Scene
 from soter.runner.boxes import box_of
+from soter.runner.mission_host import Scene
 from soter.runner.mission_process import MissionSpec
 from soter.stack.events import Outcome
 
@@ -29,7 +29,7 @@ _PAUSE_S: Final = 0.1
 _JOIN_S: Final = 0.5
 
 
-class Words:
+class OutputPump:
     """A pipe for a process's output, and a thread that logs what comes out of it.
 
     A process that prints without end is heard in part, and costs its reader a few wake-ups a second.
@@ -70,7 +70,7 @@ class Words:
 
 logger = logging.getLogger(__name__)
 
-FACTORY: Final = "soter.runner.sides:make_ac_side"
+FACTORY: Final = "soter.runner.hosts:make_host"
 PROCESS: Final = "soter.runner.mission_process"
 
 START_LIMIT_S: Final = 75.0
@@ -85,8 +85,8 @@ WALL_CLOCK: Final = "it ran on a wall clock"
 _OUTCOMES: Final = {outcome.value: outcome for outcome in Outcome}
 
 
-class RemoteSide:
-    """An `AcSide` that speaks for another one, in a process of its own.
+class RemoteMissionHost:
+    """An `MissionHost` that speaks for another one, in a process of its own.
 
     The process is killed when it fails, when the run ends, and by the kernel when this process ends, however it does.
 
@@ -94,7 +94,7 @@ class RemoteSide:
         mission: what to do; its `isolation` says what the process may use.
         workspace: where.
         body_radius_m: of the robots, by id.
-        factory: makes the ACs' side over there, as `module:function`.
+        factory: makes the mission host over there, as `module:function`.
         process: which process of a distributed mission this is; None for a mission in one process.
     """
 
@@ -114,12 +114,12 @@ class RemoteSide:
         self.incidents: list[str] = [WALL_CLOCK]
         self._scene: Scene | None = None
         limits = mission.isolation
-        self._words: Final = Words("mission")
+        self._output: Final = OutputPump("mission")
         spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS, process)
         # At a tick there is no time to wait for how a process has ended.
         box = box_of(mission, process)
-        self._child: Final = Child(PROCESS, spec, output_fd=self._words.output_fd, patience_s=0.0, box=box)
-        self._words.started()
+        self._child: Final = Child(PROCESS, spec, output_fd=self._output.output_fd, patience_s=0.0, box=box)
+        self._output.started()
         self._end: Final = SupervisorEnd(self._child, limits.silent_s)
 
     @property
@@ -196,7 +196,7 @@ class RemoteSide:
     def close(self) -> None:
         """End the mission's process. Idempotent."""
         self._child.kill(0.0 if self._end.failure else GRACE_S)
-        self._words.close()
+        self._output.close()
 
     def _take(self, turn: Turn, scene: Scene) -> None:
         log = scene.log

@@ -11,7 +11,7 @@ from typing import Final, Self
 import numpy as np
 
 from soter.clock import Clock
-from soter.distribution.company import Company
+from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import RobotStatus
 from soter.errors import ConfigError, RobotUnavailable
 from soter.rta import PEER_SILENT_S, Mode, RemotePeer, RobotSupervisor
@@ -33,7 +33,7 @@ _TWIN_S: Final = 0.5
 Said = Callable[[str], None]
 
 
-class Together:
+class PeerSession:
     """Everything that a process with others needs beside its own robots. One thread: the supervisor's.
 
     A context manager that leaves the bus.
@@ -55,24 +55,24 @@ class Together:
         self._took_s: Final[array[float]] = array("d")
         self._clock: Final = clock
         self._part: Final = part
-        self._company: Final[Company] = part.company(part.open_bus(), clock)
-        company = self._company
-        self.peers: Final[Sequence[RemotePeer]] = company.peers
+        self._peer_group: Final[PeerGroup] = part.peer_group(part.open_bus(), clock)
+        peer_group = self._peer_group
+        self.peers: Final[Sequence[RemotePeer]] = peer_group.peers
         self.promises: Final[Mapping[int, Capabilities]] = {
-            peer.robot_id: part.promised[peer.robot_id] for peer in company.peers
+            peer.robot_id: part.promised[peer.robot_id] for peer in peer_group.peers
         }
-        self.ports: Final[Mapping[int, RobotPort]] = {peer.robot_id: peer.port for peer in company.peers}
+        self.ports: Final[Mapping[int, RobotPort]] = {peer.robot_id: peer.port for peer in peer_group.peers}
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._company.close()
+        self._peer_group.close()
 
     def look(self) -> None:
         """Take what has been heard. To be called before every tick."""
         begun_s = time.perf_counter()
-        self._company.look()
+        self._peer_group.look()
         self._took_s.append(time.perf_counter() - begun_s)
         now_s = self._clock.now()
         self._ages_s.extend(now_s - sample.stamp_s for peer in self.peers if (sample := peer.sample()) is not None)
@@ -80,7 +80,7 @@ class Together:
     def tell(self, robots: Sequence[RobotSupervisor]) -> None:
         """Tell the others how the robots are. To be called after every tick."""
         begun_s = time.perf_counter()
-        self._company.tell([_status(robot) for robot in robots])
+        self._peer_group.tell([_status(robot) for robot in robots])
         self._took_s[-1] += time.perf_counter() - begun_s
 
     def wait(self, robots: Sequence[Robot], say: Said, stop: Callable[[], bool]) -> bool:
@@ -101,11 +101,11 @@ class Together:
         clock, limit_s = self._clock, self._part.mission.distribution.wait_s
         begun_s, said, said_s = clock.steady_s(), "", -math.inf
         while not stop():
-            self._company.look()
-            self._company.tell([RobotStatus(robot.read_state(), False, "waiting", False) for robot in robots])
+            self._peer_group.look()
+            self._peer_group.tell([RobotStatus(robot.read_state(), False, "waiting", False) for robot in robots])
             self._refuse_twin()
             waited_s = clock.steady_s() - begun_s
-            missing = self._company.missing(clock.now())
+            missing = self._peer_group.missing(clock.now())
             if not missing and waited_s >= _TWIN_S:
                 if said:
                     say("all processes are there")
@@ -123,7 +123,7 @@ class Together:
         return False
 
     def _refuse_twin(self) -> None:
-        if self._company.has_twin():
+        if self._peer_group.has_twin():
             raise ConfigError(
                 f"another process '{self.process}' of this mission is running; end that one, or choose another with "
                 f"--process: {', '.join(self._part.mission.distribution.processes)}",
@@ -141,7 +141,7 @@ class Together:
     def progress(self) -> tuple[RobotProgress, ...]:
         """Return how the other processes' robots are doing, as far as they have told."""
         now_s, found = self._clock.now(), []
-        for peer in self._company.peers:
+        for peer in self._peer_group.peers:
             state = peer.sample()
             if state is not None:
                 silent_s = now_s - state.stamp_s

@@ -1,4 +1,4 @@
-"""Makes the ACs' side that a mission asks for."""
+"""Makes the mission host that a mission asks for."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Mapping
 from soter.config import MissionFile
 from soter.controllers import MISSION
 from soter.geometry.workspace import Workspace
-from soter.runner.ac_side import AcSide
-from soter.runner.controller_side import ControllerSide
-from soter.runner.mission_side import MissionSide
+from soter.runner.controller_host import ControllerHost
+from soter.runner.machine_host import MachineHost
+from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
 
 
-def make_ac_side(
+def make_host(
     mission: MissionFile,
     workspace: Workspace,
     body_radius_m: Mapping[int, float],
     *,
     virtual_time: bool,
     process: str | None = None,
-) -> AcSide:
-    """Return the ACs' side of a mission, not yet begun.
+) -> MissionHost:
+    """Return the mission host of a mission, not yet begun.
 
     Args:
         mission: its `ac` says who the ACs are.
@@ -36,9 +36,9 @@ def make_ac_side(
     """
     if process is not None:
         part = Part.of(mission, workspace, process)
-        return MissionSide(
+        return MachineHost(
             mission, workspace, body_radius_m, virtual_time=virtual_time, part=part, bus=part.open_bus()
         )  # fmt: skip
     if mission.ac != MISSION:
-        return ControllerSide(mission, workspace)
-    return MissionSide(mission, workspace, body_radius_m, virtual_time=virtual_time)
+        return ControllerHost(mission, workspace)
+    return MachineHost(mission, workspace, body_radius_m, virtual_time=virtual_time)

@@ -33,7 +33,7 @@ _LONGEST_CHAIN: Final = 100_000
 Ending = tuple["StateTable | None", Any, "Handler | None", "Event | None"]
 
 
-class Cell(Intake):
+class MachineContext(Intake):
     """What the runtime keeps for one machine.
 
     The cell runs handlers and follows their results; the runtime decides when, and owns all that is between
@@ -60,7 +60,7 @@ class Cell(Intake):
         self.table = table
         self.machine: Any = None
         # What its handlers have sent and created, waiting for its turn under systematic testing; else None.
-        self.outbox: deque[tuple[MachineRef | Cell | None, Event | None]] | None = None
+        self.outbox: deque[tuple[MachineRef | MachineContext | None, Event | None]] | None = None
         self.told = False  # specs have seen the first of the outbox
         self.coro: CoroutineType[Any, Any, Any] | None = None
         self.ending: Ending | None = None
@@ -178,7 +178,7 @@ class Cell(Intake):
             if isinstance(exc, Exception):
                 raise self.failure(exc) from exc
             raise
-        if request.__class__ is not Wait or request.cell is not self:
+        if request.__class__ is not Wait or request.context is not self:
             what = "receive() of another machine" if isinstance(request, Wait) else type(request).__name__
             line = coro.cr_frame.f_lineno if coro.cr_frame is not None else "?"
             error = self.error(f"awaited something else than self.receive(): {what}, in line {line}")
@@ -306,7 +306,7 @@ class Cell(Intake):
         return entry, payload
 
 
-class SpecCell(Cell):
+class SpecContext(MachineContext):
     """What the runtime keeps for one spec: it is told of events at once and keeps its temperature."""
 
     __slots__ = ("heat", "hot_since")

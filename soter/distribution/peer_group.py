@@ -24,7 +24,7 @@ Promised = Mapping[int, tuple[ReachModel, float]]
 """By robot: the reach model and the position noise that are promised for it."""
 
 
-class Company:
+class PeerGroup:
     """What this process tells, and what it hears. Belongs to the supervisor's thread; nothing here waits.
 
     Args:

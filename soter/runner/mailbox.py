@@ -1,4 +1,4 @@
-"""What the machines of one process and those of others tell each other: events here, letters on the way."""
+"""What the machines of one process and those of others tell each other: events here, reliable messages on the way."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from functools import partial
 from typing import Final
 
 from soter.distribution.bus import Bus
-from soter.distribution.channel import MAX_REASON, Came, Ended, Joined, Letter, Visit
+from soter.distribution.channel import MAX_REASON, Came, Ended, Joined, ReliableMessage, Visit
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
-from soter.stack.away import AwayKit, JoinedAway, OtherSideCame, VisitAway
 from soter.stack.events import Outcome, TargetEnded, VisitTarget
+from soter.stack.remote import RemoteCame, RemoteJoined, RemoteKit, RemoteVisit
 
 logger = logging.getLogger(__name__)
 
 _OUTCOMES: Final = {outcome.value: outcome for outcome in Outcome}
 
 
-class Correspondence:
+class Mailbox:
     """Brings the task planner's events to robots elsewhere and theirs to it. One thread: that of the machines.
 
     Args:
@@ -35,9 +35,9 @@ class Correspondence:
         self._agents: Final[dict[int, MachineRef]] = {}
         self._task_planner: MachineRef | None = None
 
-    def kit(self, robot_id: int) -> AwayKit:
+    def kit(self, robot_id: int) -> RemoteKit:
         """Return what stands for a robot of another process, beside the task planner."""
-        return AwayKit(robot_id, partial(self._tell, self._part.homes[robot_id]), self._agents.__setitem__)
+        return RemoteKit(robot_id, partial(self._tell, self._part.homes[robot_id]), self._agents.__setitem__)
 
     def tell_task_planner(self, event: Event) -> None:
         """Send an event to the task planner's process."""
@@ -49,8 +49,8 @@ class Correspondence:
 
     def pump(self, now_s: float) -> None:
         """Deliver what has come to the machines, and send what is due. Never waits."""
-        for sender, letter in self._post.pump(now_s):
-            for machine, event in self._delivered(sender, letter):
+        for sender, message in self._post.pump(now_s):
+            for machine, event in self._delivered(sender, message):
                 self._runtime.post(machine, event)
 
     def close(self) -> None:
@@ -58,29 +58,31 @@ class Correspondence:
         self._post.close()
 
     def _tell(self, process: str, event: Event) -> None:
-        self._post.send(process, _LETTERS[type(event)](event))
+        self._post.send(process, _MESSAGES[type(event)](event))
 
-    def _delivered(self, sender: str, letter: Letter | Came) -> Iterator[tuple[MachineRef, Event]]:
-        """Return who is told of a letter, and by which event."""
+    def _delivered(self, sender: str, message: ReliableMessage | Came) -> Iterator[tuple[MachineRef, Event]]:
+        """Return who is told of a message, and by which event."""
         part = self._part
-        if isinstance(letter, Came):
+        if isinstance(message, Came):
             for robot_id in part.robots_of(sender):
                 if robot_id in self._agents:
-                    yield self._agents[robot_id], OtherSideCame()
+                    yield self._agents[robot_id], RemoteCame()
             if sender == part.planner_home and self._task_planner is not None:
-                yield self._task_planner, OtherSideCame()
-        elif isinstance(letter, Ended):
-            outcome, agent = _OUTCOMES.get(letter.outcome), self._agents.get(letter.robot_id)
-            if outcome is None or agent is None or part.homes[letter.robot_id] != sender:
-                logger.warning("process '%s' says of robot %d what makes no sense: %s", sender, letter.robot_id, letter)
+                yield self._task_planner, RemoteCame()
+        elif isinstance(message, Ended):
+            outcome, agent = _OUTCOMES.get(message.outcome), self._agents.get(message.robot_id)
+            if outcome is None or agent is None or part.homes[message.robot_id] != sender:
+                logger.warning(
+                    "process '%s' says of robot %d what makes no sense: %s", sender, message.robot_id, message
+                )
             else:
-                yield agent, TargetEnded(letter.robot_id, letter.target_id, outcome, letter.module, letter.reason)
+                yield agent, TargetEnded(message.robot_id, message.target_id, outcome, message.module, message.reason)
         elif self._task_planner is not None and sender == part.planner_home:
-            if isinstance(letter, Visit):
-                target = VisitTarget(letter.target_id, (letter.x_m, letter.y_m), letter.timeout_s, letter.tries)
-                yield self._task_planner, VisitAway(letter.robot_id, target)
+            if isinstance(message, Visit):
+                target = VisitTarget(message.target_id, (message.x_m, message.y_m), message.timeout_s, message.tries)
+                yield self._task_planner, RemoteVisit(message.robot_id, target)
             else:
-                yield self._task_planner, JoinedAway(letter.robot_id, letter.other_id)
+                yield self._task_planner, RemoteJoined(message.robot_id, message.other_id)
 
 
 def _visit(robot_id: int, target: VisitTarget) -> Visit:
@@ -88,9 +90,9 @@ def _visit(robot_id: int, target: VisitTarget) -> Visit:
     return Visit(robot_id, target.target_id, x_m, y_m, target.timeout_s, target.tries)
 
 
-_LETTERS: Final[dict[type[Event], Callable[..., Letter]]] = {
-    VisitAway: lambda event: _visit(event.robot_id, event.target),
-    JoinedAway: lambda event: Joined(event.robot_id, event.other_id),
+_MESSAGES: Final[dict[type[Event], Callable[..., ReliableMessage]]] = {
+    RemoteVisit: lambda event: _visit(event.robot_id, event.target),
+    RemoteJoined: lambda event: Joined(event.robot_id, event.other_id),
     TargetEnded: lambda event: Ended(
         event.robot_id, event.target_id, event.outcome.value, event.module[:MAX_REASON], event.reason[:MAX_REASON]
     ),

@@ -17,7 +17,7 @@ from soter_sim.streamed import StreamedFace
 from soter_sim.zenoh.base import Base
 
 
-class Face(StreamedFace):
+class Endpoint(StreamedFace):
     """The Zenoh face of a world.
 
     Args:

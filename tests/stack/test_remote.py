@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.missions.surveillance import TaskPlanner, Tasks
-from soter.stack.away import (
-    AwayAgent,
-    AwayKit,
-    AwayTaskPlanner,
-    AwayTasks,
-    JoinedAway,
-    OtherSideCame,
-    VisitAway,
-)
 from soter.stack.events import Disengaged, Outcome, Reengaged, RobotJoined, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
+from soter.stack.remote import (
+    RemoteAgent,
+    RemoteCame,
+    RemoteJoined,
+    RemoteKit,
+    RemoteTaskPlanner,
+    RemoteTasks,
+    RemoteVisit,
+)
 from tests.stack.test_machines import Mission
 
 PLACE = (1.0, 2.0)
@@ -48,8 +48,8 @@ class Beside:
         self.heard: list[Event] = []
         self.runtime = Runtime()
         self.task_planner = self.runtime.create(Receiver, heard=self.heard)
-        kit = AwayKit(2, self.told.append, lambda robot_id, machine: None)
-        self.agent = self.runtime.create(AwayAgent, (kit, self.task_planner))
+        kit = RemoteKit(2, self.told.append, lambda robot_id, machine: None)
+        self.agent = self.runtime.create(RemoteAgent, (kit, self.task_planner))
         self.runtime.run()
 
     def post(self, *events: Event) -> list[Event]:
@@ -63,12 +63,12 @@ class Beside:
 
 def test_a_start_of_the_other_process_is_told_everything_again() -> None:
     beside = Beside()
-    assert beside.post(RobotJoined(1, beside.agent)) == [JoinedAway(2, 1)]
-    assert beside.post(VisitTarget(5, PLACE)) == [VisitAway(2, VisitTarget(5, PLACE))]
-    assert beside.post(OtherSideCame()) == [JoinedAway(2, 1), VisitAway(2, VisitTarget(5, PLACE))]
+    assert beside.post(RobotJoined(1, beside.agent)) == [RemoteJoined(2, 1)]
+    assert beside.post(VisitTarget(5, PLACE)) == [RemoteVisit(2, VisitTarget(5, PLACE))]
+    assert beside.post(RemoteCame()) == [RemoteJoined(2, 1), RemoteVisit(2, VisitTarget(5, PLACE))]
     assert beside.post(TargetEnded(2, 5, Outcome.REACHED)) == []
     assert beside.heard == [TargetEnded(2, 5, Outcome.REACHED)]
-    assert beside.post(OtherSideCame()) == [JoinedAway(2, 1)], "that target is done with"
+    assert beside.post(RemoteCame()) == [RemoteJoined(2, 1)], "that target is done with"
 
 
 def test_a_target_that_ends_twice_or_is_not_the_robots_counts_once_or_not_at_all() -> None:
@@ -100,11 +100,11 @@ class Robots(Mission):
         }  # fmt: skip
         agents = {3: MachineRef(3, "RobotAgent 3", "elsewhere")}
         self.planner: MachineRef | None = None
-        tasks = AwayTasks(
+        tasks = RemoteTasks(
             kits, self.told.append, self._name, agents, lambda *target: self.given.append(target),
             lambda *target: self.ended.append(target),
         )  # fmt: skip
-        self.runtime.create(AwayTaskPlanner, tasks)
+        self.runtime.create(RemoteTaskPlanner, tasks)
         self.runtime.run()
 
     def _name(self, machine: MachineRef) -> None:
@@ -128,11 +128,11 @@ class Robots(Mission):
 def test_targets_are_numbered_anew_and_their_ends_told_by_the_planners_numbers() -> None:
     robots = Robots()
     robots.say(
-        OtherSideCame(),
-        JoinedAway(1, 2),
-        JoinedAway(1, 3),
-        VisitAway(1, VisitTarget(70, PLACE)),
-        VisitAway(2, VisitTarget(71, PLACE)),
+        RemoteCame(),
+        RemoteJoined(1, 2),
+        RemoteJoined(1, 3),
+        RemoteVisit(1, VisitTarget(70, PLACE)),
+        RemoteVisit(2, VisitTarget(71, PLACE)),
     )
     assert robots.given == [(1, 1, PLACE), (2, 2, PLACE)]
     robots.end(2)
@@ -142,8 +142,8 @@ def test_targets_are_numbered_anew_and_their_ends_told_by_the_planners_numbers()
 
 def test_what_a_new_planner_gives_waits_until_the_old_target_has_ended() -> None:
     robots = Robots()
-    robots.say(OtherSideCame(), VisitAway(1, VisitTarget(70, PLACE)))
-    robots.say(OtherSideCame(), VisitAway(1, VisitTarget(1, (3.0, 3.0))))
+    robots.say(RemoteCame(), RemoteVisit(1, VisitTarget(70, PLACE)))
+    robots.say(RemoteCame(), RemoteVisit(1, VisitTarget(1, (3.0, 3.0))))
     assert robots.given == [(1, 1, PLACE)]
     robots.end(1)
     assert robots.ended == [(1, 1, Outcome.UNSAFE)]
@@ -155,7 +155,7 @@ def test_what_a_new_planner_gives_waits_until_the_old_target_has_ended() -> None
 
 def test_robots_of_others_and_unknown_ones_are_left_alone() -> None:
     robots = Robots()
-    robots.say(VisitAway(9, VisitTarget(1, PLACE)), JoinedAway(9, 1), JoinedAway(1, 9))
+    robots.say(RemoteVisit(9, VisitTarget(1, PLACE)), RemoteJoined(9, 1), RemoteJoined(1, 9))
     assert robots.given == []
     assert robots.told == []
 
@@ -167,10 +167,10 @@ def test_a_task_planner_treats_robots_here_and_elsewhere_alike() -> None:
     kit = RobotKit(1, port, {}, lambda request, to: None, here.subscribe, 5, 0.5, 120.0, 0.1)
     given: list[tuple[int, int, tuple[float, float]]] = []
     tasks = Tasks(
-        {1: kit, 2: AwayKit(2, told.append, lambda robot_id, machine: None)}, lambda robot_id: PLACE,
+        {1: kit, 2: RemoteKit(2, told.append, lambda robot_id, machine: None)}, lambda robot_id: PLACE,
         lambda *target: given.append(target), lambda *target: None,
     )  # fmt: skip
     runtime.create(TaskPlanner, tasks)
     runtime.run()
     assert given == [(1, 1, PLACE), (2, 2, PLACE)]
-    assert told == [JoinedAway(2, 1), VisitAway(2, VisitTarget(2, PLACE))]
+    assert told == [RemoteJoined(2, 1), RemoteVisit(2, VisitTarget(2, PLACE))]

@@ -1,0 +1,101 @@
+"""What `--help` says, and how quickly: epilogs that fit the terminal, and options that are read only where needed."""
+
+from __future__ import annotations
+
+import copy
+import re
+import shutil
+import textwrap
+from collections.abc import Callable, Container
+from typing import Any, Final
+
+import typer
+
+_EXIT_CODE: Final = re.compile(r"  \d+  ")
+_INDENT: Final = "      "
+_LEAST_COLUMNS: Final = 40
+
+
+def only(whole: typer.Typer, words: Container[str]) -> typer.Typer:
+    """Return the same commands, of which those that are not among the words have lost their options.
+
+    Reading the options of all of them takes longer than everything else that `soter --help` does.
+    """
+    part = copy.copy(whole)
+    part.registered_commands = [
+        each if (each.name or _name(each.callback)) in words else _bare(each) for each in whole.registered_commands
+    ]
+    part.registered_groups = [
+        each if each.typer_instance is None or each.typer_instance.info.name in words else _bare_group(each)
+        for each in whole.registered_groups
+    ]
+    return part
+
+
+def _name(function: Callable[..., Any] | None) -> str:
+    return function.__name__.replace("_", "-") if function is not None else ""
+
+
+def _bare(command: Any) -> Any:
+    def never() -> None:
+        raise AssertionError("a command that is not named is not called")
+
+    never.__name__, never.__doc__ = command.callback.__name__, command.callback.__doc__
+    bare = copy.copy(command)
+    bare.callback = never
+    return bare
+
+
+def _bare_group(group: Any) -> Any:
+    bare = copy.copy(group)
+    bare.typer_instance = copy.copy(group.typer_instance)
+    bare.typer_instance.registered_commands = []
+    return bare
+
+
+def tidy(command: Any, columns: int | None = None) -> None:
+    """Have the help of a command, and of all below it, fit.
+
+    Options that take no value name no type, and epilogs are broken where a reader would break them.
+
+    Args:
+        command: made by typer.
+        columns: of the terminal; None for those that there are.
+    """
+    width = max(_LEAST_COLUMNS, (columns or shutil.get_terminal_size().columns) - 2)
+    # With the option for the help itself.
+    for option in command.get_params(typer.Context(command)):
+        if getattr(option, "is_flag", False):
+            option.metavar = ""
+    if command.epilog:
+        command.epilog = fit(command.epilog, width)
+    for each in getattr(command, "commands", {}).values():
+        tidy(each, columns)
+
+
+def fit(epilog: str, width: int) -> str:
+    """Return an epilog in lines of at most so many characters: commands in pieces that can be pasted into a shell."""
+    return "\n\n".join(_paragraph(each.rstrip(), width) for each in epilog.split("\n\n"))
+
+
+def _paragraph(text: str, width: int) -> str:
+    if text.startswith("  soter "):
+        return _command(text, width)
+    code = _EXIT_CODE.match(text)
+    indent = " " * len(code[0]) if code is not None else ""
+    lines = textwrap.wrap(" ".join(text[len(indent) :].split()), width, subsequent_indent=indent,
+                          initial_indent=code[0] if code is not None else "")  # fmt: skip
+    return "\n".join(lines)
+
+
+def _command(text: str, width: int) -> str:
+    """Break a command before options; an option that takes a value keeps it."""
+    first, *options = re.split(r" (?=--?[a-z])", text)
+    lines = [first]
+    for option in options:
+        # Room for what says that a line goes on.
+        if len(lines[-1]) + 1 + len(option) + 2 <= width:
+            lines[-1] += f" {option}"
+        else:
+            lines.append(f"{_INDENT}{option}")
+    return " \\\n".join(lines)

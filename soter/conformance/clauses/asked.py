@@ -1,0 +1,37 @@
+"""Asked for: a robot that is asked to promise something of its own keeps that, and not what its kind declares."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.clauses import bounds, deadman, goto
+from soter.conformance.figure import Failed
+
+_NARROWER = ("v_max_m_s", "yaw_rate_max_rad_s", "lease_s")
+_SHARE = 0.75
+
+
+@clause("truth.capabilities.asked", tier=Tier.TRUTH)
+def asked(bench: Bench) -> None:
+    """A robot that is asked to promise less speed, less of a turn and a shorter lease declares that and keeps it."""
+    bench.require_hook("promising")
+    bench.open_one()
+    bench.promised = wanted = replace(bench.caps, **{name: _SHARE * getattr(bench.caps, name) for name in _NARROWER})
+    bench.close()
+    for check in (goto.v_max, bounds.yaw_rate, deadman.lease):
+        robot = bench.open_one()
+        wider = robot.capabilities.widened_beyond(wanted)
+        bench.require(
+            wider is None,
+            f"asked to promise {wider} = {getattr(wanted, wider or '', None)}, it promises "
+            f"{getattr(robot.capabilities, wider or '', None)}: what a robot is asked for (RobotSpec.promised) is left "
+            "out; `self.declared` has it, the class's own does not",
+        )
+        bench.close()
+        try:
+            check(bench)
+        except Failed as failure:
+            raise Failed(f"asked to promise less, it keeps to what its kind declares: {failure}") from failure
+        bench.close()

@@ -1,0 +1,162 @@
+"""Clocks: a lease ends, and the robot obeys again, whatever the vehicle's own clock does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import TICK_S
+from soter.sdk import Controller, Robot, RobotState
+
+_LEARNS_S = 3.0
+_STEP_AGE_S = 0.1
+_CHARGE = 0.02
+# Vehicle time at whose multiples what is counted in so many digits or bits begins anew.
+_SOON = ((60.0, "the seconds of a minute"), (65.536, "milliseconds in 16 bits"))
+# Where clocks can be set, both at once, and what else begins anew no sooner than after an hour.
+_LATER = (
+    (4294.967296, "microseconds in 32 bits"),
+    (491520.0, "the seconds of a minute, or milliseconds in 16 bits"),
+)
+
+
+def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> Robot:
+    """See that a robot stops that hears nothing more right after something has happened to its clock; return it."""
+    robot = bench.open_one()
+    bench.faulty = True
+    bench.get_going(robot, bench.place(robot, 0.9))
+    clock = bench.fleet.clock
+    # The last renewal has arrived by then, and lives.
+    clock.sleep_until(clock.now() + min(bench.caps.latency_s, 0.5 * bench.caps.lease_s))
+    change(robot)
+    clock.sleep_until(clock.now() + bench.orphaned_s() + bench.caps.sample_age_s)
+    before = bench.true_place(robot)
+    clock.sleep_until(clock.now() + 1.0)
+    slipped = math.dist(before, bench.true_place(robot))
+    bench.require(
+        slipped <= bench.still_m,
+        f"{what} and nothing renews its lease any more, but it drives on, {slipped:.3f} m within a second: a lease "
+        "must end when the clock that it is counted by goes back",
+    )
+    return robot
+
+
+@clause("deadman.clock_back", tier=Tier.WIRE)
+def clock_back(bench: Bench) -> None:
+    """A vehicle's clock that steps back does not prolong the lease."""
+    bench.require_hook("step_clock")
+    _silent_after(
+        bench, lambda robot: bench.harness.step_clock(robot.id, -30.0), "the vehicle's clock went back by 30 s"
+    )
+
+
+@clause("deadman.wraps")
+def wraps(bench: Bench) -> None:
+    """A lease ends, and samples stay fresh, while a clock or counter of few digits begins anew."""
+    robot = bench.open_one()
+    if not bench.caps.in_process:
+        bench.require_hook("step_clock")
+    for every_s, what in _SOON if bench.caps.in_process else _LATER:
+        _see_it_wrap(bench, robot, every_s, what)
+
+
+def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
+    """See a robot stop that is renewed for the last time just before its clock shows a multiple of something."""
+    caps, clock = bench.caps, bench.fleet.clock
+    # A leg that begins so long before does not end by then.
+    leg_s = 0.25 * bench.harness.room_m / caps.v_max_m_s
+    soon_s = _LEARNS_S + 2.0 * leg_s
+    if not caps.in_process:
+        shown_s = robot.read_state().vehicle_stamp_s + soon_s
+        bench.faulty = True
+        bench.harness.step_clock(robot.id, math.ceil(shown_s / every_s) * every_s - shown_s)
+        bench.run(_LEARNS_S)
+    bench.go(
+        robot, bench.place(robot, 0.0),
+        cause="its clock was set forward, and it does not obey since: leases and stamps are said by a clock that it no "
+        "longer has, or in too few digits",
+    )  # fmt: skip
+    state = robot.read_state()
+    wraps_s = math.ceil(state.vehicle_stamp_s / every_s) * every_s + state.stamp_s - state.vehicle_stamp_s
+    bench.run(wraps_s - leg_s - bench.now_s)
+    ahead = bench.place(robot, 0.9)
+    robot.goto(ahead, Controller.AC)
+    last_s = wraps_s - 0.5 * caps.lease_s
+    bench.run(last_s - TICK_S - bench.now_s)
+    clock.sleep_until(last_s)
+    robot.renew_lease()
+    clock.sleep_until(last_s + bench.orphaned_s() + caps.sample_age_s)
+    before, state = bench.true_place(robot), robot.read_state()
+    clock.sleep_until(clock.now() + 1.0)
+    slipped = math.dist(before, bench.true_place(robot))
+    bench.require(
+        slipped <= bench.still_m,
+        f"nothing has renewed its lease since just before its clock showed a multiple of {every_s:g} s, but it drives "
+        f"on, {slipped:.3f} m within a second: the lease is counted by {what}, which began anew",
+    )
+    said_s = bench.now_s - 1.0 - state.stamp_s
+    bench.require(
+        said_s <= caps.sample_age_s + _STEP_AGE_S,
+        f"after its clock has shown a multiple of {every_s:g} s the sample is said to be {said_s:.1f} s old: stamps "
+        f"are {what}, which began anew, and what comes after that is dropped as older",
+    )
+    bench.go(
+        robot, bench.place(robot, -0.3),
+        cause=f"the robot does not obey since its clock showed a multiple of {every_s:g} s: renewals carry {what}, "
+        "which began anew",
+    )  # fmt: skip
+
+
+@clause("deadman.clock_steps", tier=Tier.WIRE)
+def clock_steps(bench: Bench) -> None:
+    """After a step of the vehicle's clock, back or forth, samples are as fresh as before and the robot obeys again."""
+    bench.require_hook("step_clock")
+    robot = bench.open_one()
+    for number, seconds in enumerate((-30.0, 30.0)):
+        bench.faulty = True
+        bench.harness.step_clock(robot.id, seconds)
+        bench.run(_LEARNS_S)
+        age_s = robot.read_state().age_s(bench.now_s)
+        bench.require(
+            age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
+            f"{_LEARNS_S:.0f} s after the vehicle's clock stepped by {seconds:+.0f} s the sample is said to be "
+            f"{age_s:.1f} s old: a clock that goes another way has to be learned anew",
+        )
+        bench.go(
+            robot, bench.place(robot, 0.3 if number else -0.3),
+            cause=f"after its clock stepped by {seconds:+.0f} s the robot does not obey: leases are said by a clock "
+            "that it no longer has",
+        )  # fmt: skip
+
+
+@clause("deadman.restart", tier=Tier.WIRE)
+def restart(bench: Bench) -> None:
+    """A vehicle that restarts has forgotten its lease, and obeys again once it is commanded anew."""
+    bench.require_hook("restart")
+    said: list[RobotState] = []
+
+    def start_anew(robot: Robot) -> None:
+        said.append(robot.read_state())
+        bench.harness.restart(robot.id)
+
+    robot = _silent_after(bench, start_anew, "the vehicle has restarted")
+    bench.run(_LEARNS_S)
+    before, now = said[0].battery, robot.read_state()
+    rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
+    bench.require(
+        before is None or (now.battery is not None and abs(now.battery - before) <= _CHARGE + rises),
+        f"before it restarted the charge was said to be {before}, and now {now.battery}: its gauge begins anew with a "
+        "guess",
+    )
+    for to in (Controller.SC, Controller.AC):
+        robot.switch_ac_sc(to, "conformance")
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+    bench.go(robot, bench.place(robot, 0.0), cause="after a restart the robot does not obey any more")
+    bench.run(SETTLE_S)
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.expect_stop(
+        robot, bench.now_s, "after a restart its lease is longer than lease_s: what was set is lost with the power",
+        extra_s=bench.caps.lease_s, renew=False,
+    )  # fmt: skip

@@ -1,0 +1,81 @@
+"""Margins of the rules from where robots were, for a run in which no module knew any.
+
+They are what ground truth measures: to the fence from a robot's centre, to a box from its body, between two centres,
+each less what the mission promises. A run without modules is judged by these alone.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soter.geometry.workspace import Box, Workspace
+from soter.record.content import Series
+from soter.record.messages import About, ModuleAbout, RobotAbout
+
+RULES: Final = ("collision", "obstacle", "geofence")
+
+
+class RuleMargins:
+    """Adds margins to the samples of a run without modules.
+
+    Args:
+        about: the run.
+        workspace: its fence and boxes.
+    """
+
+    def __init__(self, about: About, workspace: Workspace) -> None:
+        self._workspace: Final = workspace
+        self._separation_m: Final = _promised_m(about.mission, "collision")
+        self._clearance_m: Final = _promised_m(about.mission, "obstacle")
+        self._radius_m: Final = {each.robot_id: body_radius_m(each) for each in about.robots}
+
+    def add(self, series: Mapping[int, Series]) -> None:
+        """Put the margins of every sample into the series, by rule."""
+        places = {robot: (np.array(each.x_m), np.array(each.y_m)) for robot, each in series.items()}
+        apart = {robot: np.full(len(x), np.inf) for robot, (x, _) in places.items()}
+        for one, other in combinations(places, 2):
+            count = min(len(apart[one]), len(apart[other]))
+            (x, y), (other_x, other_y) = places[one], places[other]
+            away = np.hypot(x[:count] - other_x[:count], y[:count] - other_y[:count])
+            away -= max(self._separation_m, self._radius_m[one] + self._radius_m[other])
+            for robot in (one, other):
+                np.minimum(apart[robot][:count], away, out=apart[robot][:count])
+        for robot, (x, y) in places.items():
+            room = self._workspace
+            fence = np.minimum(np.minimum(x, room.width_m - x), np.minimum(y, room.depth_m - y))
+            nearest = np.full(len(x), np.inf)
+            for box in room.boxes:
+                np.minimum(nearest, _distance_m(box, x, y), out=nearest)
+            nearest -= self._radius_m[robot] + self._clearance_m
+            for rule, margins in zip(RULES, (apart[robot], nearest, fence), strict=True):
+                series[robot].margins[rule] = array("d", margins)
+
+
+def modules_of(robot: RobotAbout) -> tuple[ModuleAbout, ...]:
+    """Return the modules whose margins a page shows of a robot; those of the rules where it had none."""
+    return robot.modules or tuple(ModuleAbout(rule, 0.0, 0.0, "m") for rule in RULES)
+
+
+def body_radius_m(robot: RobotAbout) -> float:
+    """Return the radius of a robot's body, 0.1 m where it was not said."""
+    return float(robot.capabilities.get("body_radius_m", 0.1))
+
+
+def _promised_m(mission: Mapping[str, Any], module: str) -> float:
+    """Return from where on the mission counts a rule as broken, with its modules or without."""
+    found = mission.get("rta", {}).get(module, {}).get("phi_safe_m", 0.0)
+    return float(found)
+
+
+def _distance_m(box: Box, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what `Box.distance_m` does, for many points."""
+    dx = np.maximum(box.low_x_m - x, x - box.high_x_m)
+    dy = np.maximum(box.low_y_m - y, y - box.high_y_m)
+    outside = np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0))
+    return np.where((dx > 0.0) | (dy > 0.0), outside, np.maximum(dx, dy))
