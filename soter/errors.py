@@ -98,10 +98,11 @@ class IllFormedModule(SoterError):
         module: the module's name.
         condition: the condition that fails, such as "P3".
         message: the numbers, and a value that would do.
+        would_do: that value, by the key of the module's table that it is for, where one key is enough.
     """
 
-    def __init__(self, module: str, condition: str, message: str) -> None:
-        self.module, self.condition = module, condition
+    def __init__(self, module: str, condition: str, message: str, would_do: dict[str, float] | None = None) -> None:
+        self.module, self.condition, self.would_do = module, condition, would_do or {}
         super().__init__(f"module '{module}' is ill-formed ({condition}): {message}")
 
 

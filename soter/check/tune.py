@@ -31,6 +31,7 @@ _TRADE: Final = (2, 4)
 """Multiples of the shortest Delta that are shown beside it, and fallen back upon."""
 
 _HEADINGS: Final = 8
+_FAR_M: Final = 1000.0
 _STEP: Final = 1000
 """Numbers are rounded up to a part in so many: millimetres, and tenths of a percent of a charge."""
 
@@ -48,6 +49,7 @@ class Choice:
         usual: how far it falls on average over the ways in which a robot may move: what the AC loses control at.
         needed: what P3 asks for at the edge of phi_safer: R(H), the noise, and what is kept for the safe controller.
         why_not: why it is ill-formed, or empty.
+        would_do_s: the Delta that would do, where that is why; 0 where it is not, or not known.
     """
 
     module: str
@@ -58,6 +60,7 @@ class Choice:
     usual: float = 0.0
     needed: float = 0.0
     why_not: str = ""
+    would_do_s: float = 0.0
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -128,6 +131,42 @@ def tune_for(mission: MissionFile, workspace: Workspace, capabilities: Mapping[i
     return _Search(mission, workspace, capabilities).tuning()
 
 
+def what_would_do(mission: MissionFile) -> Tuning:
+    """Do the same, and where no number would do for the separation of the collision module, raise that first.
+
+    Raises:
+        ConfigError: bad input, or numbers that would do do not fit in the workspace.
+        BackendError: the mission's backend cannot be loaded.
+    """
+    workspace = mission.read_workspace()
+    backend = load_backend(mission.backend, to_open=False)
+    capabilities = promises(backend, read_options(backend, mission, workspace), mission, workspace)
+    return tune(_apart(mission, workspace, capabilities))
+
+
+def _apart(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> MissionFile:
+    """Return the mission with its robots so far apart that legs of their safe controllers are short beside that."""
+    collision = mission.rta.collision
+    if COLLISION not in mission.rta.order:
+        return mission
+    # What P3 asks for is found later.
+    far = _separated(mission, collision.phi_safe_m, collision.phi_safe_m + _FAR_M)
+    try:
+        for made in declare_all(far, workspace, capabilities).values():
+            made.module(COLLISION).check(made.timing, mission.base_tick_s)
+    except IllFormedModule as failure:
+        safe_m = failure.would_do.get("phi_safe_m", collision.phi_safe_m)
+        if safe_m > collision.phi_safe_m:
+            gap_m = collision.phi_safer_m - collision.phi_safe_m
+            return _apart(_separated(mission, safe_m, safe_m + gap_m), workspace, capabilities)
+    return mission
+
+
+def _separated(mission: MissionFile, safe_m: float, safer_m: float) -> MissionFile:
+    collision = mission.rta.collision.model_copy(update={"phi_safe_m": safe_m, "phi_safer_m": safer_m})
+    return mission.model_copy(update={"rta": mission.rta.model_copy(update={COLLISION: collision})})
+
+
 def changed(mission: MissionFile, choices: Iterable[Choice]) -> MissionFile:
     """Return a mission with other numbers."""
     rta = mission.rta
@@ -170,17 +209,20 @@ class _Search:
         return sorted(found, key=lambda each: (each.usual, each.needed, each.delta_s))
 
     def _of_model(self, name: str, model: MotionModel) -> Iterator[Choice]:
-        why_not = ""
-        for ticks in range(1, MOST_TICKS + 1):
+        why_not, ticks = "", 1
+        while ticks <= MOST_TICKS:
             shortest = self._least(ticks, model).get(name)
-            # What is refused in the same words at another Delta has nothing to do with Delta.
-            if shortest is None or (shortest.why_not and shortest.why_not == why_not):
+            if shortest is None:
                 return
-            why_not = shortest.why_not
-            if not why_not:
+            if not shortest.why_not:
                 longer = (self._least(ticks * times, model).get(name) for times in _TRADE)
                 yield from (each for each in (shortest, *longer) if each is not None and not each.why_not)
                 return
+            wanted = math.ceil(shortest.would_do_s / self._mission.base_tick_s - 1e-6)
+            # What is refused in the same words at another Delta has nothing to do with Delta, unless it says so.
+            if wanted <= ticks and shortest.why_not == why_not:
+                return
+            why_not, ticks = shortest.why_not, max(ticks + 1, wanted)
 
     def _least(self, ticks: int, model: MotionModel) -> Mapping[str, Choice]:
         """Return a Delta and a model with the least phi_safer, by module; none if the robots do not promise enough."""
@@ -239,7 +281,7 @@ class _Search:
         return [self._cost(choice, declared) for choice in choices]
 
     def _cost(self, choice: Choice, declared: Mapping[int, Declared]) -> Choice:
-        why_not, costs = "", []
+        why_not, would_do_s, costs = "", 0.0, []
         for robot_id, made in declared.items():
             module, timing = made.module(choice.module), made.timing
             assert module.model is not None
@@ -253,8 +295,9 @@ class _Search:
                 module.check(made.timing, self._mission.base_tick_s)
             except IllFormedModule as failure:
                 why_not = why_not or _reason(failure)
+                would_do_s = max(would_do_s, failure.would_do.get("delta_s", 0.0))
         reach, usual, needed = (max(each) for each in zip(*costs, strict=True))
-        return replace(choice, reach=reach, usual=usual, needed=needed, why_not=why_not)
+        return replace(choice, reach=reach, usual=usual, needed=needed, why_not=why_not, would_do_s=would_do_s)
 
 
 def _asked(module: RTAModule, timing: Timing) -> tuple[float, float]:

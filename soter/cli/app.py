@@ -17,6 +17,7 @@ from soter.cli import (
     compare,
     conform,
     info,
+    measure,
     new,
     replay,
     report,
@@ -46,7 +47,7 @@ _ROBOTS = "Robots and their adapters"
 for _panel, _modules in {
     "Missions": (run, check, tune, ablate),
     "Recordings": (report, compare, info, verify, replay),
-    _ROBOTS: (backends, conform),
+    _ROBOTS: (backends, measure, conform),
 }.items():
     for _module in _modules:
         _command = getattr(_module, _module.__name__.rpartition(".")[2])

@@ -42,6 +42,7 @@ Exit codes:
 
 _PREFIX = "module:"
 _OPTIONS = "options."
+_KEYS = ("delta_s", "model", "phi_safe_m", "phi_safer_m", "phi_safer_inset_m")
 
 
 def check(
@@ -100,6 +101,8 @@ def check(
         subject: dict[str, Any] = {"target": target, "backend": backend, "settings": [*(settings or [])]}
         report = _check(console, subject, robots, patience, budget, seed)
         _print(console, report)
+        if report.rejected and not target.startswith(_PREFIX):
+            _print_what_would_do(console, subject)
         written = _write(report, target, json_file, picture_file)
         if example_file is not None:
             written = _write_example(console, report, subject, example_file) and written
@@ -170,6 +173,30 @@ def _print(console: Console, report: Report) -> None:
         counts[each.verdict.value] = counts.get(each.verdict.value, 0) + 1
     summary = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _STYLES if verdict in counts)
     console.print(Text(f"\n{summary}", "bold red" if report.rejected else "bold"), soft_wrap=True)
+
+
+def _print_what_would_do(console: Console, subject: dict[str, Any]) -> None:
+    """Print the tables of all modules that keep distances, with numbers that fit each other, or why there are none."""
+    from soter.check.tune import what_would_do
+    from soter.config.toml_text import toml
+    from soter.errors import ConfigError
+
+    try:
+        tuning = what_would_do(_mission(subject))
+    except ConfigError as failure:
+        console.print(f"\nwhat would do does not fit in the workspace: {failure}", soft_wrap=True)
+        return
+    if tuning.refused:
+        console.print(
+            "\nno numbers of these modules would do for robots that promise so much; the nearest:", soft_wrap=True
+        )
+        for each in tuning.refused:
+            console.print(f"{each.module}  {each.condition}  {each.text}", soft_wrap=True)
+        return
+    tables = tuning.tables()["rta"]
+    shown = {name: {key: tables[name][key] for key in _KEYS if key in tables[name]} for name in tuning.trade}
+    console.print("\nall of these together would do:", soft_wrap=True)
+    console.print(toml({"rta": shown}).rstrip(), soft_wrap=True, markup=False, highlight=False)
 
 
 def _write(report: Report, target: str, json_file: Output | StandardOutput | None, picture_file: Output | None) -> bool:

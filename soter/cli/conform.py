@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, guard
+from soter.cli.given import RobotNumber, Room, read_given
+from soter.cli.overrides import Settings
+
+if TYPE_CHECKING:
+    from soter.conformance.given import Given
 
 EXAMPLES = """Examples:
 
@@ -18,6 +23,8 @@ EXAMPLES = """Examples:
   soter conform kinematic --only deadman --only goto.arrives
 
   soter conform mavlink --tier wire
+
+  soter conform examples/ardurover/mission.toml --robot 1 --room 11
 
 Exit codes:
 
@@ -35,7 +42,9 @@ def conform(
     adapter: Annotated[
         str | None,
         typer.Argument(
-            metavar="BACKEND|MODULE:HARNESS", help="A backend's name, or a harness of your own.", show_default=False
+            metavar="BACKEND|MODULE:HARNESS|MISSION",
+            help="A backend's name, a harness of your own, or a mission file with a robot that is there already.",
+            show_default=False,
         ),
     ] = None,
     only: Annotated[
@@ -49,6 +58,9 @@ def conform(
         list[str] | None,
         typer.Option(metavar="TIER", help="Only clauses of this tier: core, truth or wire; may be repeated."),
     ] = None,
+    room: Room = None,
+    robot: RobotNumber = None,
+    settings: Settings = None,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -87,6 +99,7 @@ def conform(
                 raise ConfigError(
                     f"there is no tier '{name}'{nearest(name, list(tiers))}; allowed: {', '.join(tiers)}", key="--tier"
                 )
+        given_only = {"--room": room, "--robot": robot, "--set": settings}
         clauses = select(only or (), [tiers[name] for name in tier or ()])
         to_stderr = "-" in (str(json), str(junit))
         console = make_console(stderr=to_stderr)
@@ -103,7 +116,12 @@ def conform(
             None if junit is None else StandardOutput() if str(junit) == "-" else Output(junit, "--junit"),
         )
         began_s = time.monotonic()
-        with Workshop(adapter, jobs, stop) as workshop, Outcomes(console, len(clauses)) as shown:
+        target: str | Given = adapter
+        if adapter.endswith(".toml"):
+            target = read_given(Path(adapter), None, settings, robot, room)
+        elif wrong := next((key for key, value in given_only.items() if value), None):
+            raise ConfigError(f"it is for a robot that is there; '{adapter}' is no mission file", key=wrong)
+        with Workshop(target, jobs, stop) as workshop, Outcomes(console, len(clauses)) as shown:
             if jobs is not None and workshop.jobs < jobs:
                 console.print(f"{workshop.name}: one clause after another; its harness does not say `side_by_side`")
 

@@ -18,7 +18,7 @@ from soter.cli.outputs import Output, StandardOutput
 from soter.conformance import KIT_VERSION, Clause, Outcome, Overall, Record, Verdict
 from soter.conformance.figure import Figure
 from soter.conformance.measured import measured_of
-from soter.conformance.record import overall
+from soter.conformance.record import NOT_DECLARED, overall
 
 WIDTH: Final = 34
 _STYLES: Final = {"PASS": "green", "FAIL": "bold red", "NOT TESTED": "yellow"}
@@ -145,10 +145,13 @@ def print_summary(console: Console, record: Record, host_s: float) -> None:
     for each in record.outcomes:
         if each.verdict is Verdict.NOT_TESTED:
             missing.setdefault(each.reason, []).append(each)
+    as_far = record.overall is Overall.AS_FAR
     for reason, outcomes in sorted(missing.items()):
         needed = record.overall is Overall.FAILS and overall(outcomes, in_process=in_process) is Overall.FAILS
         what = "not tested, and may not be left out" if needed else "not tested"
         console.print(f"  {what}: {reason} ({len(outcomes)} clause{'s' * (len(outcomes) > 1)})", soft_wrap=True)
+        for each in outcomes if as_far and not reason.startswith(NOT_DECLARED) else ():
+            console.print(f"    nothing says: {each.clause.contract} ({each.clause.id})", soft_wrap=True)
     console.print(Text(record.overall.value, "bold red" if record.overall is Overall.FAILS else "bold green"))
 
 

@@ -34,6 +34,7 @@ _READS: Final = 5
 _PATIENCE_S: Final = 3.0
 _ASTRAY_RAD: Final = 0.3
 _CREEPS: Final = 0.1
+_BACK: Final = 0.05
 
 
 class Bench:
@@ -60,6 +61,7 @@ class Bench:
         self.tracks: dict[int, list[Sample]] = {}
         self.fleets: list[Fleet] = []
         self._stamps: dict[int, float] = {}
+        self._turned: dict[int, float] = {}
         self.capabilities: Capabilities | None = None
         self.faulty = False
         self.judged = 1
@@ -69,6 +71,8 @@ class Bench:
 
     def open_raw(self, robots: int = 1) -> Fleet:
         """Open a fresh fleet whose robots are not initialised."""
+        if robots > self.harness.robots_most:
+            raise NotTested(f"it needs {robots} robots, and the harness has {self.harness.robots_most}")
         fleet = self.harness.open(robots) if self.promised is None else self.harness.promising(self.promised)
         self.fleets.append(fleet)
         self.require(
@@ -96,10 +100,33 @@ class Bench:
             if promise is None or promise is False:
                 raise NotTested(f"not declared: {name}")
         self.run(2 * TICK_S)
+        if not self.harness.starts_robots:
+            for robot in fleet.robots:
+                self._bring_back(robot)
         for robot in fleet.robots:
             robot.switch_ac_sc(in_charge, "conformance")
         self.run(self.caps.latency_s + 2 * TICK_S)
         return fleet.robots
+
+    def _bring_back(self, robot: Robot) -> None:
+        """Let a robot that was there before drive to its start, and turn the room as it stands there."""
+        spec, at, room_m = robot.spec, self.look(robot), self.harness.room_m
+        off_m = at.distance_m(spec.x_m, spec.y_m)
+        self.require(
+            off_m <= 0.5 * room_m,
+            f"the robot stands {off_m:.1f} m from its start, ({spec.x_m:g}, {spec.y_m:g}), outside of its room of "
+            f"{room_m:g} m: put it there, or correct its start or the origin",
+        )
+        if off_m > _BACK * room_m:
+            self.go(robot, Waypoint(spec.x_m, spec.y_m), Controller.SC, cause="it does not drive back to its start")
+            self.run(SETTLE_S)
+        self._turned[robot.id] = self.look(robot).heading_rad
+        del self.tracks[robot.id][:-1]
+
+    def home(self, robot: Robot) -> tuple[float, float, float]:
+        """Return where a robot was when the clause began: x_m, y_m, heading_rad; the middle of its room."""
+        spec = robot.spec
+        return spec.x_m, spec.y_m, self._turned.get(robot.id, spec.heading_rad)
 
     def open_one(self, in_charge: Controller = Controller.AC) -> Robot:
         """Open a fresh fleet of one robot, ready, with a controller in charge; of more, where the last is judged."""
@@ -175,6 +202,13 @@ class Bench:
             )  # fmt: skip
         if not track or sample.at_s > track[-1].at_s + ROUNDING:
             track.append(sample)
+        if robot.id in self._turned:
+            off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
+            # Whatever fails a clause closes its fleet, which stops the robot.
+            self.require(
+                off_m <= 0.5 * self.harness.room_m,
+                f"it was stopped {off_m:.1f} m from its start, on its way out of its room",
+            )
         return sample
 
     def true_pose(self, robot_id: int) -> tuple[float, float, float]:
@@ -204,10 +238,10 @@ class Bench:
 
     def place(self, robot: Robot, ahead: float, left: float = 0.0, **options: float) -> Waypoint:
         """Return a waypoint in a robot's room, in shares of its half side, seen from the start pose."""
-        spec, scale = robot.spec, self.harness.room_m / 2.0
-        c, s = math.cos(spec.heading_rad), math.sin(spec.heading_rad)
+        (at_x_m, at_y_m, heading_rad), scale = self.home(robot), self.harness.room_m / 2.0
+        c, s = math.cos(heading_rad), math.sin(heading_rad)
         x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
-        return Waypoint(spec.x_m + x_m, spec.y_m + y_m, **options)
+        return Waypoint(at_x_m + x_m, at_y_m + y_m, **options)
 
     def go(
         self,
@@ -434,6 +468,9 @@ class Bench:
             at_least: the bound is the least that is allowed.
             spread: of several trials, all that was seen.
         """
+        if not self.harness.judges:
+            self.figures.append(Figure.of(name, seen, None, resolution, trials=spread))
+            return
         figure = Figure.of(name, seen, bound, resolution, at_least=at_least, trials=spread)
         self.figures.append(figure)
         assert bound is None or cause, f"{name}: a figure with a bound is judged by it"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any, Final
 
+from soter.conformance.given import Given, GivenHarness
 from soter.conformance.harness import LIMITS, Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
@@ -62,8 +63,13 @@ class InProcessHarness(Harness):
         return self.backend().open(config, specs_at(floor.robots, promised))
 
 
-def find_harness(name: str) -> Harness:
-    """Return the harness for a backend's name, or the one named as `module:Harness`.
+def named(target: str | Given) -> str:
+    """Return how messages call what is judged."""
+    return f"'{target}'" if isinstance(target, str) else f"robot {target.spec.id} of {target.backend}"
+
+
+def find_harness(name: str | Given) -> Harness:
+    """Return the harness for a backend's name, or the one named as `module:Harness`, or for a robot that is given.
 
     A backend names its harness in a class attribute `harness`, as `module:Class`; one whose robots live in this process
     needs none.
@@ -72,6 +78,10 @@ def find_harness(name: str) -> Harness:
         BackendError: there is no such backend, it cannot be used here, or it has no harness.
         ConfigError: what was named is no harness.
     """
+    if isinstance(name, Given):
+        target = getattr(load_backend(name.backend), "harness", None)
+        between = None if target is None else getattr(_load(target), "between", None)
+        return GivenHarness(name) if between is None else GivenHarness(name, between)
     if ":" in name:
         found = _load(name)
         if not (isinstance(found, type) and issubclass(found, Backend)):

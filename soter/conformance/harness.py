@@ -50,14 +50,18 @@ class Harness(ABC):
             2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
         charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.
         contacts: whether the robots are simulated, so that they may be driven into each other, and truth counts that.
-        robots_most: how many robots `open` can give, 2 or more; best as many as are to drive together, since what is
-            right for two can be wrong for the third.
+        robots_most: how many robots `open` can give; clauses that need more are not tested. Best as many as are to
+            drive together, since what is right for two can be wrong for the third.
         limits: what the truth of simulated robots was told to judge by, or None; best not what it does by itself.
         connect_timeout_s: what the kit passes to `Robot.init`.
         speedup: how many seconds of fleet time may pass in one second of the host; needed for `start_driver` only.
         side_by_side: whether several fleets may be open at once on this host, by processes that know nothing of each
             other: their robots are simulated, each fleet has its own, and ports are free ones. `soter conform --jobs`
             tries one clause after another where it is False.
+        starts_robots: whether `open` starts them afresh, where their specs say. Where it only connects to one that is
+            there, the kit lets it drive back to its start before each clause, and stops it when it leaves its room.
+        clause_limit_s: a clause that takes longer on the host hangs, and fails.
+        judges: whether figures are judged by what is declared; where they are only taken, no clause fails by them.
     """
 
     name: str
@@ -69,6 +73,9 @@ class Harness(ABC):
     connect_timeout_s: float = 10.0
     speedup: float = 1.0
     side_by_side: bool = False
+    starts_robots: bool = True
+    clause_limit_s: float = 180.0
+    judges: bool = True
 
     @abstractmethod
     def open(self, robots: int) -> Fleet:

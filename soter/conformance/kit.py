@@ -19,11 +19,8 @@ from soter.conformance.record import Outcome, Record, Verdict, subject_of
 from soter.conformance.tally import Tally
 from soter.errors import ConfigError, nearest
 
-HOST_LIMIT_S: Final = 180.0
-"""A clause that takes longer than this on the host hangs, and fails."""
-
 CLOSE_LIMIT_S: Final = 30.0
-"""The same for closing a fleet or a harness."""
+"""Closing a fleet or a harness that takes longer than this on the host hangs."""
 
 _START_S: Final = 20.0
 """How long a harness may take to start its robots."""
@@ -69,7 +66,8 @@ def judge(
         clauses: which; None for all.
         on_outcome: told of each outcome as it comes, and of the record with it.
     """
-    tally = Tally(harness.name, CLAUSES.values() if clauses is None else clauses, on_outcome)
+    chosen = CLAUSES.values() if clauses is None else clauses
+    tally = Tally(harness.name, chosen, on_outcome, given=not harness.starts_robots)
     for number, each in enumerate(tally.clauses):
         if tally.hopeless():
             tally.give_up(tally.clauses[number:])
@@ -89,7 +87,7 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         return Outcome(clause, Verdict.NOT_TESTED, reason, (), 0.0), bench
     verdict, reason, unready = Verdict.PASS, "", False
     try:
-        with _host_limit(_ready_s(harness), extended=lambda: HOST_LIMIT_S if bench.capabilities else 0.0):
+        with _host_limit(_ready_s(harness), extended=lambda: harness.clause_limit_s if bench.capabilities else 0.0):
             clause.check(bench)
     except NotTested as missing_part:
         verdict, reason = Verdict.NOT_TESTED, str(missing_part)
@@ -122,7 +120,7 @@ def _close(bench: Bench) -> str:
 
 def _ready_s(harness: Harness) -> float:
     """Return how long a clause may take until a robot is ready."""
-    return min(2.0 * harness.connect_timeout_s + _START_S, HOST_LIMIT_S)
+    return min(2.0 * harness.connect_timeout_s + _START_S, harness.clause_limit_s)
 
 
 def explain(failure: BaseException) -> str:

@@ -39,6 +39,7 @@ class Overall(Enum):
     CONFORMS = "CONFORMS"
     SELF_REPORTED = "CONFORMS (self-reported)"
     FAILS = "DOES NOT CONFORM"
+    AS_FAR = "CONFORMS AS FAR AS IT COULD BE TRIED (the kit did not start the robot)"
     PARTIAL = "NOT JUDGED (a selection of clauses)"
     UNFINISHED = "NOT JUDGED (ended before all clauses were tried)"
 
@@ -145,11 +146,12 @@ class Record:
         return tostring(suite, encoding="unicode", xml_declaration=True)
 
 
-def overall(outcomes: Sequence[Outcome], *, in_process: bool) -> Overall:
+def overall(outcomes: Sequence[Outcome], *, in_process: bool, given: bool = False) -> Overall:
     """Return what the outcomes of all clauses say together.
 
     Core clauses must pass, and unless the robots live in this process those of the wire tier too; what a capability
-    that is not declared would need does not count. Truth clauses that were not tested cost the word of a witness.
+    that is not declared would need does not count. Truth clauses that were not tested cost the word of a witness. Of a
+    robot that the kit did not start, what could not be tried costs the whole verdict.
     """
     verdict = Overall.CONFORMS
     for outcome in outcomes:
@@ -158,15 +160,23 @@ def overall(outcomes: Sequence[Outcome], *, in_process: bool) -> Overall:
             return Overall.FAILS
         if not missing or outcome.reason.startswith(NOT_DECLARED):
             continue
-        if tier is Tier.CORE or (tier is Tier.WIRE and not in_process):
+        if given:
+            verdict = Overall.AS_FAR
+        elif tier is Tier.CORE or (tier is Tier.WIRE and not in_process):
             return Overall.FAILS
-        if tier is Tier.TRUTH:
+        elif tier is Tier.TRUTH:
             verdict = Overall.SELF_REPORTED
     return verdict
 
 
 def make_record(
-    adapter: str, subject: Subject | None, outcomes: Sequence[Outcome], *, complete: bool, finished: bool = True
+    adapter: str,
+    subject: Subject | None,
+    outcomes: Sequence[Outcome],
+    *,
+    complete: bool,
+    finished: bool = True,
+    given: bool = False,
 ) -> Record:
     """Return the record of a run.
 
@@ -176,8 +186,9 @@ def make_record(
         outcomes: of each clause tried.
         complete: whether all clauses there are were to be tried.
         finished: whether those that were to be tried have been.
+        given: whether the robot was there already.
     """
-    said = overall(outcomes, in_process=subject is not None and subject.in_process)
+    said = overall(outcomes, in_process=subject is not None and subject.in_process, given=given)
     if not (complete and finished) and not any(outcome.verdict is Verdict.FAIL for outcome in outcomes):
         said = Overall.PARTIAL if finished else Overall.UNFINISHED
     return Record(adapter, subject, tuple(outcomes), said)

@@ -22,6 +22,7 @@ class Tally:
         adapter: the harness's name.
         clauses: that are to be tried.
         on_outcome: told of each outcome, and of the record with it.
+        given: whether the robot was there already.
     """
 
     def __init__(
@@ -29,7 +30,10 @@ class Tally:
         adapter: str,
         clauses: Iterable[Clause],
         on_outcome: Callable[[Outcome, Record], None] | None = None,
+        *,
+        given: bool = False,
     ) -> None:
+        self._given: Final = given
         self.clauses: Final = tuple(clauses)
         self._adapter: Final = adapter
         self._on_outcome: Final = on_outcome
@@ -66,4 +70,5 @@ class Tally:
             outcomes,
             complete=len(self.clauses) == len(CLAUSES),
             finished=len(outcomes) == len(self.clauses),
+            given=self._given,
         )

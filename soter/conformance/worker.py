@@ -14,7 +14,8 @@ import msgspec
 
 from soter.conformance.clause import CLAUSES
 from soter.conformance.figure import Figure
-from soter.conformance.find import find_harness
+from soter.conformance.find import find_harness, named
+from soter.conformance.given import Given
 from soter.conformance.kit import explain, try_clause
 from soter.conformance.record import Outcome, Subject, Verdict, subject_of
 from soter.conformance.usage import Usage, usage
@@ -34,12 +35,14 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
         name: its name.
         side_by_side: whether several of its fleets may be open at once.
         on_wire: whether its robots keep time with the host, so that clauses mostly wait.
+        clause_limit_s: how long a clause may take.
         refusal: why it is not there; empty if it is.
     """
 
     name: str = ""
     side_by_side: bool = False
     on_wire: bool = False
+    clause_limit_s: float = 0.0
     refusal: str = ""
 
 
@@ -86,14 +89,15 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
         _serve(link, target)
 
 
-def _serve(link: socket.socket, target: str) -> None:
+def _serve(link: socket.socket, target: str | Given) -> None:
     try:
         harness = find_harness(target)
     except Exception as failure:  # noqa: BLE001 - a harness of the user's own may fail in any way
-        why = str(failure) if isinstance(failure, SoterError) else f"'{target}': {explain(failure)}"
+        why = str(failure) if isinstance(failure, SoterError) else f"{named(target)}: {explain(failure)}"
         link.send(msgspec.msgpack.encode(Ready(refusal=why[:_LONGEST_REASON])))
         return
-    link.send(msgspec.msgpack.encode(Ready(harness.name, harness.side_by_side, harness.gives("cut"))))
+    ready = Ready(harness.name, harness.side_by_side, harness.gives("cut"), harness.clause_limit_s)
+    link.send(msgspec.msgpack.encode(ready))
     first: Usage | None = None
     while clause_id := link.recv(MAX_MESSAGE_BYTES).decode():
         outcome, bench = try_clause(CLAUSES[clause_id], harness)

@@ -14,15 +14,17 @@ from collections.abc import Callable, Collection, Iterable
 from typing import Final, Self
 
 from soter.conformance.clause import Clause
-from soter.conformance.kit import CLOSE_LIMIT_S, HOST_LIMIT_S
+from soter.conformance.find import named
+from soter.conformance.given import Given
+from soter.conformance.kit import CLOSE_LIMIT_S
 from soter.conformance.record import Outcome, Record, Subject, Verdict
 from soter.conformance.tally import Tally
 from soter.conformance.worker import Ready, Told, decode
 from soter.errors import BackendError
 from soter.isolation.child import Child, ChildDied
 
-STUCK_S: Final = HOST_LIMIT_S + CLOSE_LIMIT_S
-"""A process that has not given up a clause by then is killed."""
+_START_S: Final = 210.0
+"""A process that is not ready for the first clause by then is killed."""
 
 _A_CORE: Final = 2
 """So many clauses on a wire a core bears at once, and half of it is left: most of one is waiting."""
@@ -39,10 +41,10 @@ class _Worker:
 
     Args:
         target: the harness, as `find_harness` takes it.
-        stuck_s: how long a clause may take.
+        stuck_s: how long a clause may take; None: until it should have been given up and closed.
     """
 
-    def __init__(self, target: str, stuck_s: float) -> None:
+    def __init__(self, target: str | Given, stuck_s: float | None) -> None:
         self._target: Final = target
         self._stuck_s: Final = stuck_s
         self._child: Child | None = None
@@ -73,7 +75,7 @@ class _Worker:
                 "exited; what it said last, and the Python stack of a crash, is on standard error"
             )
         if data is None:
-            limit_s = STUCK_S if self._starting else self._stuck_s
+            limit_s = self._limit_s()
             if time.monotonic() - self._began_s <= limit_s:
                 return None
             return self._lost(
@@ -88,6 +90,11 @@ class _Worker:
             return None
         return self._ended(told)
 
+    def _limit_s(self) -> float:
+        if self._starting or self.ready is None:
+            return _START_S
+        return self.ready.clause_limit_s + CLOSE_LIMIT_S if self._stuck_s is None else self._stuck_s
+
     def _ended(self, told: Told) -> tuple[Outcome, Subject | None]:
         self.clause = None
         if not told.fit:
@@ -98,7 +105,7 @@ class _Worker:
         clause, self.clause = self.clause, None
         self.end()
         if clause is None:
-            self.ready = Ready(refusal=f"'{self._target}': {reason}")
+            self.ready = Ready(refusal=f"{named(self._target)}: {reason}")
             return None
         return Outcome(clause, Verdict.FAIL, reason, (), time.monotonic() - self._began_s, stuck), None
 
@@ -118,7 +125,8 @@ class Workshop:
     """Tries clauses on a harness in other processes. A context manager, which ends them.
 
     Args:
-        target: a backend's name, or a harness as `module:Harness`; both are imported there, and not here.
+        target: a backend's name, or a harness as `module:Harness`, both imported there, and not here; or a robot that
+            is given.
         jobs: how many clauses are tried side by side, where the harness allows it; None for what the cores bear.
         stop: asked all the time; once it says yes, the robots are stopped and nothing more is tried.
         stuck_s: after which a clause that cannot be interrupted is killed, in seconds of the host.
@@ -132,16 +140,21 @@ class Workshop:
     """
 
     def __init__(
-        self, target: str, jobs: int | None = 1, stop: Callable[[], bool] = lambda: False, stuck_s: float = STUCK_S
+        self,
+        target: str | Given,
+        jobs: int | None = 1,
+        stop: Callable[[], bool] = lambda: False,
+        stuck_s: float | None = None,
     ) -> None:
         self._stop: Final = stop
+        self._given: Final = isinstance(target, Given)
         self._workers: Final = [_Worker(target, stuck_s)]
         try:
             ready = self._get_ready(self._workers[0])
         except BaseException:
             self._workers[0].end()
             raise
-        self.name: Final = ready.name or target
+        self.name: Final = ready.name or str(target)
         if jobs is None:
             jobs = min(_A_CORE * (os.cpu_count() or 1), _MOST_JOBS) if ready.on_wire else 1
         self.jobs: Final = jobs if ready.side_by_side else 1
@@ -181,7 +194,7 @@ class Workshop:
         Returns:
             The record; where it was stopped, of what there is.
         """
-        tally = Tally(self.name, clauses, on_outcome)
+        tally = Tally(self.name, clauses, on_outcome, given=self._given)
         waiting = deque(tally.clauses)
         while not self._stop():
             if waiting and tally.hopeless():

@@ -110,6 +110,7 @@ def check_halves(
             "P2a",
             f"legs of its safe controllers are up to {leg_m:.3f} m long, more than a quarter of the separation of "
             f"{phi_safe.least_m:g} m; phi_safe_m = {fits_m:.3f} would do, or robots with less latency and sample age",
+            {"phi_safe_m": fits_m},
         )
     own = model.of_own()
     if not isinstance(own, SpeedBound | SpeedAccelerationBound):
@@ -135,12 +136,13 @@ def check_halves(
         costs_s = (2.0 * peer_m_s - own.v_max_m_s) / (4.0 * own.brake_m_s2)
         needed_s = costs_s - aside_m / own.v_max_m_s
     if early_s < needed_s - _ROUNDING:
+        fits_s = math.ceil(needed_s * 1000.0 - 1e-6) / 1000.0
         raise IllFormedModule(
             module.name,
             "P2a",
             f"braking from top speed takes {braking_s:.3f} s, so that the AC has to lose control {needed_s:.3f} s "
-            f"before it must, and not {early_s:.3f} s; Delta = {math.ceil(needed_s * 1000.0 - 1e-6) / 1000.0:g} s "
-            "would do",
+            f"before it must, and not {early_s:.3f} s; Delta = {fits_s:g} s would do",
+            {"delta_s": fits_s},
         )
 
 

@@ -339,6 +339,8 @@ SAMPLES: Final = (
             lambda r, s: s._replace(x_m=0.5 * (s.x_m + _ago(r, s, 4).x_m), y_m=0.5 * (s.y_m + _ago(r, s, 4).y_m))),
     sampled("PositionsPredicted", "Hands out where the robot will be in a tenth of a second.", "truth.bounds.noise",
             "position_noise_m", lambda _, s: s._replace(x_m=s.x_m + 0.1 * s.vx_m_s, y_m=s.y_m + 0.1 * s.vy_m_s)),
+    sampled("RoamsAtRest", "Shows 0.05 m/s at rest.", "bounds.rest", "speed_noise_m_s",
+            lambda _, s: s if math.hypot(s.vx_m_s, s.vy_m_s) > 0.01 else s._replace(vx_m_s=0.05)),
     sampled("TwoCentimetresOff", "Has positions scatter by 2 cm.", "truth.bounds.noise", "position_noise_m",
             _noisy(0.02)),
     sampled("OneCentimetreEast", "Is 1 cm off to the east, always.", "truth.bounds.noise", "position_noise_m",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,20 @@ def test_the_value_that_would_do_does() -> None:
     done = check(str(EXAMPLES / "thesis.toml"), "--set", "rta.collision.delta_s=0.1", "--allow-gaps", *QUICK[2:])
     assert done.exit_code == 0, done.output
     assert lines(done)["collision", "P3"] == "PROVED"
+
+
+def test_what_would_do_is_said_by_key_all_at_once_and_does() -> None:
+    mission = str(EXAMPLES / "ardurover" / "mission.toml")
+    fast = ("--set", "backends.mavlink.promise.v_max_m_s=1.6", "--budget", "2")
+    done = check(mission, *fast)
+    assert done.exit_code == 1, done.output
+    tables = tomllib.loads(done.output.partition("together would do:")[2])["rta"]
+    # Legs grow with the square of the speed, and the separation with them; Delta has to leave time to brake.
+    assert tables["collision"]["phi_safe_m"] == pytest.approx(7.36)
+    assert tables["collision"]["delta_s"] >= 0.353
+    settings = (f"rta.{name}.{key}={value}" for name, table in tables.items() for key, value in table.items())
+    again = check(mission, *fast, *(word for each in settings for word in ("--set", each)))
+    assert again.exit_code == 0, again.output
 
 
 def test_a_mission_is_proved_where_it_can_be(tmp_path: Path) -> None:

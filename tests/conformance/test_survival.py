@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from soter.conformance import CLAUSES, Outcome, Overall, Record, Verdict, Workshop, find_harness, judge, kit, select
+from soter.conformance import (
+    CLAUSES,
+    Harness,
+    Outcome,
+    Overall,
+    Record,
+    Verdict,
+    Workshop,
+    find_harness,
+    judge,
+    kit,
+    select,
+)
 from soter.errors import BackendError
 from tests.conformance.failing import Dead, Hanging
 from tests.conformance.wire import SimulatedHarness
@@ -93,7 +105,7 @@ def test_one_that_never_gets_ready_has_less_time_for_that_than_a_clause(monkeypa
     harness.connect_timeout_s = 0.05
     record = judge(harness, SOME)
     assert reason(record, "lifecycle.init").startswith("TimeoutError: not done after 0.2 s on the host")
-    assert sum(each.host_s for each in record.outcomes) < kit.HOST_LIMIT_S / 10
+    assert sum(each.host_s for each in record.outcomes) < Harness.clause_limit_s / 10
 
 
 def test_a_run_that_is_stopped_has_what_there_is() -> None:

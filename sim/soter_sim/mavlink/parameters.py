@@ -55,6 +55,10 @@ _ADDED: Final = {
 _BROKEN: Final = {"SIM_GPS_DISABLE": _whole(0, 0, 1)}
 _ROVER: Final = {
     "WP_RADIUS": Parameter(0.10, 0.02, 10.0),
+    # Two driven wheels, which turn in place.
+    "SERVO1_FUNCTION": _whole(73, 73, 73),
+    "SERVO3_FUNCTION": _whole(74, 74, 74),
+    "WP_PIVOT_ANGLE": _whole(60, 60, 60),
 }
 _CRUISE_M_S: Final = 0.22
 _COPTER: Final = {

@@ -20,9 +20,11 @@ from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, Vehicle
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS
+from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
 
@@ -38,13 +40,14 @@ class Relay(ImpairedRelay):
 
     Args:
         adapter_port: on which the adapter listens.
+        listens: where the vehicles send; port 0 for any that is free.
 
     Attributes:
         port: to which the vehicles send.
     """
 
-    def __init__(self, adapter_port: int) -> None:
-        self._vehicles: Final = _bound()
+    def __init__(self, adapter_port: int, listens: tuple[str, int] = (_HOST, 0)) -> None:
+        self._vehicles: Final = _bound(listens)
         self._adapter: Final = _bound()
         self.port: Final[int] = self._vehicles.getsockname()[1]
         self._parser: Final = mav.MAVLink(None)
@@ -92,9 +95,9 @@ class Relay(ImpairedRelay):
         return _EVERYBODY
 
 
-def _bound() -> socket.socket:
+def _bound(at: tuple[str, int] = (_HOST, 0)) -> socket.socket:
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    opened.bind((_HOST, 0))
+    opened.bind(at)
     opened.setblocking(False)
     return opened
 
@@ -134,6 +137,23 @@ class MavlinkHarness(RelayedHarness):
     def promising(self, promised: Capabilities) -> Fleet:
         """Return a fleet of one fresh robot that was asked to promise this."""
         return self.open_promising(promised)
+
+    @staticmethod
+    def between(config: MavlinkConfig) -> tuple[Relay, MavlinkConfig] | None:
+        """Return a relay to given vehicles that send to a UDP port, and options that lead to it.
+
+        Raises:
+            RobotUnavailable: the port is taken.
+        """
+        address = None if config.connection is None else Address.parse(config.connection)
+        if address is None or address.kind != "udpin":
+            return None
+        port = free_port()
+        try:
+            relay = Relay(port, (address.host, address.port))
+        except OSError as failure:
+            raise RobotUnavailable(f"'{address}' cannot be listened at: {failure}") from failure
+        return relay, config.model_copy(update={"connection": f"udpin:{_HOST}:{port}"})
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()

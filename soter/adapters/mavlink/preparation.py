@@ -7,7 +7,7 @@ Nothing is believed because it was sent or accepted: every step ends with what t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -17,7 +17,7 @@ from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import Vehicle
+from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Controller
 
@@ -45,6 +45,10 @@ _SLOW_STREAMS: Final = (
     mav.MAVLINK_MSG_ID_GPS_RAW_INT, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
 )  # fmt: skip
 _SLOW_HZ: Final = 4.0
+_STEERING: Final = {
+    "SERVO1_FUNCTION": (26.0, "it steers with its wheels, and cannot turn in place"),
+    "WP_PIVOT_ANGLE": (0.0, "it does not turn in place"),
+}
 _PX4_EKF: Final = mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 _REPORT_HZ: Final = 20.0
 
@@ -176,6 +180,7 @@ class Preparation:
         yield from self._mode(kind.guided)
         yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
         if not self.gated:
+            yield from self._judge_steering()
             yield from self._judge_brakes()
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         # After a silence it may be flying already, at whatever height it was sent to.
@@ -191,11 +196,7 @@ class Preparation:
         """Refuse a vehicle that limits its own braking to less than is promised; who does not say is not judged."""
         vehicle, promised_m_s2 = self._vehicle, self._promised.brake_m_s2
         for name in vehicle.kind.brakes:
-            asked_s, most_m_s2 = vehicle.now_s, None
-            vehicle.ask_parameter(KEEPER, name)
-            while most_m_s2 is None and vehicle.now_s - asked_s < _ANSWER_S:
-                yield f"an answer to what it is asked for ({name})"
-                most_m_s2 = vehicle.parameter(name, asked_s)
+            most_m_s2 = yield from self._parameter(name)
             if most_m_s2 is None:
                 return
             if most_m_s2 > 0.0:
@@ -205,6 +206,27 @@ class Preparation:
                         "of at most that, or a larger parameter where the vehicle brakes so hard"
                     )
                 return
+
+    def _judge_steering(self) -> Iterator[str]:
+        """Refuse a rover that steers with its wheels or does not pivot: safe controllers turn in place."""
+        if self._vehicle.kind != ARDUROVER:
+            return
+        for name, (refused, why) in _STEERING.items():
+            if (yield from self._parameter(name)) == refused:
+                raise RobotUnavailable(
+                    f"its {name} is {refused:g}: {why}; safe controllers turn in place, and it would drive a curve "
+                    "where nothing was looked at; allowed: skid steering that pivots, such as SERVO1_FUNCTION 73, "
+                    "SERVO3_FUNCTION 74 and WP_PIVOT_ANGLE 60"
+                )
+
+    def _parameter(self, name: str) -> Generator[str, None, float | None]:
+        """Ask for a parameter; return it, or None where the vehicle does not say."""
+        vehicle, asked_s, value = self._vehicle, self._vehicle.now_s, None
+        vehicle.ask_parameter(KEEPER, name)
+        while value is None and vehicle.now_s - asked_s < _ANSWER_S:
+            yield f"an answer to what it is asked for ({name})"
+            value = vehicle.parameter(name, asked_s)
+        return value
 
     def _fly(self) -> Iterator[str]:
         height_m, is_px4 = self._config.height_m, self._vehicle.kind.is_px4

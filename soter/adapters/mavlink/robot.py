@@ -155,7 +155,9 @@ class MavlinkRobot(Robot):
         found = self.declared
         if not self._gated:
             reverses = found.reverses and self._sampler.flies
-            found = replace(found, reports_controller=False, reverses=reverses)
+            # It does pivot first. But its last target outlives the lease, and it ends the turn to it: no farther from
+            # its place than the lease allows, but later.
+            found = replace(found, reports_controller=False, reverses=reverses, pivots_first=False)
         return found if sample.battery is not None else replace(found, reports_battery=False)
 
     def _send_goto(self, goal: Goal) -> None:

@@ -68,7 +68,7 @@ class Kind:
         return flag, float(mode), 0.0
 
 
-_ARDUROVER: Final = Kind(
+ARDUROVER: Final = Kind(
     "rover", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=False, guided=15, stop=4, land=None,
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
     brakes=("ATC_DECEL_MAX", "ATC_ACCEL_MAX"),
@@ -89,7 +89,7 @@ _PX4_COPTER: Final = Kind(
     names=_PX4_NAMES,
 )  # fmt: skip
 _KINDS: Final = {
-    (kind.name, kind.autopilot): kind for kind in (_ARDUROVER, _ARDUCOPTER, _PX4_ROVER, _PX4_COPTER)
+    (kind.name, kind.autopilot): kind for kind in (ARDUROVER, _ARDUCOPTER, _PX4_ROVER, _PX4_COPTER)
 }  # fmt: skip
 
 

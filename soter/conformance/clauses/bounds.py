@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import SETTLE_S, STILL_M, STILL_RAD, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import Sample, quantile, turn
@@ -17,6 +17,7 @@ _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
 _TRIALS = 16
 _STOPS = 12
 _WAKES = 200
+_RESTS_S = 8.0
 _BUSY_S = 0.02
 _TURNS = 0.6
 _ASIDE_RAD = 0.7
@@ -66,6 +67,25 @@ def jitter(bench: Bench) -> None:
         "jitter_rare_s", quantile(lateness, 0.99), 2.0 * bench.caps.jitter_s,
         0.0 if bench.caps.in_process else _BUSY_S, cause,
     )  # fmt: skip
+
+
+@clause("bounds.rest")
+def rest(bench: Bench) -> None:
+    """The samples of a robot at rest show no more speed than promised, and wander no farther."""
+    robot = bench.open_one()
+    bench.run(SETTLE_S)
+    began_s = bench.now_s
+    bench.run(_RESTS_S, closely=True)
+    caps, seen = bench.caps, [each.state for each in bench.since(robot, began_s)]
+    shown = [math.hypot(each.vx_m_s, each.vy_m_s) for each in seen]
+    cause = "at rest, samples show more than is promised: an estimate that roams, or a robot that nothing holds"
+    bench.measure("speed_noise_m_s", max(shown), bench.speed_noise_m_s, bench.still_m / _RESTS_S, cause, spread=shown)
+    # Of two samples either may be off.
+    apart_m = max(math.hypot(each.x_m - seen[0].x_m, each.y_m - seen[0].y_m) for each in seen)
+    bench.measure("position_noise_m", apart_m / 2.0, caps.position_noise_m, STILL_M / 2.0, cause)
+    turned_rad = max(abs(turn(seen[0].heading_rad, each.heading_rad)) for each in seen)
+    noise_rad = 0.05 if caps.heading_noise_rad is None else caps.heading_noise_rad
+    bench.measure("heading_noise_rad", turned_rad / 2.0, noise_rad, STILL_RAD / 2.0, cause)
 
 
 @clause("bounds.clock")

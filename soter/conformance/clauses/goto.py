@@ -177,7 +177,7 @@ def heading(bench: Bench) -> None:
     """A heading that is asked for is arrived with, or goto raises Unsupported and sends nothing."""
     robot = bench.open_one()
     for wanted, cause in (
-        (turn(0.0, robot.spec.heading_rad + 1.0),
+        (turn(0.0, bench.home(robot)[2] + 1.0),
          "the heading was dropped (raise Unsupported), or its sign or zero is another frame's"),
         (0.0, "a heading of 0.0, east, is taken for none: ask `is None`"),
         (1.5 * math.pi, "a heading beyond pi is cut off or dropped: wrap it"),
@@ -251,7 +251,7 @@ def v_max(bench: Bench) -> None:
     goal = None
     if bench.caps.reverses:
         with suppress(Unsupported):
-            goal = robot.goto(ends[0]._replace(heading_rad=robot.spec.heading_rad), Controller.AC)
+            goal = robot.goto(ends[0]._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
             bench.run(bench.way_s(), lambda: not goal.active)
     for end in ends[goal is not None :]:
         bench.go(robot, end)

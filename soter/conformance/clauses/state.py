@@ -86,6 +86,8 @@ def ranges(bench: Bench) -> None:
 @clause("state.start", truth=True)
 def start(bench: Bench) -> None:
     """The first sample shows the start pose, in the workspace frame."""
+    if not bench.harness.starts_robots:
+        raise NotTested("not declared: the harness's attribute 'starts_robots': where it stands is its own word")
     robot = bench.open_one()
     sample, spec = bench.look(robot), robot.spec
     off_m = sample.distance_m(spec.x_m, spec.y_m)
@@ -184,7 +186,7 @@ def backwards(bench: Bench) -> None:
     robot = bench.open_one()
     began = bench.look(robot)
     try:
-        goal = robot.goto(bench.place(robot, -0.7)._replace(heading_rad=robot.spec.heading_rad), Controller.AC)
+        goal = robot.goto(bench.place(robot, -0.7)._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
     except Unsupported:
         raise NotTested("not declared: targets with a heading, by which a robot is told to reverse") from None
     bench.run(bench.way_s(), lambda: not goal.active)

@@ -144,6 +144,21 @@ def test_a_vehicle_that_may_not_brake_as_promised_is_refused_before_it_is_armed(
     assert not puppet.armed
 
 
+@pytest.mark.parametrize(("name", "value"), [("SERVO1_FUNCTION", 26.0), ("WP_PIVOT_ANGLE", 0.0)])
+def test_a_rover_that_cannot_turn_in_place_is_refused_before_it_is_armed(
+    puppet: Puppet, name: str, value: float
+) -> None:
+    puppet.gate = False
+    puppet.parameters |= {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0}
+    robot_of(puppet).init(20.0)
+    other = Puppet(HostTime())
+    other.gate = False
+    other.parameters |= {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, name: value}
+    with pytest.raises(RobotUnavailable, match=f"its {name} is {value:g}: .* allowed: skid steering"):
+        robot_of(other).init(20.0)
+    assert not other.armed
+
+
 def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(puppet: Puppet) -> None:
     puppet.silent = True
     puppet.strangers.update({7, 3})

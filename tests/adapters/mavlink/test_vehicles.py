@@ -292,6 +292,27 @@ def test_a_vehicle_without_a_gate_goes_on_when_its_link_is_back(stack: ExitStack
     assert tick(fleet, lambda: goal.status is GoalStatus.REACHED)
 
 
+def test_a_rover_without_a_lease_ends_its_turn_and_stays_where_the_lease_lets_it(stack: ExitStack) -> None:
+    harness = PlainHarness()
+    stack.callback(harness.close)
+    fleet = stack.enter_context(harness.open(1))
+    robot = fleet.robots[0]
+    robot.init(20.0)
+    # So that the kit does not hold it to ending a turn when the lease ends, which it cannot.
+    assert not robot.capabilities.pivots_first
+    x_m, y_m, heading_rad = really(fleet)
+    robot.goto(Waypoint(x_m - math.cos(heading_rad), y_m - math.sin(heading_rad)), SC)
+    assert tick(fleet, lambda: abs(math.remainder(really(fleet)[2] - heading_rad, math.tau)) > 0.4)
+    turned_s = math.pi / robot.capabilities.yaw_rate_max_rad_s
+    fleet.clock.sleep_until(fleet.clock.now() + turned_s + 1.0)
+    rest = really(fleet)
+    fleet.clock.sleep_until(fleet.clock.now() + 0.3)
+    assert really(fleet) == rest
+    caps = robot.capabilities
+    reach_m = caps.v_max_m_s * caps.lease_s + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
+    assert 0.0 < math.dist(rest[:2], (x_m, y_m)) <= reach_m + caps.overshoot_m
+
+
 @BACKENDS
 def test_one_with_the_flaws_of_ardurover_is_driven_and_is_nobodys_when_it_is_lost(
     stack: ExitStack, backend: type[VehicleBackend]

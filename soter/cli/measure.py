@@ -1,0 +1,140 @@
+"""`soter measure`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.given import RobotNumber, Room, read_given
+from soter.cli.overrides import MissionArgument, Settings
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from soter.conformance.given import Given
+    from soter.conformance.survey import Survey
+
+EXAMPLES = """Examples:
+
+  soter measure examples/ardurover/mission.toml --room 11
+
+  soter measure examples/ardurover/mission.toml --room 11 --set backends.mavlink.truth=127.0.0.1:34207 -o promise.toml
+
+  soter measure examples/surveillance.toml --backend kinematic --room 2 --margin 0.1
+
+Exit codes:
+
+  0  everything that can be measured was
+
+  1  something could not be, and the reason is said; the table has the rest
+
+  2  bad input, or a backend that cannot be used here
+
+  3  the file could not be written
+
+  130  interrupted (in general 128 and the number of the signal); the robot has been stopped
+"""
+
+
+def measure(
+    mission: MissionArgument,
+    room: Room = None,
+    robot: RobotNumber = None,
+    backend: Annotated[
+        str | None, typer.Option("--backend", metavar="NAME", help="Another backend than the mission file's.")
+    ] = None,
+    settings: Settings = None,
+    margin: Annotated[
+        float, typer.Option(metavar="SHARE", min=0.0, max=0.9, help="What is spared of each figure.")
+    ] = 0.2,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the promise table, as TOML.")
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write all figures; - is standard output.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Drive one robot about a free circle, and say what it may promise: latency, speed, brake, tube, noise and more.
+
+    What the mission file promises is where measuring begins. Where a truth is told it judges, and elsewhere the robot's
+    own estimate, which cannot know how far it is off.
+    """
+    with guard(), StopSignals() as stop:
+        from soter.cli.conform_output import Outcomes
+        from soter.cli.console import make_console
+        from soter.cli.outputs import Output, json_output, refuse_clashes
+        from soter.config.toml_text import toml
+        from soter.conformance.survey import STEPS, survey
+
+        given = read_given(mission, backend, settings, robot, room)
+        refuse_clashes({"--output": output, "--json": json}, (mission,), force=force)
+        file = None if output is None else Output(output, "--output")
+        json_file = None if json is None else json_output(json)
+        console = make_console(stderr=str(json) == "-")
+        spec = given.spec
+        console.print(
+            f"robot {spec.id} drives within {given.radius_m:.1f} m of its start, ({spec.x_m:g}, {spec.y_m:g})",
+            soft_wrap=True,
+        )
+        with Outcomes(console, STEPS) as shown:
+            found = survey(given, margin, stop, lambda outcome, _: shown.add(outcome))
+        _show(console, found)
+        text = toml({"backends": {given.backend: {"promise": dict(found.table)}}})
+        try:
+            if file is not None:
+                file.write(_file(found, given, mission, margin, text).encode())
+            if json_file is not None:
+                json_file.write(_json(found, mission))
+        except OSError as failure:
+            complain(f"what was measured could not be written: {failure}")
+            raise typer.Exit(ExitCode.RUN_FAILED) from failure
+        console.print(f"\n{text.strip()}" if file is None else f"\nwritten: {file.path}", soft_wrap=True)
+        if stop.received is not None:
+            raise typer.Exit(128 + stop.received)
+        raise typer.Exit(ExitCode.OK if found.complete else ExitCode.VIOLATION)
+
+
+def _show(console: Console, found: Survey) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    right = ("declared", "measured", "had better be")
+    for name in ("promise", *right, "judged by", "clause"):
+        table.add_column(name, justify="right" if name in right else "left", no_wrap=True)
+    for each in found.advice:
+        if each.measured is None:
+            table.add_row(each.name, f"{each.promised:.3g}", "-", "-", "not measured", "")
+        else:
+            row = (each.name, f"{each.promised:.3g}", f"{each.measured:.3g}", f"{each.declared:.3g}")
+            table.add_row(*row, each.judge, each.clause)
+    console.print()
+    console.print(table)
+
+
+def _file(found: Survey, given: Given, mission: Path, margin: float, text: str) -> str:
+    judges = " and ".join(sorted({each.judge for each in found.advice if each.judge}))
+    missing = ", ".join(each.name for each in found.advice if each.measured is None)
+    return (
+        f"# `soter measure` of robot {given.spec.id} of {mission.name} found this in a circle of {given.room_m:g} m,\n"
+        f"# with a margin of {margin:.0%}; judged by {judges or 'nobody'}.\n"
+        f"# Not measured: {missing or 'nothing'}.\n\n{text}"
+    )
+
+
+def _json(found: Survey, mission: Path) -> bytes:
+    import json
+    from dataclasses import asdict
+
+    content = {
+        "format": "soter-measure",
+        "target": str(mission),
+        "complete": found.complete,
+        "promises": [asdict(each) for each in found.advice],
+        "table": dict(found.table),
+        "record": found.record.as_dict(),
+    }
+    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()

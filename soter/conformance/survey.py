@@ -1,0 +1,188 @@
+"""Measuring a robot with the clauses of the kit: what it does, and what it had better promise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from pydantic import ValidationError
+
+from soter.conformance.clause import CLAUSES, Clause
+from soter.conformance.given import Given
+from soter.conformance.measured import measured_of
+from soter.conformance.record import Outcome, Record, Verdict
+from soter.conformance.workshop import Workshop
+from soter.registry import load_backend
+from soter.sdk import Capabilities
+from soter.sdk.values import WIDENS, Widens
+
+_FIRST: Final = ("bounds.rest", "truth.bounds.noise", "goto.v_max")
+"""What these find, the others go by."""
+
+_THEN: Final = (
+    "state.age", "bounds.jitter", "bounds.latency", "bounds.tube", "bounds.overshoot", "bounds.yaw_rate",
+    "deadman.lease", "bounds.braking", "bounds.acceleration", "truth.bounds.velocity",
+)  # fmt: skip
+
+STEPS: Final = len(_FIRST) + len(_THEN)
+"""So many clauses measure."""
+
+_WITNESS: Final = "truth.bounds.noise"
+
+_CHOSEN: Final[Mapping[str, float]] = {
+    "v_max_m_s": 0.8, "yaw_rate_max_rad_s": 0.8, "lease_s": 0.0, "setpoint_period_s": 0.0
+}  # fmt: skip
+"""What is set rather than found: it stays as it is where the robot keeps it and uses at least this share of it."""
+
+_DIGITS: Final = 3
+_STEP: Final = 1e-4
+_PASSES: Final = 2
+_LEAST: Final = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """One promise, what was seen of it, and what it had better be.
+
+    Attributes:
+        name: of the capability, with its unit.
+        promised: what the robot declares now.
+        measured: the worst that was seen; None if nothing was.
+        declared: what it had better declare, with the margin; what it declares now where nothing was seen.
+        clause: that measured it.
+        judge: who saw it, the truth or the robot's own estimate; empty if nobody did.
+    """
+
+    name: str
+    promised: float
+    measured: float | None
+    declared: float
+    clause: str = ""
+    judge: str = ""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What came out.
+
+    Attributes:
+        record: of the clauses that measured.
+        advice: on every promise that is a number, where a robot got ready.
+        table: the promise table, of what was measured.
+    """
+
+    record: Record
+    advice: Sequence[Advice]
+    table: Mapping[str, float]
+
+    @property
+    def complete(self) -> bool:
+        """Whether no clause failed: figures that one would have taken are missing otherwise."""
+        return bool(self.advice) and self.record.count(Verdict.FAIL) == 0
+
+
+def survey(
+    given: Given,
+    margin: float,
+    stop: Callable[[], bool] = lambda: False,
+    on_outcome: Callable[[Outcome, Record], None] | None = None,
+) -> Survey:
+    """Drive a robot about its room, and measure what it may promise.
+
+    Args:
+        given: the robot; what it promises is where measuring begins, and is widened where it is found to be too good.
+        margin: what is spared of each figure, as a share of it.
+        stop: asked all the time; once it says yes, the robot is stopped, and what was found up to then counts.
+        on_outcome: told of each clause.
+    """
+    given = replace(given, judges=False)
+    first = _tried(given, [CLAUSES[key] for key in _FIRST], stop, on_outcome)
+    figures = {each.name: each.measured for each in measured_of(first) if each.measured is not None}
+    sees = any(each.clause.id == _WITNESS and each.verdict is Verdict.PASS for each in first.outcomes)
+    twins = (f"truth.{key}" for key in _THEN)
+    then = [CLAUSES[twin if sees and twin in CLAUSES else key] for key, twin in zip(_THEN, twins, strict=True)]
+    second = _tried(_adjusted(given, figures), then, stop, on_outcome)
+    record = replace(first, outcomes=(*first.outcomes, *second.outcomes))
+    return Survey(record, *_advised(given, record, margin))
+
+
+def _tried(
+    given: Given,
+    clauses: Sequence[Clause],
+    stop: Callable[[], bool],
+    on_outcome: Callable[[Outcome, Record], None] | None,
+) -> Record:
+    with Workshop(given, stop=stop) as workshop:
+        return workshop.judge(clauses, on_outcome)
+
+
+def _adjusted(given: Given, seen: Mapping[str, float]) -> Given:
+    """Return a robot that promises what was seen of it where that is worse, and no speed that it does not come near."""
+    promised = given.spec.promised
+    assert promised is not None
+    worse = {name: value for name, value in seen.items() if value > getattr(promised, name, math.inf)}
+    fastest = seen.get("v_max_m_s")
+    if fastest is not None and fastest < _CHOSEN["v_max_m_s"] * promised.v_max_m_s:
+        worse["v_max_m_s"] = fastest
+    return given.promising(**worse)
+
+
+def _advised(given: Given, record: Record, margin: float) -> tuple[Sequence[Advice], Mapping[str, float]]:
+    advice = []
+    for each in measured_of(record):
+        if each.measured is None:
+            advice.append(Advice(each.name, each.promised, None, each.promised))
+            continue
+        better = _spared(each.name, each.measured, margin)
+        if _CHOSEN.get(each.name, math.inf) * each.promised <= each.measured <= each.promised:
+            better = each.promised
+        judge = "truth" if each.clause.startswith("truth.") else "own estimate"
+        advice.append(Advice(each.name, each.promised, each.measured, better, each.clause, judge))
+    table = _table(given, {each.name: each.declared for each in advice if each.measured is not None})
+    # What the backend does not let its robots promise stays as it is.
+    return [each if each.name in table else replace(each, declared=each.promised) for each in advice], table
+
+
+def _spared(name: str, measured: float, margin: float) -> float:
+    """Return a figure with a margin on the side to which it may be wrong, rounded to that side."""
+    down = WIDENS[name] is Widens.DOWN
+    value = measured * (1.0 - margin if down else 1.0 + margin)
+    if value <= 0.0:
+        return 0.0
+    return _rounded(value, 10.0 ** max(math.floor(math.log10(value)) + 1 - _DIGITS, -4), down=down)
+
+
+def _rounded(value: float, step: float, *, down: bool) -> float:
+    return round((math.floor if down else math.ceil)(round(value / step, 6)) * step, 9)
+
+
+def _table(given: Given, wanted: Mapping[str, float]) -> Mapping[str, float]:
+    """Return what a promise table has to say so that robots declare so much: backends add to it, and multiply it."""
+    backend, config = load_backend(given.backend), given.config
+
+    def declared(**told: float) -> Capabilities:
+        promise = config.promise.model_copy(update=told)
+        return backend.promises(config.model_copy(update={"promise": promise}))
+
+    told = dict(wanted)
+    for _ in range(_PASSES):
+        # What one figure adds to another is right in the second pass.
+        for name, value in wanted.items():
+            low = max(value, _LEAST)
+            at_low, at_high = (getattr(declared(**{**told, name: each}), name) for each in (low, 2.0 * low))
+            if at_high > at_low:
+                needed = max(low + low * (value - at_low) / (at_high - at_low), 0.0)
+                told[name] = _rounded(needed, _STEP, down=WIDENS[name] is Widens.DOWN)
+    given_options = {key: getattr(config, key) for key in config.model_fields_set}
+    while True:
+        try:
+            type(config).model_validate({**given_options, "promise": told})
+        except ValidationError as failure:
+            # One rule may only be looked at once another is kept.
+            refused = {str(part) for error in failure.errors() for part in error["loc"]} & told.keys()
+            told = {name: value for name, value in told.items() if name not in refused}
+            if refused:
+                continue
+        return told
