@@ -39,7 +39,7 @@ _LANGUAGES: Final = {
 _NOT_SEARCHED: Final = "---\nsearch:\n  exclude: true\n---\n\n"
 _FENCE: Final = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 _LINK: Final = re.compile(r"\]\((?![a-z]+:|#)(?P<path>[^)#\s]+)(?P<rest>#[^)\s]*)?\)")
-_MARKS: Final = re.compile(r"^(```[a-z0-9]+)((?: +(?:no-run|continued|exit-[0-9-]+))+)(.*)$", re.MULTILINE)
+_MARKS: Final = re.compile(r"^(```[a-z0-9]+)((?: +(?:no-run|continued|exit-\d+))+)(.*)$", re.MULTILINE)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -1,7 +1,7 @@
 """Every tutorial does what it says, from its first line to its last, in one folder and with nothing else.
 
 A block with a `title` is a file that the reader saves. A block of commands is run by bash and has to exit with 0, or
-with N where it is marked `exit-N` (`exit-N-M`: either); `no-run` leaves out what needs a vehicle or many minutes.
+with N where it is marked `exit-N`; `no-run` leaves out what needs a vehicle or many minutes.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ def title_of(block: Block) -> str | None:
     return named[0].removeprefix("title=").strip('"') if named else None
 
 
-def exit_codes(block: Block) -> set[int]:
-    """What the commands of a block may exit with."""
-    marked = next((mark.removeprefix("exit-") for mark in block.marks if mark.startswith("exit-")), "0")
-    return {int(code) for code in marked.split("-")}
+def exit_code(block: Block) -> int:
+    """What the commands of a block have to exit with."""
+    return next((int(mark.removeprefix("exit-")) for mark in block.marks if mark.startswith("exit-")), 0)
 
 
 def programs(folder: Path) -> Path:
@@ -83,7 +82,7 @@ def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
             done = subprocess.run(
                 ["bash", "-e", "-c", block.code], cwd=folder, env=environment, capture_output=True, text=True
             )
-            assert done.returncode in exit_codes(block), f"{place}\n{block.code}\n{done.stdout}{done.stderr}"
+            assert done.returncode == exit_code(block), f"{place}\n{block.code}\n{done.stdout}{done.stderr}"
             ran += 1
         else:
             assert block.language in {"sh", "text"}, f"{place}: a listing that nothing runs"
