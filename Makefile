@@ -41,7 +41,7 @@ test-distributed: ## Cut a robot of a mission in three processes off for 30 s, i
 	$(VENV)/python tools/distribution.py $(DISTRIBUTION_ARGS)
 
 .PHONY: check
-check: lint types wheel-check test ## Everything a change must pass: lint, types, wheel, tests (docs and imports too)
+check: lint types wheel-check docs test ## Everything a change must pass: lint, types, wheel, site, tests (imports too)
 
 .PHONY: browser-test
 browser-test: ## Open pages of recordings in Chromium: play, scrub, jump; how long it takes and how large they are
@@ -95,9 +95,33 @@ docs-check: ## Only the tests that run the code in README.md and docs/
 	$(VENV)/python -m pytest tests/project/test_docs.py
 
 .PHONY: wheel-check
-wheel-check: ## Build the wheel and try it in a clean environment
+wheel-check: ## Build wheel and source distribution and try them in a clean environment
 	@tools/env.sh check
-	$(VENV)/python tools/wheel_check.py
+	$(VENV)/python tools/dist.py
+
+.PHONY: install-check
+install-check: ## Have pip and apt resolve what the pages install (REALLY=1 installs it, gigabytes of it)
+	@tools/env.sh check
+	$(VENV)/python tools/install_lines.py $(if $(REALLY),--really)
+
+.PHONY: dist
+dist: install-check ## What is released, in dist/: wheel and source distribution, checked and tried
+	$(VENV)/python tools/dist.py --into dist
+
+.PHONY: docs
+docs: ## The pages of docs/ as a site in site/, which needs no network: open site/index.html
+	@tools/env.sh docs
+	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
+
+.PHONY: changelog
+changelog: ## Show what changes/ will say of the next release
+	@tools/env.sh check
+	$(VENV)/towncrier build --draft --version next
+
+.PHONY: release
+release: ## Set the version everywhere and move changes/ into CHANGELOG.md: make release VERSION=0.2.0
+	@tools/env.sh check
+	$(VENV)/python tools/release.py "$(VERSION)"
 
 .PHONY: lock
 lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the newest versions)
@@ -105,5 +129,5 @@ lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the 
 
 .PHONY: clean
 clean: ## Remove .venv and everything that tools and runs left behind
-	rm -rf .venv .venv-ros2 .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out
+	rm -rf .venv .venv-ros2 .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out site
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from soter.config import load_mission
     from soter.controllers import Controller, Velocity, VelocityController
     from soter.errors import ConfigError, IllFormedModule, SoterError
+    from soter.interactive import FinishedRun, run
     from soter.missions import Mission, Robot
     from soter.registry import load_backend
     from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Timing, Topic
@@ -27,6 +28,7 @@ _HOMES = {
     "soter.config": ("load_mission",),
     "soter.controllers": ("Controller", "Velocity", "VelocityController"),
     "soter.errors": ("ConfigError", "IllFormedModule", "SoterError"),
+    "soter.interactive": ("FinishedRun", "run"),
     "soter.missions": ("Mission", "Robot"),
     "soter.registry": ("load_backend",),
     "soter.rta": ("Node", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
@@ -43,6 +45,7 @@ __all__ = [
     "ConfigError",
     "Controller",
     "Fence",
+    "FinishedRun",
     "IllFormedModule",
     "Mission",
     "ModuleKit",
@@ -62,6 +65,7 @@ __all__ = [
     "Waypoint",
     "load_backend",
     "load_mission",
+    "run",
     "run_mission",
 ]
 

@@ -42,6 +42,7 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
     "ompl": "ompl",
     "matplotlib": "report",
+    "pandas": "notebook",
     "foxglove": "foxglove",
     "pymavlink": "mavlink",
     "mavsdk": "mavlink",

@@ -11,6 +11,8 @@ trap 'rm -rf "$scratch"' EXIT
 python3 -m venv "$scratch/venv"
 "$scratch/venv/bin/pip" install --quiet uv
 
+cp -r requirements "$scratch/before"
+
 compile() { # compile NAME UV_ARGUMENT...
     local name=$1
     shift
@@ -34,14 +36,38 @@ PYTHON
 compile pybullet "$scratch/pybullet.in"
 
 # The largest first, so that the others take its versions and can share an environment.
-compile check pyproject.toml --extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --group test --group browser --group lint
-for name in core demo test ros2; do
+test=(--group test --group browser --group notebook)
+for extra in ompl report mavlink foxglove zenoh sign campaign cluster notebook; do test+=(--extra "$extra"); done
+compile check pyproject.toml "${test[@]}" --group lint --group docs --group release
+for name in core demo docs test ros2; do
     case $name in
         core) arguments=() ;;
-        demo) arguments=(--extra ompl --extra report) ;;
-        test) arguments=(--extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --group test --group browser) ;;
+        # With what the README goes on to after the demo.
+        demo) arguments=(--extra ompl --extra report --extra mavlink --extra campaign) ;;
+        docs) arguments=(--group docs) ;;
+        test) arguments=("${test[@]}") ;;
         # For an environment of its own, see tools/env.sh.
         ros2) arguments=(--extra ompl --extra ros2 --extra zenoh --extra campaign --group test) ;;
     esac
     compile "$name" pyproject.toml --constraints requirements/check.txt "${arguments[@]}"
 done
+
+# What is new, what is gone, and what has another version: what a change of locks has to be judged by.
+"$scratch/venv/bin/python" - "$scratch/before/check.txt" requirements/check.txt <<'PYTHON'
+import re
+import sys
+
+LINE = re.compile(r"([a-z0-9._-]+)==([^ ;]+)(.*)")
+
+
+def versions(path):
+    with open(path) as file:
+        return {name + marker: version for name, version, marker in LINE.findall(file.read())}
+
+
+before, after = map(versions, sys.argv[1:])
+changed = [name for name in sorted(before.keys() | after.keys()) if before.get(name) != after.get(name)]
+for name in changed:
+    print(f"{name}: {before.get(name, 'not there')} -> {after.get(name, 'gone')}")
+print(f"{len(changed)} of {len(after)} packages changed")
+PYTHON

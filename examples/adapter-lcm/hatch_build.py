@@ -5,10 +5,11 @@ from __future__ import annotations
 import subprocess
 from typing import Any
 
+from hatchling.builders.config import BuilderConfig
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
-class TypesHook(BuildHookInterface):
+class TypesHook(BuildHookInterface[BuilderConfig]):
     """What Hatchling calls before it collects the files."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

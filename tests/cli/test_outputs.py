@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from soter.cli.app import app
 from soter.cli.outputs import Output, StandardOutput, json_output, picture_output, refuse_clashes
 from soter.errors import ConfigError
 from soter.record.digest import MAGIC
+from soter.sdk.hints import install_command
 from tests.project.source import ROOT
 
 
@@ -122,7 +124,7 @@ def test_pictures_are_png(tmp_path: Path) -> None:
 
 def test_without_matplotlib_the_hint_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "soter.report.picture", None)
-    with pytest.raises(ConfigError, match=r'install it with: pip install "soter-rta\[report\]"'):
+    with pytest.raises(ConfigError, match=re.escape(f"install it with: {install_command('report')}")):
         picture_output(tmp_path / "run.png")
 
 

@@ -30,7 +30,11 @@ def blocks(page: Path) -> Iterator[Block]:
 
 def links(page: Path) -> Iterator[str]:
     """The targets of all links and pictures of a page that lead to another file."""
-    text = _FENCE.sub("", page.read_text(encoding="utf-8"))
-    for link in _LINK.finditer(text):
+    for link in _LINK.finditer(prose(page)):
         if not re.match(r"[a-z]+:|#", link["target"]):
             yield link["target"].partition("#")[0]
+
+
+def prose(page: Path) -> str:
+    """The text of a page without its code blocks."""
+    return _FENCE.sub("", page.read_text(encoding="utf-8"))

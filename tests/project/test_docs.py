@@ -17,7 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.project.markdown import Block, blocks, links
+import soter
+from tests.project.markdown import Block, blocks, links, prose
 from tests.project.source import ROOT
 
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
@@ -32,6 +33,8 @@ def programs() -> list[object]:
         for block in blocks(page):
             if block.language == "python":
                 code = code + "\n" + block.code if "continued" in block.marks else block.code
+                if any(mark.startswith("title=") for mark in block.marks):
+                    continue  # a file of a tutorial
                 name = f"{page.relative_to(ROOT)}:{block.line}"
                 found.append(pytest.param(name, code, "no-run" in block.marks, id=name))
     return found
@@ -109,3 +112,34 @@ def test_commands_exist() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_to_files(page: Path) -> None:
     assert [target for target in links(page) if not (page.parent / target).exists()] == []
+
+
+def test_every_public_name_is_on_the_page_of_the_api() -> None:
+    shown = re.findall(r"^::: ([\w.]+)$", (ROOT / "docs" / "api.md").read_text(), re.MULTILINE)
+    assert {name.removeprefix("soter.") for name in shown} >= set(soter.__all__)
+    assert len(shown) == len(set(shown))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_short_forms_are_spelled_out_where_they_first_appear(page: Path) -> None:
+    if page in {ROOT / "CHANGELOG.md", ROOT / "docs" / "ablation.md"}:
+        return  # no page to begin with; written by `soter ablate`
+    text = prose(page)
+    for short, words in (("AC", "advanced controller"), ("SC", "safe controller"), ("DM", "decision module")):
+        first = re.search(rf"(?<![\w`-]){short}s?\b(?![`(])", text)
+        said = rf"{words}s?[*_]*\s\({short}s?\)|^{short}, {words}$"
+        spelled = re.search(said, text, re.MULTILINE | re.IGNORECASE)
+        assert first is None or (spelled and spelled.start() <= first.start()), f"{short} of {page.name} is not said"
+
+
+def test_every_page_says_what_it_is_for_before_its_first_part() -> None:
+    for page in PAGES:
+        title, _, rest = page.read_text(encoding="utf-8").partition("\n")
+        assert title.startswith("# "), page
+        assert re.match(r"\n(?!```|[#|!<-])\S", rest), f"{page}: no sentence under the title"
+
+
+def test_hello_world_fits_on_the_first_screen() -> None:
+    first = next(block for block in blocks(ROOT / "README.md") if block.language == "python")
+    assert first.code.count("\n") <= 20
+    assert first.line <= 20

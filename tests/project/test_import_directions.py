@@ -85,6 +85,8 @@ ALLOWED: dict[str, set[str]] = {
     # Studies: none knows another.
     "soter.replay": {"soter.record", "soter.stack", "soter.rta", "soter.sdk"},
     "soter.ablation": {"soter.runner", "soter.controllers", "soter.sdk"},
+    # One run for scripts and notebooks.
+    "soter.interactive": {"soter.missions", "soter.runner", "soter.record", "soter.registry", "soter.report"},
     "soter.campaign": {"soter.runner", "soter.record", "soter.report", "soter.registry", "soter.sdk"},
     # Draws from all that there is, and watches the simulated robots with eyes of its own.
     "soter.campaign.random": {
@@ -167,6 +169,7 @@ LIBRARIES: dict[str, set[str] | None] = {
     "pycdr2": {"soter.adapters.zenoh.messages"},
     "ompl": {"soter.stack.planners"},
     "matplotlib": {"soter.report"},
+    "pandas": {"soter.interactive"},
     "foxglove": {"soter.live"},
     "scipy": {"soter.campaign.intervals"},
     "shapely": {"soter.campaign.random"},
@@ -185,6 +188,7 @@ VENDORS = {
     "pycdr2",
     "ompl",
     "matplotlib",
+    "pandas",
     "foxglove",
     "scipy",
     "cma",

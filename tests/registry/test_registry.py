@@ -18,7 +18,7 @@ from soter import registry
 from soter.errors import BackendError, BackendUnavailable, UnknownBackend
 from soter.registry import BUILT_IN, INSTALL_HINTS, LIBRARIES, backend_names, install_hint, list_backends, load_backend
 from soter.sdk import INTERFACE_VERSION
-from soter.sdk.hints import DISTRIBUTION
+from soter.sdk.hints import DISTRIBUTION, install_command
 
 PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
 
@@ -96,8 +96,8 @@ def test_every_hint_names_an_extra_that_there_is() -> None:
 
 
 def test_install_hint() -> None:
-    assert install_hint("pybullet") == 'pip install "soter-rta[pybullet]"'
-    assert install_hint("ompl.base") == 'pip install "soter-rta[ompl]"'
+    assert install_hint("pybullet") == install_command("pybullet")
+    assert install_hint("ompl.base") == install_command("ompl")
     assert install_hint("antigravity") is None
 
 
@@ -147,14 +147,14 @@ def test_a_built_in_backend_without_its_library(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(registry, "_importable", lambda library: library != "pybullet")
     assert failure(BackendUnavailable, "pybullet") == (
         "backend 'pybullet' is not available: the library 'pybullet' is not installed; install it with: "
-        'pip install "soter-rta[pybullet]"'
+        + install_command("pybullet")
     )
 
 
 def test_a_library_of_ours_that_is_missing(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ompl", None)
     name = f"{write('import ompl.base')}:B"
-    assert failure(BackendUnavailable, name).endswith('; install it with: pip install "soter-rta[ompl]"')
+    assert failure(BackendUnavailable, name).endswith(f"; install it with: {install_command('ompl')}")
 
 
 def test_a_library_of_somebody_that_is_missing(write: Write) -> None:

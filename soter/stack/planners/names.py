@@ -9,6 +9,7 @@ from typing import Any, Final
 from soter.config import validate_options
 from soter.errors import BackendUnavailable, ConfigError, nearest
 from soter.geometry.workspace import Workspace
+from soter.sdk.hints import install_command
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 
 DEFAULT_PLANNER = "ompl-bitstar"
@@ -22,8 +23,6 @@ BUILT_IN: Mapping[str, str] = {
 
 TRUSTED = frozenset({"straight-line"})
 """Planners that are part of SOTER, cannot fail and take microseconds: they may run in the mission's process."""
-
-INSTALL_HINT = "pip install 'soter-rta[ompl]'"
 
 
 class PlannerUnavailable(BackendUnavailable):
@@ -59,7 +58,8 @@ def planner_class(name: str) -> type[Planner]:
         module = importlib.import_module(module_name)
     except ImportError as error:
         if name in BUILT_IN:
-            hint = f"planner '{name}' needs OMPL, which cannot be imported ({error}); install it with {INSTALL_HINT}"
+            hint = f"planner '{name}' needs OMPL, which cannot be imported ({error}); install it with: "
+            hint += install_command("ompl")
             raise PlannerUnavailable(hint) from error
         raise ConfigError(f"planner '{name}': cannot import '{module_name}' ({error})") from error
     found = getattr(module, class_name, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Iterator
 
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, PyBulletBackend, PyBulletConfig, SimulatedFleet
 from soter.errors import BackendUnavailable, LifecycleError, RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Controller, GoalStatus, Link, Robot, RobotSpec, Waypoint
+from soter.sdk.hints import install_command
 from soter_sim.kinematic import KinematicEngine
 from tests.sim.worlds import CASE, empty, from_segment
 
@@ -225,7 +227,7 @@ def test_the_engine_is_an_option_of_one_backend_only() -> None:
 def test_a_missing_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", None)
     monkeypatch.delitem(sys.modules, "soter_sim.pybullet", raising=False)
-    with pytest.raises(BackendUnavailable, match=r'pip install "soter-rta\[pybullet\]"'):
+    with pytest.raises(BackendUnavailable, match=re.escape(install_command("pybullet"))):
         open_fleet("pybullet", RobotSpec(1, 1.0, 1.0, 0.0))
 
 

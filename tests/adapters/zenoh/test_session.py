@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import socket
 import sys
 import time
@@ -18,6 +19,7 @@ from soter.adapters.zenoh.session import SessionOptions, endpoints, open_session
 from soter.adapters.zenoh.session_options import DEFAULT_PORT
 from soter.errors import BackendUnavailable, ConfigError, RobotUnavailable
 from soter.problems import config_error, pydantic_problems
+from soter.sdk.hints import install_command
 from tests.adapters.zenoh.sessions import SILENCE_S, Heard, client, opened, router
 from tests.waiting import eventually, wait_until
 
@@ -243,7 +245,7 @@ def test_a_port_that_is_taken_is_named() -> None:
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "zenoh", None)
-    with pytest.raises(BackendUnavailable, match=r'pip install "soter-rta\[zenoh\]"'):
+    with pytest.raises(BackendUnavailable, match=re.escape(install_command("zenoh"))):
         open_session(SessionOptions())
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import pytest
 
 from soter.errors import BackendUnavailable, ConfigError
+from soter.sdk.hints import install_command
 from soter.stack.planners import BUILT_IN, DEFAULT_PLANNER, PlanRequest, build_planner, check_name, planner_class
 from tests.stack.planners.misbehaving import Raises
 from tests.stack.planners.places import CASE, RADIUS_M
@@ -59,7 +61,7 @@ def test_missing_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delitem(sys.modules, "soter.stack.planners.sampling", raising=False)
     monkeypatch.setitem(sys.modules, "ompl", None)
     monkeypatch.setitem(sys.modules, "ompl.base", None)
-    with pytest.raises(BackendUnavailable, match=r"pip install 'soter-rta\[ompl\]'"):
+    with pytest.raises(BackendUnavailable, match=re.escape(install_command("ompl"))):
         build_planner("ompl-bitstar", CASE, RADIUS_M)
 
 

@@ -1,0 +1,61 @@
+"""What the pages install can be had; `make install-check` has pip and apt say so too.
+
+The ROS package is held to the distribution: the same version, all its launch files, and programs that there are.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from defusedxml.ElementTree import parse as parse_xml
+
+import soter
+from soter.cli.new import check_name
+from tests.project.source import ROOT
+from tools.install_lines import Line, lines
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+# Of somebody else, on the index of Python packages.
+FOREIGN = {"MAVProxy"}
+ROS = ROOT / "ros" / "soter"
+
+
+@pytest.mark.parametrize(
+    "line", [line for line in lines() if line.words[0] == "pip"], ids=lambda line: " ".join(line.words)
+)
+def test_what_a_page_installs_is_there(line: Line) -> None:
+    what = line.words[-1]
+    path, _, extras = what.partition("[")
+    if made := re.fullmatch(r"soter-([a-z_]+)", what):
+        check_name(made[1])  # of `soter new adapter`
+        assert f"soter new adapter {made[1]}" in (ROOT / line.page).read_text()
+        return
+    assert what in FOREIGN or (ROOT / path / "pyproject.toml").is_file(), f"{line.page}: nobody can install {what}"
+    assert set(filter(None, extras.rstrip("]").split(","))) <= set(PROJECT["optional-dependencies"])
+
+
+def test_the_package_of_ros_is_this_version() -> None:
+    package = parse_xml(ROS / "package.xml").getroot()
+    assert package is not None
+    setup = (ROS / "setup.py").read_text()
+    assert package.findtext("version") == soter.__version__
+    assert f'version="{soter.__version__}"' in setup
+    assert package.findtext("name") == "soter"
+    needed = {each.text for each in package.findall("exec_depend")}
+    wheels = PROJECT["optional-dependencies"]["ros2"]
+    assert {wheel.removeprefix("ros-jazzy-").replace("-", "_") for wheel in wheels} - {"rmw_fastrtps_cpp"} <= needed
+
+
+@pytest.mark.parametrize("path", sorted((ROS / "launch").glob("*.py")), ids=lambda path: path.name)
+def test_launch_files_start_programs_that_there_are(path: Path) -> None:
+    tree = ast.parse(path.read_text())
+    assert any(isinstance(node, ast.FunctionDef) and node.name == "generate_launch_description" for node in tree.body)
+    [command] = [node.value for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "cmd"]
+    assert isinstance(command, ast.List)
+    program = command.elts[0]
+    assert isinstance(program, ast.Constant)
+    assert program.value in PROJECT["scripts"]

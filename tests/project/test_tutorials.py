@@ -1,0 +1,97 @@
+"""Every tutorial does what it says, from its first line to its last, in one folder and with nothing else.
+
+A block with a `title` is a file that the reader saves. A block of commands is run by bash and has to exit with 0, or
+with N where it is marked `exit-N`; `no-run` leaves out what needs a vehicle or many minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.project.markdown import Block, blocks
+from tests.project.source import ROOT
+
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+MOST_S = 600.0
+"""An hour is promised for the longest of them, for reading and typing too."""
+
+
+def title_of(block: Block) -> str | None:
+    """The file that a block is to be saved as."""
+    named = [mark for mark in block.marks if mark.startswith("title=")]
+    return named[0].removeprefix("title=").strip('"') if named else None
+
+
+def exit_code(block: Block) -> int:
+    """What the commands of a block have to exit with."""
+    return next((int(mark.removeprefix("exit-")) for mark in block.marks if mark.startswith("exit-")), 0)
+
+
+def programs(folder: Path) -> Path:
+    """A folder with the programs that a reader has, which run this work tree."""
+    folder.mkdir()
+    for name, command in (
+        ("soter", f'"{sys.executable}" -m soter.cli "$@"'),
+        ("python", f'"{sys.executable}" "$@"'),
+        # What an editable install leaves in an environment: the folder on the path, and the entry points beside it.
+        ("pip", f'"{sys.executable}" "{folder / "install.py"}" "$@"'),
+    ):
+        (folder / name).write_text(f"#!/bin/sh\nexec {command}\n")
+        (folder / name).chmod(0o755)
+    (folder / "install.py").write_text(INSTALL)
+    return folder
+
+
+INSTALL = """
+import sys, tomllib
+from pathlib import Path
+install, editable, folder = sys.argv[1:]
+assert (install, editable) == ("install", "-e")
+project = tomllib.loads(Path(folder, "pyproject.toml").read_text())["project"]
+name, points = project["name"], project["entry-points"]
+metadata = Path.cwd() / f"{name.replace('-', '_')}-{project['version']}.dist-info"
+metadata.mkdir()
+(metadata / "METADATA").write_text(f"Metadata-Version: 2.1\\nName: {name}\\nVersion: {project['version']}\\n")
+lines = [line for group, each in points.items() for line in (f"[{group}]", *(f"{key} = {each[key]}" for key in each))]
+(metadata / "entry_points.txt").write_text("\\n".join(lines))
+Path(name.replace("-", "_")).symlink_to(Path(folder, name.replace("-", "_")).resolve())
+"""
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
+    (folder := tmp_path / "here").mkdir()
+    (folder / "examples").symlink_to(ROOT / "examples")
+    path = os.pathsep.join((str(programs(tmp_path / "bin")), os.environ["PATH"]))
+    found = os.pathsep.join((str(folder), str(ROOT), str(ROOT / "sim")))
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": found, "PYTHONWARNINGS": "error", "COLUMNS": "100"}
+    began_s, ran = time.monotonic(), 0
+    for block in blocks(page):
+        place = f"{page.relative_to(ROOT)}:{block.line}"
+        if title := title_of(block):
+            assert not (folder / title).exists(), f"{place}: {title} is there already"
+            (folder / title).write_text(block.code, encoding="utf-8")
+        elif block.language == "sh" and "no-run" not in block.marks:
+            done = subprocess.run(
+                ["bash", "-e", "-c", block.code], cwd=folder, env=environment, capture_output=True, text=True
+            )
+            assert done.returncode == exit_code(block), f"{place}\n{block.code}\n{done.stdout}{done.stderr}"
+            ran += 1
+        else:
+            assert block.language in {"sh", "text"}, f"{place}: a listing that nothing runs"
+    assert ran
+    assert time.monotonic() - began_s < MOST_S
+
+
+def test_every_file_that_a_tutorial_speaks_of_is_there() -> None:
+    made = re.compile(r"^Save this as `([^`]+)`|and this as `([^`]+)`", re.MULTILINE)
+    for page in TUTORIALS:
+        spoken = {one or other for one, other in made.findall(page.read_text())}
+        assert spoken <= {title_of(block) for block in blocks(page)}, page
