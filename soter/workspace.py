@@ -73,6 +73,11 @@ class Workspace:
     boxes: tuple[Box, ...]
     robots: tuple[RobotPlace, ...]
 
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The least rectangle along the axes that holds the workspace: low x, low y, high x, high y in metres."""
+        return 0.0, 0.0, self.width_m, self.depth_m
+
     def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
         """Return the distance from a round body at a point to the nearest box; negative where they overlap."""
         return min((box.distance_m(x_m, y_m) for box in self.boxes), default=math.inf) - body_radius_m

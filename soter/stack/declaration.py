@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, Final, Self
 
 from soter.config import MissionFile
-from soter.config_tables import MotionModel
+from soter.config_tables import MotionModel, MotionTable
 from soter.errors import IllFormedModule
 from soter.rta import DischargeBound, Motion, PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
@@ -27,7 +27,8 @@ from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, TURN_S, RightOfWay
 from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import WAYPOINT
-from soter.stack.static_rules import Clearance, Fence
+from soter.stack.site_terrain import terrain_of
+from soter.stack.static_rules import Clearance, fence_of
 from soter.stack.terrain import Terrain, grown
 from soter.stack.user_modules import ModuleKit, declare_own
 from soter.workspace import Box, RobotPlace, Workspace
@@ -187,7 +188,9 @@ def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
 
 def terrains_of(workspace: Workspace, promised: Mapping[int, Capabilities]) -> dict[int, Terrain]:
     """Return fence and boxes for the body of each robot, by id; bodies that are alike share theirs."""
-    known = {radius_m: Terrain(workspace, radius_m) for radius_m in {each.body_radius_m for each in promised.values()}}
+    known = {
+        radius_m: terrain_of(workspace, radius_m) for radius_m in {each.body_radius_m for each in promised.values()}
+    }
     return {robot_id: known[each.body_radius_m] for robot_id, each in promised.items()}
 
 
@@ -219,7 +222,7 @@ def declare(
     rules = _rules(mission)
     # Safe controllers keep what the rule asks for beyond the body clear of boxes as if it were part of the body.
     beyond_m = rta.obstacle.phi_safe_m if rules.boxes else 0.0
-    room = Terrain(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
+    room = terrain_of(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
     recovery = RecoveryPlanner(
         room, capabilities, rules, tick_s, worst.noise_m, worst.v_max_m_s, worst.extent_m,
         {other: max(capabilities.v_max_m_s, peer.v_max_m_s) for other, peer in unlike.items()},
@@ -253,24 +256,30 @@ def declare(
     keep_m = _keep_m(mission, recovery, timing)
     # A refuge is where every static rule lets go: in phi_safer, and where the AC is trusted as well.
     clear_m = speed.bound(timing.horizon_s(rta.obstacle.delta_s)) + keep_m
-    inside_m = speed.bound(timing.horizon_s(rta.geofence.delta_s))
+    fence_keep_m = 0.0 if terrain.convex else _path_left_m(recovery, timing, rta.geofence, rta.geofence.delta_s)
+    fence_m = speed.bound(timing.horizon_s(rta.geofence.delta_s))
+    inside_m = fence_m + fence_keep_m
+    fence = fence_of(terrain, fence_m)
     # What the AC may use up, and what the safe controller needs: phi_safer is no nearer than where both are left. A
     # phi_safer that does not even leave the first is ill-formed.
     trusted_m, safer_m = clear_m - keep_m + capabilities.position_noise_m, rta.obstacle.phi_safer_m
     if rules.boxes and safer_m - rta.obstacle.phi_safe_m >= trusted_m:
         safer_m = max(safer_m, rta.obstacle.phi_safe_m + trusted_m + keep_m)
+    safer_inset_m = rta.geofence.phi_safer_inset_m
+    if fence_keep_m and safer_inset_m >= fence_m + capabilities.position_noise_m:
+        safer_inset_m = max(safer_inset_m, inside_m + capabilities.position_noise_m)
     refuges = RefugeFinder(
         room,
         recovery,
         # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
-        max(rta.geofence.phi_safer_inset_m, inside_m) + unsure_m if rules.fence else -math.inf,
+        max(safer_inset_m, inside_m) + unsure_m if rules.fence else -math.inf,
         safer_m - beyond_m + unsure_m if rules.boxes else safer_m,
     )
     inside = Retreat("move-inside", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M, home, dock)
     clear = Retreat("move-clear", tick_s, waypoint, recovery, refuges, _REFUGE_PEER_M, home, dock)
-    fence = Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
     apart = Separation(rta.collision.phi_safe_m, worst.v_max_m_s, worst.noise_m)
-    clearance = Clearance(terrain, rta.obstacle.phi_safe_m, recovery.path_m, rules.fence)
+    look_m = math.inf if terrain.convex else speed.bound(timing.horizon_s(rta.obstacle.delta_s))
+    clearance = Clearance(terrain, rta.obstacle.phi_safe_m, recovery.path_m, rules.fence, look_m)
     drive_per_s = 1.0 / mission.battery.drive_s
     own_modules = {}
     for name, own in mission.rta.module.items():
@@ -326,9 +335,10 @@ def declare(
             inside,
             rta.geofence.delta_s,
             fence,
-            fence.inset(rta.geofence.phi_safer_inset_m),
+            fence.inset(safer_inset_m),
             reach_into(fence, motion(GEOFENCE, rta.geofence.model)),
             dwell_s=rta.geofence.dwell_s,
+            keep=fence_keep_m,
         ),
         BATTERY: lambda: RTAModule(
             BATTERY,
@@ -406,9 +416,11 @@ def _keep_m(mission: MissionFile, recovery: RecoveryPlanner, timing: Timing) -> 
     speed leaves nothing.
     """
     obstacle = mission.rta.obstacle
-    if not recovery.rules.boxes:
-        return 0.0
-    unused_s = timing.ahead_s(obstacle.delta_s) - obstacle.delta_s if obstacle.model == "speed" else 0.0
+    return _path_left_m(recovery, timing, obstacle, obstacle.delta_s) if recovery.rules.boxes else 0.0
+
+
+def _path_left_m(recovery: RecoveryPlanner, timing: Timing, module: MotionTable, delta_s: float) -> float:
+    unused_s = timing.ahead_s(delta_s) - delta_s if module.model == "speed" else 0.0
     return max(0.0, recovery.path_m - recovery.v_max_m_s * unused_s)
 
 

@@ -1,0 +1,103 @@
+"""Polygons into convex pieces, and circles into polygons: when a workspace is read, never while a mission runs."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+
+from soter.geometry.convex import Point, Ring
+
+SAGITTA_M: Final = 0.01
+"""A circle becomes a polygon that is off it by no more than this: outside of what is kept out, inside of a fence."""
+
+_LEAST_CORNERS: Final = 12
+_MOST_CORNERS: Final = 720
+_SLIVER_M2: Final = 1e-10
+
+
+def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
+    """Return a polygon for a circle: one that holds it, or one that it holds.
+
+    It is off the circle by `SAGITTA_M` at most, or, with very large and very small radii, by so much as the number of
+    corners allows; always to the safe side.
+
+    Args:
+        x_m: the middle, east.
+        y_m: the middle, north.
+        radius_m: the radius.
+        around: whether the polygon holds the circle.
+    """
+    wanted = math.pi / math.acos(max(1.0 - SAGITTA_M / radius_m, 0.0)) if radius_m > SAGITTA_M else 0.0
+    corners = min(max(math.ceil(wanted), _LEAST_CORNERS), _MOST_CORNERS)
+    far_m = radius_m / math.cos(math.pi / corners) if around else radius_m
+    angles = [math.tau * (each + 0.5) / corners for each in range(corners)]
+    return tuple((x_m + far_m * math.cos(angle), y_m + far_m * math.sin(angle)) for angle in angles)
+
+
+def anticlockwise(ring: Ring) -> Ring:
+    """Return the same corners counter-clockwise."""
+    return ring if shapely.LinearRing(ring).is_ccw else ring[::-1]
+
+
+def pieces_of(ring: Ring) -> tuple[Ring, ...]:
+    """Return convex polygons that together are the inside of a ring."""
+    return _convex(Polygon(ring))
+
+
+def pieces_around(ring: Ring) -> tuple[Ring, ...]:
+    """Return convex polygons that together are the bounding box of a ring without its inside."""
+    return _convex(shapely.box(*Polygon(ring).bounds).difference(Polygon(ring)))
+
+
+def _convex(shape: shapely.Geometry) -> tuple[Ring, ...]:
+    if isinstance(shape, MultiPolygon):
+        return tuple(piece for part in shape.geoms for piece in _convex(part))
+    if not isinstance(shape, Polygon) or shape.is_empty:
+        return ()
+    triangles = [
+        anticlockwise(tuple(each.exterior.coords[:3]))
+        for each in shapely.constrained_delaunay_triangles(shape).geoms
+        if each.area > _SLIVER_M2
+    ]
+    return _merged(triangles)
+
+
+def _merged(triangles: list[Ring]) -> tuple[Ring, ...]:
+    """Return the polygons that are left when neighbours are merged as long as the result is convex.
+
+    Hertel and Mehlhorn, "Fast triangulation of simple polygons", FCT 1983: at most four times as many as need be.
+    """
+    rings: dict[int, list[Point]] = {index: list(ring) for index, ring in enumerate(triangles)}
+    owner: dict[tuple[Point, Point], int] = {}
+    for index, ring in rings.items():
+        for edge in zip(ring, [*ring[1:], ring[0]], strict=True):
+            owner[edge] = index
+    for one, other in list(owner):
+        first, second = owner.get((one, other)), owner.get((other, one))
+        if first is None or second is None or first == second:
+            continue
+        # From the end of the shared edge to its beginning, by each of the two.
+        left, right = _from(rings[first], other), _from(rings[second], one)
+        joined = left + right[1:-1]
+        if _is_convex(joined):
+            rings[first] = joined
+            del rings[second], owner[one, other], owner[other, one]
+            for edge in zip(joined, [*joined[1:], joined[0]], strict=True):
+                owner[edge] = first
+    return tuple(tuple(ring) for ring in rings.values())
+
+
+def _from(ring: list[Point], start: Point) -> list[Point]:
+    at = ring.index(start)
+    return ring[at:] + ring[:at]
+
+
+def _is_convex(ring: list[Point]) -> bool:
+    around = [*ring, ring[0], ring[1]]
+    return all(
+        (bx - ax) * (cy - by) - (by - ay) * (cx - bx) >= 0.0
+        for (ax, ay), (bx, by), (cx, cy) in zip(around, around[1:], around[2:], strict=False)
+    )
