@@ -18,11 +18,11 @@ from functools import partial
 from benchmarks.common import SURVEILLANCE, Row, arguments, in_turns, show
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig
 from soter.config import load_mission
-from soter.config_tables import MotionModel
+from soter.config.tables import MotionModel
+from soter.geometry.workspace import Workspace
 from soter.rta import DecisionModule, Mode, Situation
 from soter.sdk import Controller, Link, RobotSpec, RobotState
 from soter.stack.assembly import assemble
-from soter.workspace import Workspace
 
 GOAL_US = 5.0
 TUBE_GOAL_US = 20.0

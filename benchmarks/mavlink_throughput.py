@@ -24,8 +24,8 @@ from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
 from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
 from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Controller, RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 
 VEHICLES = 10
 STREAM_HZ = 50

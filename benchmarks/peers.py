@@ -19,8 +19,8 @@ from typing import Any
 
 from benchmarks.common import Row, arguments, in_turns, show
 from benchmarks.decision import bound_modules, median_us, reference, situations
+from soter.geometry.workspace import Workspace
 from soter.rta import DecisionModule, Mode, ModuleMonitor, Situation
-from soter.workspace import Workspace
 
 TICK_S = 0.05
 LOOK_S = 0.5

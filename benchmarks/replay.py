@@ -13,9 +13,9 @@ from typing import ClassVar
 
 from soter.adapters.pybullet import KinematicConfig, PyBulletBackend, PyBulletConfig, SimulatedFleet
 from soter.config import MissionFile
+from soter.geometry.workspace import Workspace
 from soter.runner import run_mission
 from soter.sdk import RobotSpec
-from soter.workspace import Workspace
 from soter_sim import Control, World
 
 INIT_TIMEOUT_S = 10.0

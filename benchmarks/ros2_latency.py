@@ -18,7 +18,7 @@ LISTENER = """
 import json, sys, time
 from geometry_msgs.msg import Twist
 from soter.adapters.ros2.graph import Graph
-from soter.streamed.robot import wait_for
+from soter.adapters.velocity_controlled.robot import wait_for
 
 heard = []
 graph = Graph(int(sys.argv[1]), use_sim_time=False, on_loopback=True)

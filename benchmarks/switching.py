@@ -18,9 +18,9 @@ from typing import Final
 import numpy as np
 
 from benchmarks.common import Row, load
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.runner.real_time import real_time
 from soter.sdk import Controller, Robot, RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 
 _ROUNDS: Final = 300
 _QUICK_ROUNDS: Final = 5

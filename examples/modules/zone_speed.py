@@ -5,9 +5,9 @@ from math import hypot
 
 from pydantic import BaseModel
 
+from soter.geometry.workspace import Box
 from soter.rta import Region, RTAModule, Situation
 from soter.stack.user_modules import ModuleKit
-from soter.workspace import Box
 
 
 class Options(BaseModel, extra="forbid", frozen=True):

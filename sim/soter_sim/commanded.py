@@ -25,13 +25,13 @@ from math import cos, sin
 from pathlib import Path
 from typing import Any, Final
 
+from soter.geometry.workspace import Workspace
+from soter.geometry.workspace_xml import read_workspace
 from soter.onboard.command import Command, Report
 from soter.onboard.drive import Drive
 from soter.onboard.goal_gate import GoalGate
 from soter.onboard.program import Ending
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
-from soter.workspace_xml import read_workspace
 from soter_sim.program import make_parser, read_world, serve
 from soter_sim.real_time import RealTimeWorld
 from soter_sim.world import World

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from math import cos, hypot, isfinite, pi, sin
 from typing import Final, NamedTuple
 
+from soter.geometry.workspace import Workspace
 from soter.onboard.drive import DriveLimits
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
 from soter_sim.contacts import Contacts
 from soter_sim.judge import Judge

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from math import cos, pi, sin
 from typing import Final
 
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
 from soter_sim.contacts import Contacts
 from soter_sim.judge import Judge

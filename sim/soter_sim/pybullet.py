@@ -14,8 +14,8 @@ from math import atan2, cos, sin
 from typing import Final
 
 from soter.errors import BackendError
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
 from soter_sim.judge import Judge
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.kinematic import KinematicEngine
 from soter_sim.truth_server import TruthServer
 from soter_sim.world import World

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final
 
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.real_time import RealTimeWorld
 from soter_sim.world import World
 

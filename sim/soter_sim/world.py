@@ -8,8 +8,8 @@ from types import TracebackType
 from typing import Final, Self
 
 from soter.errors import nearest
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.bodies import Control, stand_still
 from soter_sim.engine import Engine, EngineFactory
 from soter_sim.impairment import Impairment, impaired

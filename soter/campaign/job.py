@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from soter.config import MissionFile, load_mission
+from soter.config.toml_text import inline
 from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
 from soter.runner import Run, run_mission
-from soter.runner.toml_text import inline
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Event

@@ -21,7 +21,7 @@ from soter.campaign.conditions import Requirement, StoppingRule
 from soter.campaign.job import Job
 from soter.campaign.sources import code_hash, sources_hash
 from soter.config import MissionFile
-from soter.config_tables import Name, Table, wrong
+from soter.config.tables import Name, Table, wrong
 from soter.errors import ConfigError
 from soter.problems import config_error, parse_toml, pydantic_problems, read_limited, shown_value
 from soter.registry import load_backend

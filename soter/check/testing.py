@@ -28,7 +28,7 @@ class ModuleSuite:
     passes. A module given by predicates says so in `assumed`.
 
     Attributes:
-        subject: makes what is tried, such as `soter.runner.bench.floor_bench` with its arguments.
+        subject: makes what is tried, such as `soter.check.bench.floor_bench` with its arguments.
         budget: trials, at most.
         seed: everything random is drawn from it.
         assumed: obligations that are the author's word.

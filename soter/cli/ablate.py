@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from soter.runner.ablate import Outcome, Plan, Variant
-    from soter.runner.ablate_tables import Row
+    from soter.ablation.ablate import Outcome, Plan, Variant
+    from soter.ablation.tables import Row
 
 EXAMPLES = """Examples:
 
@@ -69,11 +69,11 @@ def ablate(
     Modules are left out, look too rarely or not far enough ahead, give back too early; adversaries take the AC's place.
     """
     with guard():
+        from soter.ablation.ablate import Plan, variants
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, json_output, refuse_clashes
         from soter.cli.overrides import load_with_engine, merge
         from soter.registry import load_backend
-        from soter.runner.ablate import Plan, variants
 
         given = {"backend": backend, "duration_s": duration, "targets": targets}
         overrides = merge(given, settings or [])
@@ -99,7 +99,7 @@ def ablate(
         console = make_console(stderr=str(json) == "-")
         outcomes, stopped_by = _run(plan, chosen, jobs, console)
 
-        from soter.runner.ablate_tables import rows
+        from soter.ablation.tables import rows
 
         found = rows(outcomes, chosen)
         _show(found, console)
@@ -108,7 +108,7 @@ def ablate(
             if json_file is not None:
                 json_file.write(_json(outcomes))
             if page is not None:
-                from soter.runner.ablate_tables import markdown as as_markdown
+                from soter.ablation.tables import markdown as as_markdown
 
                 page.write(as_markdown(found, shlex.join(["soter", *sys.argv[1:]])).encode())
         except OSError as failure:
@@ -142,7 +142,7 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
     """Run everything and show how far it is; return also the signal that ended it, if one did."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from soter.runner.ablate import run_all
+    from soter.ablation.ablate import run_all
 
     outcomes: list[Outcome] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -161,7 +161,7 @@ def _show(found: Sequence[Row], console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from soter.runner.ablate_tables import HEAD, ac_only
+    from soter.ablation.tables import HEAD, ac_only
 
     compared = ac_only(found)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

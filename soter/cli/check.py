@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from soter.check import Counterexample, Trial
+    from soter.check.bench import ModuleBench
+    from soter.check.mission import Report
     from soter.cli.outputs import Output, StandardOutput
     from soter.config import MissionFile
     from soter.errors import ConfigError
-    from soter.runner.bench import ModuleBench
-    from soter.runner.check import Report
-    from soter.workspace import Workspace
+    from soter.geometry.workspace import Workspace
 
 EXAMPLES = """Examples:
 
@@ -110,8 +110,8 @@ def check(
 
 
 def _check(console: Console, subject: dict[str, Any], robots: int, patience_s: float, budget: int, seed: int) -> Report:
+    from soter.check.mission import check_mission, check_module
     from soter.cli.console import is_live
-    from soter.runner.check import check_mission, check_module
 
     status = console.status("")
     if is_live(console):
@@ -133,9 +133,9 @@ def _mission(subject: dict[str, Any]) -> MissionFile:
 def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
     import sys
 
+    from soter.check.bench import floor_bench
     from soter.cli.overrides import merge
     from soter.errors import ConfigError
-    from soter.runner.bench import floor_bench
 
     if subject["backend"] is not None:
         raise ConfigError("modules of your own are tried on simulated robots", source="command line", key="--backend")
@@ -286,7 +286,7 @@ def _replay(
 
 
 def _bench_of(example: Counterexample, path: Path) -> ModuleBench:
-    from soter.runner.bench import ModuleBench
+    from soter.check.bench import ModuleBench
 
     tried = dict(example.subject)
     try:

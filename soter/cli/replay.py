@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from soter.runner.replay import Replay
+    from soter.replay.replay import Replay
 
 # A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
@@ -67,7 +67,7 @@ def replay(
         from soter.cli.overrides import merge
         from soter.record.digest import State
         from soter.record.reader import Recording
-        from soter.runner.replay import replay as play
+        from soter.replay.replay import replay as play
 
         opened = Recording(recording)
         found = play(opened, merge({}, settings or []))

@@ -150,7 +150,7 @@ def _open(mission: MissionFile) -> Ros2Fleet:
     from soter.adapters.ros2.backend import Ros2Backend, Ros2Fleet
     from soter.adapters.ros2.options import RobotOptions, Ros2Config
     from soter.config import validate_options
-    from soter.runner.specs import asked, robot_specs
+    from soter.specs import asked, robot_specs
 
     workspace = mission.read_workspace()
     given = mission.backends.get("ros2", {})

@@ -15,9 +15,9 @@ from soter.errors import RunFailed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from soter.adapters.velocity_controlled.simulator import StreamedSimulator
+    from soter.geometry.workspace import Workspace
     from soter.sdk.values import RobotSpec
-    from soter.streamed.simulator import StreamedSimulator
-    from soter.workspace import Workspace
     from soter_sim.mavlink.simulation import Settings, Simulation
 
 MAVLINK_EXAMPLES = """Examples:
@@ -59,8 +59,8 @@ def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[W
         ConfigError: the file is none, or has not so many robots.
     """
     from soter.config import draw_charge
+    from soter.geometry.reading import read_workspace
     from soter.sdk.values import RobotSpec
-    from soter.workspace_xml import read_workspace
 
     room = read_workspace(path)
     if robots is not None:

@@ -13,7 +13,7 @@ from soter.cli.overrides import MissionArgument, Promising, Settings
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soter.runner.tune import Choice, Tuning
+    from soter.check.tune import Choice, Tuning
 
 EXAMPLES = """Examples:
 
@@ -54,11 +54,11 @@ def tune(
     which no proof asks to be larger, are kept.
     """
     with guard():
+        from soter.check.tune import tune as find
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, json_output, refuse_clashes
         from soter.cli.overrides import load_with_engine, merge
-        from soter.runner.toml_text import toml
-        from soter.runner.tune import tune as find
+        from soter.config.toml_text import toml
 
         loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
         refuse_clashes({"--output": output, "--json": json}, (mission, loaded.workspace), force=force)
@@ -136,8 +136,8 @@ def _file(tuning: Tuning, source: Path, target: Path) -> str:
     """Return the mission file; all files in it are named as seen from where it is."""
     import os
 
+    from soter.config.toml_text import toml
     from soter.loading import file_of
-    from soter.runner.toml_text import toml
 
     def seen(path: Path) -> str:
         return os.path.relpath(path.resolve(), target.resolve().parent)

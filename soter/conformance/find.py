@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from soter.conformance.harness import Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.sdk import Backend, Fleet
-from soter.workspace import Box, RobotPlace, Workspace
 
 # Two rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
 # from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices.

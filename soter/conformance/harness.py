@@ -7,8 +7,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Final
 
+from soter.geometry.workspace import RobotPlace
 from soter.sdk import Fleet, RobotSpec, Waypoint
-from soter.workspace import RobotPlace
 
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""

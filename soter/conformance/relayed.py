@@ -7,8 +7,8 @@ from typing import Final, Protocol
 
 from soter.conformance import driver
 from soter.conformance.harness import Harness, specs_at
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Fleet, RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 
 
 class Relay(Protocol):

@@ -12,7 +12,6 @@ from typing import BinaryIO, Final
 
 import msgspec
 
-from soter.child import MAX_MESSAGE_BYTES, die_with_parent
 from soter.conformance.clause import CLAUSES
 from soter.conformance.figure import Figure
 from soter.conformance.find import find_harness
@@ -20,6 +19,7 @@ from soter.conformance.kit import explain, try_clause
 from soter.conformance.record import Outcome, Subject, Verdict, subject_of
 from soter.conformance.usage import Usage, usage
 from soter.errors import SoterError
+from soter.isolation.child import MAX_MESSAGE_BYTES, die_with_parent
 
 _LEFTOVERS: Final = 8
 """A process in which clauses leave more threads, descriptors or processes than this is not fit for the next one."""

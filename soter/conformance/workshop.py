@@ -13,13 +13,13 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from typing import Final, Self
 
-from soter.child import Child, ChildDied
 from soter.conformance.clause import Clause
 from soter.conformance.kit import CLOSE_LIMIT_S, HOST_LIMIT_S
 from soter.conformance.record import Outcome, Record, Subject, Verdict
 from soter.conformance.tally import Tally
 from soter.conformance.worker import Ready, Told, decode
 from soter.errors import BackendError
+from soter.isolation.child import Child, ChildDied
 
 STUCK_S: Final = HOST_LIMIT_S + CLOSE_LIMIT_S
 """A process that has not given up a clause by then is killed."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
-from soter.config_tables import RtaTable
+from soter.config.tables import RtaTable
 from soter.rta import Report
 from soter.sdk import Capabilities, RobotState, Waypoint
 from soter.stack.kit import RobotPort

@@ -9,7 +9,7 @@ from typing import Final
 from pydantic import BaseModel
 
 from soter.config import MissionFile, validate_options
-from soter.config_tables import SURVEILLANCE
+from soter.config.tables import SURVEILLANCE
 from soter.controllers.base import Controller
 from soter.errors import ConfigError, nearest
 from soter.loading import described, file_of, load_named

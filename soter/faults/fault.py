@@ -11,9 +11,9 @@ from typing import Annotated, ClassVar, Final, Generic, Literal, NamedTuple, Pro
 
 from pydantic import Field, model_validator
 
-from soter.config_tables import Table, wrong
+from soter.config.tables import Table, wrong
+from soter.geometry.workspace_xml import MAX_ROBOT_ID
 from soter.sdk import Capabilities, Controller, Goal, RobotState, Waypoint
-from soter.workspace_xml import MAX_ROBOT_ID
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
 Interval = Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)]

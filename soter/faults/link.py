@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.config_tables import wrong
+from soter.config.tables import wrong
 from soter.faults.fault import (
     Call,
     Command,

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.config_tables import wrong
+from soter.config.tables import wrong
 from soter.faults.fault import Command, Context, Fault, FaultOptions, Passage, Spacing
 from soter.sdk import Capabilities, RobotState
 

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from soter.config_tables import wrong
+from soter.config.tables import wrong
 from soter.faults.fault import Command, Fault, FaultOptions, Impairment, Passage
 from soter.sdk import Capabilities, RobotState
 

@@ -1,1 +1,1 @@
-"""Where robots may be: rectangles with boxes, and sites with polygons; distances in them, and the files they are in."""
+"""The world a mission takes place in, and the files that describe it."""

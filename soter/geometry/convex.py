@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 Point = tuple[float, float]
 Ring = tuple[Point, ...]
@@ -218,10 +219,11 @@ class Pieces:
         end = (bx, by) if at_m + part_m >= length else (ax + ux * (at_m + part_m), ay + uy * (at_m + part_m))
         return ax + ux * at_m, ay + uy * at_m, *end
 
-    def _boxes_m(self, x_m: float, y_m: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def _boxes_m(self, x_m: float, y_m: float) -> NDArray[np.float64]:
         at = np.array((x_m, y_m))
         apart = np.maximum(np.maximum(self._low - at, at - self._high), 0.0)
-        return np.hypot(apart[:, 0], apart[:, 1])
+        away: NDArray[np.float64] = np.hypot(apart[:, 0], apart[:, 1])
+        return away
 
     def _nearest_in(self, cell: tuple[int, int]) -> tuple[tuple[float, float, float, Piece], ...]:
         """Return the pieces of which one is the nearest to any point of a cell, the likeliest first."""

@@ -1,40 +1,15 @@
-"""Polygons into convex pieces, and circles into polygons: when a workspace is read, never while a mission runs."""
+"""Polygons into convex pieces: when a workspace is read, never while a mission runs."""
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
-import shapely
-from shapely.geometry import MultiPolygon, Polygon
+import shapely  # type: ignore[import-untyped]
+from shapely import MultiPolygon, Polygon
 
 from soter.geometry.convex import Point, Ring
 
-SAGITTA_M: Final = 0.01
-"""A circle becomes a polygon that is off it by no more than this: outside of what is kept out, inside of a fence."""
-
-_LEAST_CORNERS: Final = 12
-_MOST_CORNERS: Final = 720
 _SLIVER_M2: Final = 1e-10
-
-
-def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
-    """Return a polygon for a circle: one that holds it, or one that it holds.
-
-    It is off the circle by `SAGITTA_M` at most, or, with very large and very small radii, by so much as the number of
-    corners allows; always to the safe side.
-
-    Args:
-        x_m: the middle, east.
-        y_m: the middle, north.
-        radius_m: the radius.
-        around: whether the polygon holds the circle.
-    """
-    wanted = math.pi / math.acos(max(1.0 - SAGITTA_M / radius_m, 0.0)) if radius_m > SAGITTA_M else 0.0
-    corners = min(max(math.ceil(wanted), _LEAST_CORNERS), _MOST_CORNERS)
-    far_m = radius_m / math.cos(math.pi / corners) if around else radius_m
-    angles = [math.tau * (each + 0.5) / corners for each in range(corners)]
-    return tuple((x_m + far_m * math.cos(angle), y_m + far_m * math.sin(angle)) for angle in angles)
 
 
 def anticlockwise(ring: Ring) -> Ring:

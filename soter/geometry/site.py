@@ -8,15 +8,15 @@ from functools import cached_property
 from typing import Any, Final, NoReturn
 
 from soter.errors import ConfigError
-from soter.geometry.convex import Pieces, Point, Ring
-from soter.workspace import Box, RobotPlace, Workspace
+from soter.geometry.convex import Pieces, Ring
+from soter.geometry.workspace import Box, Point, RobotPlace, Workspace
 
 _ROUNDING_M: Final = 1e-9
 _FAR_M: Final = 10.0
 """Where there is no fence, the ground so far around everything else is looked at."""
 
 _CELLS: Final = 2000
-"""Cells in which what is near is looked up: so many along the longer side of a large site, of a metre in a small one."""
+"""What is near is looked up in cells of a metre; a large site has larger ones, so many along its longer side."""
 
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 16), math.sin(k * math.pi / 16)) for k in range(32))
 
@@ -105,15 +105,15 @@ class Site(Workspace):
 
     # A part of SOTER that has not been taught polygons must not take a site for its bounding box.
     @property
-    def width_m(self) -> NoReturn:  # type: ignore[override]
+    def width_m(self) -> NoReturn:
         self._refuse("width")
 
     @property
-    def depth_m(self) -> NoReturn:  # type: ignore[override]
+    def depth_m(self) -> NoReturn:
         self._refuse("depth")
 
     @property
-    def boxes(self) -> NoReturn:  # type: ignore[override]
+    def boxes(self) -> NoReturn:
         self._refuse("boxes")
 
     def _refuse(self, what: str) -> NoReturn:
@@ -180,6 +180,9 @@ class Site(Workspace):
         if least <= 0.0 or not self.plan.around:
             return least
         return min(least, self.outside.segment_m(ax_m, ay_m, bx_m, by_m, min(least, enough_m)))
+
+    def outlines(self) -> tuple[Ring | None, list[Ring]]:
+        return self.plan.fence, [area.ring for area in self.plan.areas]
 
     def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
         return self.keep_outs.distance_m(x_m, y_m) - body_radius_m

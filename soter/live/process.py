@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO, Final, NoReturn, Protocol
 
-from soter.child import die_with_parent, yield_to_others
+from soter.isolation.child import die_with_parent, yield_to_others
 from soter.live.view import FAILED, READY
 from soter.record.follow import GrowingRecording
 
@@ -47,7 +47,7 @@ class Screen(Protocol):
 
 
 def serve(stdin: BinaryIO, socket_fd: int, lifeline_fd: int, make: Callable[[int], Screen]) -> NoReturn:
-    """Be the process of a view, as `soter.child` starts it.
+    """Be the process of a view, as `soter.isolation.child` starts it.
 
     Args:
         stdin: holds the pickled port.

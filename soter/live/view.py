@@ -13,8 +13,8 @@ import threading
 from pathlib import Path
 from typing import Final, NamedTuple, Self
 
-from soter.child import Child, ChildDied
 from soter.errors import ConfigError
+from soter.isolation.child import Child, ChildDied
 
 logger = logging.getLogger(__name__)
 

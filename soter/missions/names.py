@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from soter.config import MissionFile, validate_options
-from soter.config_tables import SURVEILLANCE
+from soter.config.tables import SURVEILLANCE
 from soter.errors import ConfigError, nearest
 from soter.loading import described, file_of, load_named
 from soter.missions.mission import Mission

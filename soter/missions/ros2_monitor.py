@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol
 
 from soter.config import MissionFile
+from soter.geometry.workspace import Workspace
 from soter.rta import Mode, Report, Request, RobotSupervisor, SwitchRecord
 from soter.sdk import Fleet, Waypoint
 from soter.stack.actuator import RobotActuator
 from soter.stack.assembly import SafetySide, assemble
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 

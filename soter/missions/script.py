@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from soter.errors import RunFailed, SoterError
+from soter.geometry.workspace import Workspace
 from soter.loading import described
 from soter.machine import Event, Goto, Machine, MachineRef, Next, State
 from soter.missions.stage import Stage
@@ -17,7 +18,6 @@ from soter.sdk import RobotState, Waypoint
 from soter.stack.away import AwayKit, robot_agent
 from soter.stack.events import TRIES, Outcome, TargetEnded, VisitTarget
 from soter.stack.kit import RobotPort
-from soter.workspace import Workspace
 
 LONGEST_S: Final = 1e6
 """Time that a goal may be given, as in mission files."""

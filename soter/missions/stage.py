@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from soter.geometry.workspace import Workspace
 from soter.machine import Machine, MachineRef
 from soter.stack.away import AwayKit
 from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotKit, RobotPort
-from soter.workspace import Workspace
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from soter.config_tables import DEFAULT_TARGETS
-from soter.config_tables import Targets as TargetSet
+from soter.config.tables import DEFAULT_TARGETS
+from soter.config.tables import Targets as TargetSet
+from soter.geometry.workspace import Workspace
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.missions.mission import Mission
 from soter.missions.stage import Stage
 from soter.stack.away import AwayKit, robot_agent
 from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
 from soter.stack.kit import RobotKit
-from soter.workspace import Workspace
 
 OUTSIDE_M: Final = 1.0
 """How far outside the fence hostile targets lie, at most."""
@@ -25,7 +25,7 @@ _APART_M: Final = 0.5
 
 
 def grid_places(workspace: Workspace, body_radius_m: float) -> list[Place]:
-    """Return the integer points, fence included, on which a body can stand: in a small room most of them lie on the fence."""
+    """Return the integer points, fence included, on which a body can stand: in small rooms most lie on the fence."""
     low_x, low_y, high_x, high_y = workspace.bounds
     return [
         (float(x), float(y))

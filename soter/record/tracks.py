@@ -5,8 +5,8 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass, field
 
+from soter.geometry.workspace import Workspace
 from soter.rta import SwitchRecord
-from soter.workspace import Workspace
 
 
 @dataclass(slots=True)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import Final, Protocol
 
 from soter.clock import Clock
+from soter.geometry.workspace import Workspace
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.sdk import Capabilities
 from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotPort
 from soter.stack.terrain import Terrain
-from soter.workspace import Workspace
 
 
 class TargetLog(Protocol):

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from soter.config import MissionFile
+from soter.isolation.sandbox import Box
 from soter.loading import file_of
-from soter.sandbox import Box
 
 
 def box_of(mission: MissionFile, process: str | None = None) -> Box | None:

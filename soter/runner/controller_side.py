@@ -10,9 +10,9 @@ from typing import Final
 
 from soter.config import MissionFile
 from soter.controllers import Arena, Controller, build
+from soter.geometry.workspace import Workspace
 from soter.rta import Report
 from soter.runner.ac_side import Scene
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
 
-from soter.link.bus import Bus
-from soter.link.channel import MAX_REASON, Came, Ended, Joined, Letter, Visit
+from soter.distribution.bus import Bus
+from soter.distribution.channel import MAX_REASON, Came, Ended, Joined, Letter, Visit
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
 from soter.stack.away import AwayKit, JoinedAway, OtherSideCame, VisitAway

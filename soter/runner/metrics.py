@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soter.faults import FaultyFleet
+from soter.geometry.workspace import Workspace
 from soter.record.tracks import RunTracks, Track
 from soter.rta import Mode, ModuleMonitor, RobotSupervisor, SwitchRecord
 from soter.runner.result import (
@@ -27,7 +28,6 @@ from soter.runner.result import (
 )
 from soter.sdk import Fleet
 from soter.stack.events import Outcome, Place
-from soter.workspace import Workspace
 
 STALL_S: Final = 300.0
 """A robot that has been without its AC for so long, and not charging, is stalled."""

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import BinaryIO, Final, NoReturn
 
-from soter.child import die_with_parent, yield_to_others
 from soter.config import MissionFile
 from soter.errors import BackendError, ConfigError
-from soter.link.messages import (
+from soter.geometry.workspace import Workspace
+from soter.isolation.child import die_with_parent, yield_to_others
+from soter.isolation.messages import (
     MAX_LONG_TEXT,
     MAX_MOVES,
     MAX_TEXT,
@@ -33,13 +34,12 @@ from soter.link.messages import (
     Tick,
     Turn,
 )
-from soter.link.mission_end import MissionEnd
+from soter.isolation.mission_end import MissionEnd
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import AcSide, OwnRoom, Scene
 from soter.stack.events import Outcome, Place
 from soter.stack.site_terrain import terrain_of
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
 
     Args:
         stdin: holds a pickled `MissionSpec`.
-        socket_fd: a Unix socket of packets, see `soter.link`.
+        socket_fd: a Unix socket of packets, see `soter.isolation`.
         lifeline_fd: read end of a pipe that the supervisor holds open and never writes to.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -8,8 +8,9 @@ from typing import Final
 
 from soter.clock import Clock
 from soter.config import MissionFile
+from soter.distribution.bus import Bus
 from soter.errors import RunFailed, SoterError
-from soter.link.bus import Bus
+from soter.geometry.workspace import Workspace
 from soter.machine import Event, Machine, MachineError, MachineRef, Runtime
 from soter.missions import Stage, make_mission
 from soter.record.messages import Transition
@@ -25,7 +26,6 @@ from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
 from soter.stack.planners import PlanRequest, PlanService
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 

@@ -13,16 +13,17 @@ from pydantic import TypeAdapter
 from soter.clock import Clock
 from soter.config import MissionFile
 from soter.controllers import MISSION
+from soter.distribution.bus import Bus, open_bus
+from soter.distribution.channel import Post
+from soter.distribution.company import Company
+from soter.distribution.status import VERSION
 from soter.errors import ConfigError, nearest
-from soter.link.bus import Bus, open_bus
-from soter.link.channel import Post
-from soter.link.company import Company
-from soter.link.status import VERSION
+from soter.geometry.site import SitePlan, plain
+from soter.geometry.workspace import Workspace
 from soter.registry import load_backend
 from soter.rta import SpeedBound
-from soter.runner.specs import promises, read_options
 from soter.sdk import Backend, Capabilities
-from soter.workspace import Workspace
+from soter.specs import promises, read_options
 
 _EXAMPLE: Final = "give each a table, such as [distribution.processes.alpha] with robots = [1]"
 

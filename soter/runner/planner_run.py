@@ -10,6 +10,7 @@ from typing import Final
 
 from soter.clock import Clock, VehicleClock
 from soter.errors import RunFailed
+from soter.geometry.workspace import Workspace
 from soter.runner.ac_side import Scene
 from soter.runner.metrics import Metrics, counts
 from soter.runner.mission_side import MissionSide
@@ -19,7 +20,6 @@ from soter.runner.remote_side import WALL_CLOCK
 from soter.runner.result import Run, RunResult
 from soter.runner.together import Said, Together
 from soter.runner.watchdog import HandlerWatchdog
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 

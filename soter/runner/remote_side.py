@@ -9,18 +9,18 @@ import time
 from collections.abc import Mapping
 from typing import Final
 
-from soter.child import Child, ChildDied, NotBoxed
 from soter.config import MissionFile
 from soter.errors import BackendUnavailable, ConfigError, RunFailed
-from soter.link.messages import Garbage, PeerSeen, Refused, Room, TargetGiven, Turn
-from soter.link.supervisor_end import SupervisorEnd
+from soter.geometry.workspace import Workspace
+from soter.isolation.child import Child, ChildDied, NotBoxed
+from soter.isolation.messages import Garbage, PeerSeen, Refused, Room, TargetGiven, Turn
+from soter.isolation.supervisor_end import SupervisorEnd
 from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.ac_side import Scene
 from soter.runner.boxes import box_of
 from soter.runner.mission_process import MissionSpec
 from soter.stack.events import Outcome
-from soter.workspace import Workspace
 
 _READ_BYTES: Final = 1 << 14
 _PASSED_LINES: Final = 20

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict
 
-from soter.config_tables import SURVEILLANCE
+from soter.config.tables import SURVEILLANCE
 from soter.record.recorder import RecordingReport
 from soter.record.tracks import RunTracks
 

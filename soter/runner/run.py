@@ -11,14 +11,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from soter.check.admission import admitted, refused_at
+from soter.check.user_rules import UserRules
 from soter.config import MissionFile
 from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
+from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.rta import RemotePeer, Watch
 from soter.runner.ac_side import AcSide, OwnRoom, Scene, TargetLog, arrival_m
-from soter.runner.admission import admitted, refused_at
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.needless import NeedlessJudge
 from soter.runner.part import Part, refuse_in_one_process
@@ -28,15 +30,13 @@ from soter.runner.real_time import real_time
 from soter.runner.remote_side import RemoteSide
 from soter.runner.result import Run, RunResult
 from soter.runner.sides import make_ac_side
-from soter.runner.specs import asked, promises, read_options, robot_specs
 from soter.runner.together import Said, Together
 from soter.runner.trace import Trace
-from soter.runner.user_rules import UserRules
 from soter.runner.watchdog import HandlerWatchdog
 from soter.sdk import RULES, Fleet, TruthReport
+from soter.specs import asked, promises, read_options, robot_specs
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.declaration import timing_of
-from soter.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 

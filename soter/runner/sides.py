@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from soter.config import MissionFile
 from soter.controllers import MISSION
+from soter.geometry.workspace import Workspace
 from soter.runner.ac_side import AcSide
 from soter.runner.controller_side import ControllerSide
 from soter.runner.mission_side import MissionSide
 from soter.runner.part import Part
-from soter.workspace import Workspace
 
 
 def make_ac_side(

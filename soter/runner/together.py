@@ -11,9 +11,9 @@ from typing import Final, Self
 import numpy as np
 
 from soter.clock import Clock
+from soter.distribution.company import Company
+from soter.distribution.status import RobotStatus
 from soter.errors import ConfigError, RobotUnavailable
-from soter.link.company import Company
-from soter.link.status import RobotStatus
 from soter.rta import PEER_SILENT_S, Mode, RemotePeer, RobotSupervisor
 from soter.runner.metrics import percentiles
 from soter.runner.part import Part

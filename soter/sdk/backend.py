@@ -11,10 +11,10 @@ from typing import Any, ClassVar, Protocol, Self
 from pydantic import BaseModel, ConfigDict, InstanceOf
 
 from soter.clock import Clock
-from soter.promises import Promise
+from soter.config.promises import Promise
+from soter.geometry.workspace import Workspace
 from soter.sdk.robot import Robot
 from soter.sdk.values import RULES, Capabilities, RobotSpec, RuleLimits, TruthReport, Violation
-from soter.workspace import Workspace
 
 __all__ = ["INTERFACE_VERSION", "RULES", "Backend", "BackendConfig", "Fleet", "Truth", "TruthReport", "Violation"]
 

@@ -15,12 +15,12 @@ from pydantic import Field, TypeAdapter
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.geometry.site import SitePlan, plain
+from soter.geometry.workspace import Workspace
 from soter.sdk import program
 from soter.sdk.backend import Backend, BackendConfig, Fleet
 from soter.sdk.robot import Robot
 from soter.sdk.truth import StreamedTruth
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits) -> bytes:

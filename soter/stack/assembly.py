@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Workspace
 from soter.rta import (
     PEER_SILENT_S,
     STARTS,
@@ -39,7 +40,6 @@ from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.terrain import Terrain
-from soter.workspace import Workspace
 
 NEIGHBOUR_M: Final = 2.5
 

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from soter.geometry.workspace import Box
 from soter.rta import Region, Situation, Topic
 from soter.sdk import Waypoint
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
-from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import SafeController
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point
-from soter.workspace import Box
 
 BLOCKED_S: Final = 15.0
 PROGRESS_M: Final = 0.1

@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import Any, Final, Self
 
 from soter.config import MissionFile
-from soter.config_tables import MotionModel, MotionTable
+from soter.config.tables import MotionModel, MotionTable
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import DischargeBound, Motion, PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
@@ -25,13 +26,12 @@ from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import Retreat
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, TURN_S, RightOfWay
-from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import WAYPOINT
+from soter.stack.site_routes import Rectangle
 from soter.stack.site_terrain import terrain_of
 from soter.stack.static_rules import Clearance, fence_of
 from soter.stack.terrain import Terrain, grown
 from soter.stack.user_modules import ModuleKit, declare_own
-from soter.workspace import Box, RobotPlace, Workspace
 
 OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import RobotPlace
 from soter.rta import Situation
 from soter.sdk import Link, RobotState
 from soter.stack.battery import DOCKED_M
@@ -19,7 +20,6 @@ from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY
-from soter.workspace import RobotPlace
 
 
 def check_infrastructure(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Self
 
-from soter.config_tables import MotionModel
+from soter.config.tables import MotionModel
 from soter.errors import IllFormedModule
 from soter.rta import (
     Directed,

@@ -319,7 +319,7 @@ class RecoveryPlanner:
         return terrain.fence_along_m(x_m, y_m, bx_m, by_m, inside) >= inside
 
     def free(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> bool:
-        """Return whether a straight way keeps from fence and boxes what paths do, less what a robot may be off a corner."""
+        """Return whether a straight way keeps from fence and boxes what paths do, less a corner's tolerance."""
         needed, terrain = self.path_m - CORNER_M, self.terrain
         if self.rules.fence and terrain.fence_along_m(ax_m, ay_m, bx_m, by_m, needed) < needed:
             return False

@@ -15,7 +15,8 @@ from functools import cached_property
 from typing import Final
 
 from soter.stack.recovery import RecoveryPlanner
-from soter.stack.routes import Rectangle, Routes
+from soter.stack.routes import Routes
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 
 DETOUR_M: Final = 0.5

@@ -81,7 +81,8 @@ class SiteRoadmap:
         order = np.argsort(np.hypot(*(self.places - np.array(place)).T), kind="stable")
         found: list[int] = []
         for index in order[: None if len(order) <= _ALL_PAIRS else 10 * _NEAREST].tolist():
-            if self.sees(*self.corners[index], *place):
+            x, y = self.corners[index]
+            if self.sees(x, y, *place):
                 found.append(index)
                 if len(order) > _ALL_PAIRS and len(found) >= 2 * _NEAREST:
                     break
@@ -171,7 +172,7 @@ def _candidates(places: NDArray[np.float64], *, few: bool) -> Indices:
     if few:
         return np.stack(np.triu_indices(len(places), 1), axis=1)
     # Imported here: only large sites need them, and only while they are prepared.
-    import shapely
+    import shapely  # type: ignore[import-untyped]
 
     points = shapely.points(places)
     pairs: set[tuple[int, int]] = set()

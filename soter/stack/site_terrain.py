@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from soter.geometry.convex import Pieces
 from soter.geometry.site import Site
+from soter.geometry.workspace import Workspace
 from soter.stack.terrain import CELL_M, Point, Terrain
-from soter.workspace import Workspace
 
 _CELLS: Final = 1_000_000
 """A large site has larger cells to retreat to, so that there are no more of them."""

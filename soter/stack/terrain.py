@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.workspace import Box, Workspace
+from soter.geometry.workspace import Box, Workspace
 
 CELL_M: Final = 0.1
 """Side of the cells among which a place to retreat to is chosen."""
@@ -91,7 +91,7 @@ class Terrain:
         return math.inf
 
     def leg_fence_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float) -> float:
-        """Return by how much a leg keeps more than `needed_m` from the fence; 0 where it leads away from what is nearer.
+        """Return by how much a leg keeps more than `needed_m` from the fence; 0 where it leads away from nearer parts.
 
         See `leg_clearance_m` for the arguments.
         """

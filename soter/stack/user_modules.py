@@ -13,8 +13,9 @@ from typing import Any, Final
 from pydantic import BaseModel
 
 from soter.config import MissionFile, validate_options
-from soter.config_tables import UserModuleTable
+from soter.config.tables import UserModuleTable
 from soter.errors import ConfigError, IllFormedModule
+from soter.geometry.workspace import Workspace
 from soter.loading import load_named
 from soter.rta import Node, RTAModule, Situation, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities, Waypoint
@@ -23,7 +24,6 @@ from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.safe_controller import WAYPOINT, SafeController
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Workspace
 
 BLOCKED_S: Final = 5.0
 """A robot that has stood still for so long beside another is blocked by it."""

@@ -19,8 +19,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.frames import Frame, GeoPoint, turned_rad
 from soter.adapters.mavlink.simulator import free_port
+from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.bodies import Bodies
 from soter_sim.judge import Judge
 from soter_sim.truth import WorldTruth

@@ -21,8 +21,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.config import load_mission
+from soter.geometry.workspace_xml import read_workspace
 from soter.sdk import RobotSpec, RuleLimits
-from soter.workspace_xml import read_workspace
 from tests.autopilot.ardupilot import Autopilots
 
 PROGRAM: Final = os.environ.get("ARDUROVER", "")

@@ -9,7 +9,7 @@ from typing import Any
 
 from soter.campaign.job import Done, Job, carry_out
 from soter.campaign.plan import Campaign, load_campaign
-from soter.runner.toml_text import toml
+from soter.config.toml_text import toml
 from tests.project.source import ROOT
 
 MISSION = str(ROOT / "examples" / "surveillance.toml")

@@ -9,8 +9,8 @@ import pytest
 from soter.campaign.random.judge import Limits, Ways, judge
 from soter.campaign.random.room import Patch, Room, Start
 from soter.campaign.random.witness import Witness
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk.values import RuleLimits
-from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim import BODY_RADIUS_M, World
 from tests.sim.worlds import promising, scripted, specs
 

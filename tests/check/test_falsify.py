@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from soter.check import Counterexample, Falsified, Finding, Verdict, falsify, read_counterexample
+from soter.check.bench import ModuleBench, floor_bench
+from soter.check.mission import Report, check_module
 from soter.check.testing import OBLIGATIONS, ModuleSuite
 from soter.check.trial import trace_hash
 from soter.config import load_mission
 from soter.errors import ConfigError, IllFormedModule
 from soter.registry import load_backend
-from soter.runner.bench import ModuleBench, floor_bench
-from soter.runner.check import Report, check_module
 from soter.sdk import RobotSpec
 from soter.stack.assembly import assemble
 from tests.project.source import ROOT

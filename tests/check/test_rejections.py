@@ -13,15 +13,15 @@ import pytest
 
 from soter.adapters.pybullet import KinematicBackend
 from soter.check import Verdict, conditions
+from soter.check.admission import admitted, declare_all, refused_at
 from soter.config import load_mission
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
-from soter.runner.admission import admitted, declare_all, refused_at
-from soter.runner.specs import read_options
+from soter.specs import read_options
 from soter.stack.collision import Separation, check_halves
 from soter.stack.reach import Limits
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, Above, FakeNode, module
 from tests.runner.test_speedup import HastyBackend, mission

@@ -16,15 +16,16 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from soter.ablation import ablate
+from soter.ablation.ablate import Outcome, Plan, Variant, variants
+from soter.ablation.tables import GROUPS, HEAD, ac_only, markdown, rows
 from soter.cli import app
 from soter.config import load_mission
-from soter.config_tables import MODULES
+from soter.config.tables import MODULES
 from soter.controllers import ADVERSARIES
 from soter.errors import ConfigError, RunFailed
 from soter.registry import load_backend
-from soter.runner import RunResult, Study, ablate, run_mission
-from soter.runner.ablate import Outcome, Plan, Variant, variants
-from soter.runner.ablate_tables import GROUPS, HEAD, ac_only, markdown, rows
+from soter.runner import RunResult, Study, run_mission
 from tests.cli.conftest import MISSION
 from tests.project.source import ROOT
 

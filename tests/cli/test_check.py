@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from soter.check import Finding, Verdict
+from soter.check import Finding, Verdict, admission
 from soter.cli import app
-from soter.runner import admission
 from tests.project.source import ROOT
 
 EXAMPLES = ROOT / "examples"

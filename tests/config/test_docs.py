@@ -11,9 +11,9 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from soter.config import MissionFile
-from soter.promises import Promise
+from soter.config.promises import Promise
+from soter.geometry.workspace_xml import parse_workspace
 from soter.sdk import Capabilities
-from soter.workspace_xml import parse_workspace
 from tests.project.source import ROOT
 
 PAGE = (ROOT / "docs" / "mission-file.md").read_text()

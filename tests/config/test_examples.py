@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from soter.config import MissionFile, load_mission
-from soter.workspace import Box, Workspace
-from soter.workspace_xml import BODY_RADIUS_M, read_workspace
+from soter.geometry.workspace import Box, Workspace
+from soter.geometry.workspace_xml import BODY_RADIUS_M, read_workspace
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

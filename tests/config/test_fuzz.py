@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from soter.config import parse_mission
 from soter.errors import ConfigError
-from soter.workspace_xml import parse_workspace
+from soter.geometry.workspace_xml import parse_workspace
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 XML = (EXAMPLES / "surveillance.xml").read_bytes()

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from soter.config import MissionFile, draw_charge, load_mission, parse_mission, validate_options
-from soter.config_tables import MODULES
+from soter.config.tables import MODULES
 from soter.errors import ConfigError
 
 ROOM = Path(__file__).parents[2] / "examples" / "surveillance.xml"

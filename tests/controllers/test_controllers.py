@@ -17,10 +17,10 @@ from soter.controllers import controller_class
 from soter.errors import ConfigError
 from soter.loading import file_of
 from soter.record.reader import Recording
+from soter.replay.replay import replay
 from soter.runner import Run, run_mission
 from soter.runner.boxes import box_of
 from soter.runner.controller_side import ControllerSide
-from soter.runner.replay import replay
 from tests.project.source import ROOT
 
 OWN = """

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from soter.faults.vehicle import TUBE_PER_GRIP_M
+from soter.geometry.workspace import Workspace
 from soter.onboard.drive import TUBE_M, Drive
 from soter.sdk import RobotSpec, Waypoint
-from soter.workspace import Workspace
 from soter_sim import LIMITS, Impairment, World
 
 PERIOD_S = 0.05

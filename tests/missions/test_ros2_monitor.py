@@ -9,8 +9,8 @@ from pathlib import Path
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig
 from soter.config import load_mission
 from soter.missions.ros2_monitor import Watcher
-from soter.runner.specs import robot_specs
 from soter.sdk import Controller
+from soter.specs import robot_specs
 
 PROMISED = dict.fromkeys((1, 2), KinematicBackend.robot_class.declared)
 MISSION = Path(__file__).parents[2] / "examples" / "ros2_external_ac" / "mission.toml"

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Workspace
+from soter.geometry.workspace_xml import read_workspace
 from soter.missions.surveillance import OUTSIDE_M, Targets, grid_places
 from soter.stack.events import Place
-from soter.workspace import Workspace
-from soter.workspace_xml import read_workspace
 
 RADIUS_M = 0.105
 CASE = read_workspace(Path(__file__).parents[2] / "examples" / "surveillance.xml", phi_safer_m=0.1, spacing_m=0.5)

@@ -22,8 +22,8 @@ from soter.record import reader
 from soter.record.reader import BadRecording, Recording
 from soter.record.summary import summarise
 from soter.record.unpack import MAX_CHUNK_BYTES
+from soter.replay.replay import replay
 from soter.report.page.extract import extract
-from soter.runner.replay import replay
 from tests.record.helpers import recorded, rewrite
 
 

@@ -17,9 +17,9 @@ from soter.errors import ConfigError
 from soter.record import messages
 from soter.record.messages import Peer, State
 from soter.record.reader import BadRecording, Recording
+from soter.replay.replay import replay
 from soter.report.page.html import make_page
 from soter.runner import run_mission
-from soter.runner.replay import replay
 from tests.project.source import ROOT
 from tests.record.conftest import Recorded
 from tests.record.helpers import SURVEILLANCE, recorded, rewrite

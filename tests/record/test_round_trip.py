@@ -27,8 +27,8 @@ from soter.record.reader import Recording
 from soter.record.samples import sample_of, state_of
 from soter.record.summary import summarise
 from soter.record.wire import Finish, Intake, Row, Tick, Ticks, packed, tamed
+from soter.replay.replay import replay
 from soter.runner.metrics import Stalled
-from soter.runner.replay import replay
 from soter.runner.trace import Trace
 from soter.sdk import Controller, Link, RobotState
 from tests.record.conftest import Recorded

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.record.tracks import RunTracks, Track
 from soter.rta import SwitchRecord
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.report.chromium import chromium
 
 DRIVERS = ("AC", "collision", "geofence")

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from soter.controllers import Velocity, VelocityController
 from soter.controllers.adversaries import Adversary
-from soter.link.messages import Turn, encode
+from soter.isolation.messages import Turn, encode
 from soter.sdk import RobotState, Waypoint
 
 FROM_S = 1.5

@@ -16,7 +16,8 @@ from typing import Any, ClassVar, Final
 from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import Clock
 from soter.config import MissionFile, load_mission
-from soter.link.bus import Bus
+from soter.distribution.bus import Bus
+from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.runner import RunResult
 from soter.runner.ac_side import AcSide
@@ -25,12 +26,11 @@ from soter.runner.part import Part
 from soter.runner.planner_run import _PlannerLoop
 from soter.runner.progress import Audience
 from soter.runner.run import Study, _Loop
-from soter.runner.specs import robot_specs
 from soter.runner.together import Together
 from soter.sdk import Capabilities, Fleet, RobotSpec, RobotState, TruthReport
-from soter.workspace import Workspace
+from soter.specs import robot_specs
 from soter_sim import World
-from tests.link.air import MemoryBus, Network
+from tests.distribution.air import MemoryBus, Network
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PERIOD_S = 0.05

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soter.check.mission import check_mission
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
-from soter.runner.check import check_mission
-from soter.runner.specs import check_bodies
-from soter.workspace import Box, RobotPlace, Workspace
+from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.specs import check_bodies
 from tests.project.source import ROOT
 
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"

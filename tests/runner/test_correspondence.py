@@ -10,14 +10,14 @@ import pytest
 
 from soter.clock import VirtualClock
 from soter.config import load_mission
-from soter.link.channel import Ended, Frame, Joined, Letter, Post, Visit, encode_frame
+from soter.distribution.channel import Ended, Frame, Joined, Letter, Post, Visit, encode_frame
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.runner.correspondence import Correspondence
 from soter.runner.part import Part
 from soter.runner.together import Together
 from soter.stack.away import JoinedAway, OtherSideCame, VisitAway
 from soter.stack.events import Outcome, TargetEnded, VisitTarget
-from tests.link.air import MemoryBus, Network
+from tests.distribution.air import MemoryBus, Network
 from tests.runner.lockstep import OwnPart
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "distributed" / "mission.toml"

@@ -11,11 +11,11 @@ from pydantic import BaseModel
 from soter.adapters.zenoh.bus import ZenohBus
 from soter.cli.recordings import recording_path
 from soter.config import MissionFile, load_mission
+from soter.distribution.bus import Bus, bus_class, open_bus
 from soter.errors import ConfigError
-from soter.link.bus import Bus, bus_class, open_bus
 from soter.runner import run_mission
 from soter.runner.part import Part
-from tests.link.air import MemoryBus
+from tests.distribution.air import MemoryBus
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "distributed" / "mission.toml"
 

@@ -10,8 +10,8 @@ from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.registry import load_backend
 from soter.runner import run_mission
-from soter.runner.specs import asked, promises, read_options
 from soter.sdk import Capabilities
+from soter.specs import asked, promises, read_options
 from tests.project.source import ROOT
 
 QUICK = {"planner": "straight-line", "targets": "hostile"}

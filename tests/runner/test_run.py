@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from soter.config import MissionFile, load_mission
-from soter.config_tables import MODULES
+from soter.config.tables import MODULES
 from soter.errors import ConfigError, IllFormedModule
 from soter.missions.surveillance import Targets
 from soter.runner import Progress, Run, run_mission

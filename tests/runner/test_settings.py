@@ -13,7 +13,7 @@ from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.registry import load_backend
 from soter.runner import run_mission
-from soter.runner.specs import promises, read_options
+from soter.specs import promises, read_options
 from tests.project.source import ROOT
 
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"

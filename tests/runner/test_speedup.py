@@ -11,12 +11,12 @@ import pytest
 
 from soter.adapters.pybullet import KinematicBackend
 from soter.adapters.pybullet.backend import KinematicConfig
+from soter.check.admission import highest_speedup
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.runner import run_mission
-from soter.runner.admission import highest_speedup
-from soter.runner.specs import read_options
 from soter.sdk import BackendConfig, Capabilities
+from soter.specs import read_options
 from tests.project.source import ROOT
 
 MISSION = ROOT / "examples" / "surveillance.toml"

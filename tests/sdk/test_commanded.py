@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
+from soter.geometry.workspace import Workspace
 from soter.onboard.command import Command, GoalMessage, Report
 from soter.onboard.wire import GateReport
 from soter.sdk import Capabilities, Controller, GoalStatus, RobotSpec, Waypoint
 from soter.sdk.commanded import SETTLED, CommandedRobot
-from soter.workspace import Workspace
 from soter_sim import World
 from soter_sim.commanded import CommandedVehicle
 from soter_sim.kinematic import KinematicEngine

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from soter.workspace import Box
+from soter.geometry.workspace import Box
 from soter_sim import LIMITS, World
 from tests.sim.worlds import constant, empty, specs
 

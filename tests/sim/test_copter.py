@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.sdk.values import RobotSpec
-from soter.workspace import Box, Workspace
 from soter_sim import World
 from soter_sim.copter import (
     ACCEL_M_S2,

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.sdk.values import RobotSpec, RuleLimits, Waypoint
-from soter.workspace import Box, Workspace
 from soter_sim import BODY_RADIUS_M, LIMITS, World
 from soter_sim.kinematic import KinematicEngine
 from tests.sim.worlds import CASE, constant, driven, empty, positions, scripted, specs, touring

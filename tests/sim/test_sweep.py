@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from soter.workspace import Box
+from soter.geometry.workspace import Box
 from soter_sim.sweep import (
     chord_to_box,
     cross_rectangle,

@@ -7,9 +7,9 @@ import random
 
 import pytest
 
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk.backend import RULES, Violation
 from soter.sdk.values import RuleLimits
-from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim import BODY_RADIUS_M, LIMITS, World
 from tests.sim.worlds import CASE, constant, empty, positions, promising, scripted, specs
 

@@ -10,9 +10,9 @@ import pytest
 
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import RobotSpec
 from soter.sdk.truth import StreamedTruth
-from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim import World
 from soter_sim.truth_server import TruthServer
 

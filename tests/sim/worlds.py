@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from soter.adapters.pybullet import KinematicBackend
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.onboard.drive import Drive
 from soter.sdk.values import RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim import BODY_RADIUS_M, LIMITS, Control, World
 
 CASE = Workspace(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from soter.geometry.workspace import Box
 from soter.rta import Situation, Topic
 from soter.sdk import Capabilities, Waypoint
 from soter.stack.battery import GoHome
@@ -17,7 +18,6 @@ from soter.stack.right_of_way import RightOfWay
 from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import SafeController
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES
 from tests.stack.ground import CASE, TERRAIN, TICK_S, dock, seen

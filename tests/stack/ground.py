@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import Sample, Situation
 from soter.stack.battery import Dock
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.return_path import ReturnPath
 from soter.stack.routes import Rectangle
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES
 

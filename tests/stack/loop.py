@@ -8,11 +8,11 @@ from typing import Any
 
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, SimulatedFleet
 from soter.config import MissionFile, load_mission
+from soter.geometry.workspace import Workspace
 from soter.rta import Mode, Report, SwitchRecord
 from soter.sdk import RobotSpec, RobotState, TruthReport, Waypoint
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.kit import RobotPort
-from soter.workspace import Workspace
 
 MISSION = Path(__file__).parents[2] / "examples" / "surveillance.toml"
 TICK_S = 0.05

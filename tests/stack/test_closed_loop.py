@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from soter.geometry.workspace_xml import read_workspace
 from soter.rta import ControlReport, GoalReport
 from soter.sdk import Waypoint
 from soter.stack.kit import RobotPort
-from soter.workspace_xml import read_workspace
 from tests.project.source import ROOT
 from tests.stack.loop import AC, Loop, goto, where
 

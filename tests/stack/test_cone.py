@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.stack.recovery import RecoveryRules
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES
 from tests.stack.ground import EMPTY, RADIUS_M, TICK_S, boxes, planner, robots, seen, to_box_m

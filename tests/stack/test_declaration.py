@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from soter.check.admission import declare_all
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.registry import load_backend
-from soter.runner.admission import declare_all
 from soter.stack.terrain import Terrain
 
 SURVEILLANCE = Path(__file__).parents[2] / "examples" / "surveillance.toml"

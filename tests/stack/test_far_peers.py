@@ -12,12 +12,12 @@ from pydantic import BaseModel
 from soter.clock import VirtualClock
 from soter.config import load_mission
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import PEER_SILENT_S, Mode, PairBound, RTAModule, SpeedBound, Timing
 from soter.sdk import Capabilities, RobotSpec
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.collision import Separation
 from soter.stack.user_modules import ModuleKit
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.rta.doubles import module
 from tests.sdk.fake import FakeRobot, capabilities
 from tests.stack.loop import MISSION, TICK_S

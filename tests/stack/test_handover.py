@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import pytest
 
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.stack.kit import RobotPort
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.stack.follower import CLEAR_M, FENCE_M, Controllers, Follower
 from tests.stack.ground import RADIUS_M
 from tests.stack.loop import STARTED_S, Loop, goto, where

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.adapters.pybullet import KinematicBackend
+from soter.check.admission import declare_all
 from soter.config import load_mission
 from soter.rta import DecisionModule, SpeedBound, Timing
-from soter.runner.admission import declare_all
 from soter.stack import assembly, declaration
 from soter.stack.declaration import PeerBounds, timing_of
 from tests.project.source import ROOT

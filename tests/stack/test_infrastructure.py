@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
+from soter.check.admission import declare_all
 from soter.config import load_mission
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
-from soter.runner.admission import declare_all
 from soter.sdk import Capabilities
 from soter.stack.terrain import Point
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.stack.loop import MISSION
 
 PROMISED: Capabilities = load_backend("kinematic").robot_class.declared

@@ -7,10 +7,10 @@ import math
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.static_rules import Clearance
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
 from tests.stack.ground import RADIUS_M, boxes, inside, planner, seen
 

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import Mode, RobotSupervisor
 from soter.stack.collision import FIRST_PATIENT_S
 from soter.stack.kit import RobotPort
 from soter.stack.retreat import ASIDE_S, PATIENT_S
 from soter.stack.right_of_way import BESIDE_M, LOOK_S, SETTLED_S, TURN_S, Path, RightOfWay, from_line
 from soter.stack.terrain import Point
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.stack.follower import Controllers, Follower, Says
 from tests.stack.ground import EMPTY
 from tests.stack.loop import Loop, goto

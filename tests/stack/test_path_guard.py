@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.errors import IllFormedModule
+from soter.geometry.workspace import Box, Workspace
 from soter.rta import Mode, Situation
 from soter.stack.path_guard import PathClearance, PathGuard, PathSituation, StandsStill
 from soter.stack.planners import PlanRequest, PlanResult
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.rta.doubles import Above, At
 from tests.sim.worlds import CASE
 

@@ -13,7 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from soter.adapters.pybullet import KinematicBackend, PyBulletBackend
-from soter.config_tables import MotionModel
+from soter.config.tables import MotionModel
 from soter.errors import IllFormedModule
 from soter.rta import DirectedReach, PairBound, Region, Sample, Situation, SpeedAccelerationBound, SpeedBound
 from soter.sdk import RobotSpec

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.rta import Region, Situation
 from soter.stack.own_rules import OwnRule
 from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, RecoveryPlanner, RecoveryRules
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES
 from tests.stack.ground import (

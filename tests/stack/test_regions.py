@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.rta import Region, Situation
 from soter.stack.battery import Charged, ChargeForTheWayHome
 from soter.stack.collision import Separation
 from soter.stack.return_path import DETOUR_M
 from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
 from tests.stack.ground import COST_PER_M, TERRAIN, between, clear_m, dock, fence_m, inside, planner, seen
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.stack.routes import Routes
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.stack.ground import RADIUS_M, TERRAIN, between, boxes, inside
 
 CLEAR_M = 0.15

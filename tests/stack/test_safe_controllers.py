@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.workspace import Box, Workspace
 from soter.stack.battery import BLOCKED_S
 from soter.stack.collision import RETREAT_M
 from soter.stack.terrain import Point, Terrain
-from soter.workspace import Box, Workspace
 from tests.rta.doubles import At
 from tests.stack.follower import CLEAR_M, FENCE_M, PEER_M, Controllers, Follower, Says
 from tests.stack.ground import RADIUS_M, TERRAIN, clear_m, fence_m, inside, planner, seen

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from soter.adapters.pybullet import KinematicBackend
+from soter.check.admission import admit, declare_all
 from soter.config import load_mission
 from soter.rta import PairBound, PairsBound, Situation, SpeedBound
-from soter.runner.admission import admit, declare_all
-from soter.runner.specs import asked, read_options
+from soter.specs import asked, read_options
 from soter.stack.collision import Separation
 from soter.stack.declaration import Peers
 from tests.project.source import ROOT

@@ -14,11 +14,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from soter.campaign.random.attackers import Outside
+from soter.check.user_rules import UserRules
 from soter.config import MissionFile, load_mission, parse_mission
 from soter.errors import ConfigError
 from soter.rta import Node, Region, RTAModule, Situation, Topic
 from soter.runner import RunResult, run_mission
-from soter.runner.user_rules import UserRules
 from soter.sdk import TruthReport, Waypoint
 from soter.stack.battery import GoHome
 from soter.stack.own_rules import OwnRule

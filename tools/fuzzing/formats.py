@@ -25,21 +25,21 @@ from soter.adapters.mavlink.vehicle import Vehicle
 from soter.adapters.zenoh.messages import KINDS, Foreign, decode, encode
 from soter.clock import VehicleClock
 from soter.config import load_mission, parse_mission
+from soter.distribution.channel import Ended, Frame, Visit, decode_frame, encode_frame
+from soter.distribution.status import Echo, RobotStatus, Status, decode_status, encode_status
 from soter.errors import ConfigError, IllFormedModule
-from soter.link.channel import Ended, Frame, Visit, decode_frame, encode_frame
-from soter.link.messages import Ask, Failed, Garbage, Moved, Started, TargetGiven, Turn, decode_up
-from soter.link.messages import encode as encode_up
-from soter.link.status import Echo, RobotStatus, Status, decode_status, encode_status
+from soter.geometry.workspace_xml import parse_workspace
+from soter.isolation.messages import Ask, Failed, Garbage, Moved, Started, TargetGiven, Turn, decode_up
+from soter.isolation.messages import encode as encode_up
 from soter.onboard.command import Command, GoalMessage, Report
 from soter.onboard.wire import AC, SC, GateReport, Order
 from soter.record.reader import Recording
 from soter.record.summary import summarise
+from soter.replay.replay import replay
 from soter.report.page.extract import extract
 from soter.runner import run_mission
-from soter.runner.replay import replay
 from soter.sdk import RobotState, Waypoint
 from soter.sdk.values import Link
-from soter.workspace_xml import parse_workspace
 from soter_sim.mavlink.channel import Channel as SimChannel
 from tools.fuzzing.mutate import spoil, spoil_word
 

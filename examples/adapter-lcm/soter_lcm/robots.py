@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Final
 
+from soter.geometry.workspace import Workspace
 from soter.onboard.command import Command, Report
 from soter.sdk import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_lcm.bus import Bus, free_url
 from soter_lcm.wire import command_channel, decode_command, encode_report, report_channel
 from soter_sim.commanded import CommandedFace, run

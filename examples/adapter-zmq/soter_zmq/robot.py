@@ -12,9 +12,9 @@ from typing import Final
 
 import zmq
 
+from soter.geometry.workspace import Workspace
 from soter.onboard.command import Command, Report
 from soter.sdk import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.commanded import CommandedFace, run
 from soter_zmq.wire import decode_command, encode_report
 

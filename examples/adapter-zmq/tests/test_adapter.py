@@ -19,10 +19,10 @@ from pydantic import ValidationError
 
 from soter.conformance.driver import drive_until
 from soter.errors import RobotUnavailable
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
 from soter.sdk.wire import Simulator
-from soter.workspace import Box, RobotPlace, Workspace
 from soter_sim.commanded import LEASE_S
 from soter_zmq.adapter import ZmqBackend, ZmqConfig
 from soter_zmq.harness import ZmqHarness
@@ -267,7 +267,7 @@ def test_a_simulator_does_not_outlive_who_started_it() -> None:
         "import sys, time; sys.path[:0] = sys.argv[1:]\n"
         "from soter.sdk import RobotSpec\n"
         "from soter.sdk.wire import Simulator\n"
-        "from soter.workspace import Workspace\n"
+        "from soter.geometry.workspace import Workspace\n"
         "room, spec = Workspace(4.0, 4.0, (), ()), RobotSpec(1, 1.0, 1.0, 0.0)\n"
         "print(Simulator('soter_zmq.robot', room, [spec]).process.pid, flush=True); time.sleep(60)\n"
     )

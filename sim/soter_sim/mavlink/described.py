@@ -18,9 +18,9 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.problems import Problem, config_error, pydantic_problems
 from soter.sdk.values import Capabilities, RobotSpec, RuleLimits
-from soter.workspace import Box, RobotPlace, Workspace
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]

@@ -12,8 +12,8 @@ from functools import partial
 from math import inf
 from typing import Final, Literal, Self
 
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.copter import CopterEngine
 from soter_sim.engine import EngineFactory
 from soter_sim.kinematic import KinematicEngine

@@ -5,7 +5,7 @@ Each robot has a namespace and in it what the base of a real one has: `odom` (na
 stops 0.2 s after the last message. `/clock` shows the world's time at 60 Hz. Nothing of SOTER is in it: who may drive
 is decided by the mux in front of `cmd_vel`, which is started beside it, one process for each robot.
 
-The world comes as JSON on standard input: a list of `soter.workspace.Workspace` and of the `soter.sdk.RobotSpec` of its
-robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT"}`, where `soter_sim.truth_server` tells what
-really happens.
+The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
+`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT"}`, where
+`soter_sim.truth_server` tells what really happens.
 """

@@ -5,7 +5,7 @@ Each robot has a namespace and below it the keys that the base of a ROS 2 robot 
 TwistStamped), on which it stops 0.2 s after the last message. The key `clock` shows the world's time at 60 Hz. Who may
 drive is decided by the mux in front of `cmd_vel`, which is started beside it, one process for each robot.
 
-The world comes as JSON on standard input: a list of `soter.workspace.Workspace` and of the `soter.sdk.RobotSpec` of its
-robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "endpoints": ["tcp/127.0.0.1:PORT"]}`, where
-`soter_sim.truth_server` tells what really happens, and where its session listens.
+The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
+`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "endpoints":
+["tcp/127.0.0.1:PORT"]}`, where `soter_sim.truth_server` tells what really happens, and where its session listens.
 """

@@ -11,8 +11,8 @@ import zenoh
 from soter.adapters.zenoh.messages import Clock, Time
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.talk import Voice, stamp_of
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter.workspace import Workspace
 from soter_sim.streamed import StreamedFace
 from soter_sim.zenoh.base import Base
 

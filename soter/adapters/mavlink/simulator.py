@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
+from soter.geometry.workspace import Box, Workspace
 from soter.sdk import RobotSpec, RuleLimits, program
-from soter.workspace import Box, Workspace
 
 _MODULE: Final = "soter_sim.mavlink"
 

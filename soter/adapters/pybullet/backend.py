@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from soter.clock import Clock, VirtualClock
-from soter.config_tables import wrong
+from soter.config.promises import Promise
+from soter.config.tables import wrong
 from soter.errors import BackendUnavailable, RobotUnavailable
 from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits, tube_m
 from soter.onboard.mux import Mux
-from soter.promises import Promise
 from soter.sdk import (
     INTERFACE_VERSION,
     Backend,

@@ -9,10 +9,10 @@ from typing import ClassVar
 from soter.adapters.ros2.options import RobotOptions, Ros2Config
 from soter.adapters.ros2.robot import Ros2Robot
 from soter.adapters.ros2.simulator import Simulator
+from soter.adapters.velocity_controlled.options import promising, require_places
+from soter.adapters.velocity_controlled.simulator import StreamedFleet
 from soter.clock import VehicleClock
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
-from soter.streamed.options import promising, require_places
-from soter.streamed.simulator import StreamedFleet
 
 
 class Ros2Fleet(StreamedFleet[Ros2Robot, Simulator]):

@@ -7,8 +7,8 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from soter.adapters.velocity_controlled.options import MessageNames, PlaceOptions, StreamedConfig
 from soter.problems import not_allowed
-from soter.streamed.options import MessageNames, PlaceOptions, StreamedConfig
 
 _NAME: Final = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 

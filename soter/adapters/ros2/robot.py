@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.ros2.options import Ros2Config
+from soter.adapters.velocity_controlled.robot import SETTLED, StreamedRobot, wait_for
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.onboard.wire import AC, SC
 from soter.sdk import Capabilities, RobotSpec
-from soter.streamed.robot import SETTLED, StreamedRobot, wait_for
 
 if TYPE_CHECKING:
     # Imported where it is used: what a robot promises can be read where ROS is not installed.

@@ -13,11 +13,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from soter.adapters.velocity_controlled.robot import StreamedRobot
+from soter.adapters.velocity_controlled.simulator import StreamedSimulator
 from soter.errors import RobotUnavailable
+from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
-from soter.streamed.robot import StreamedRobot
-from soter.streamed.simulator import StreamedSimulator
-from soter.workspace import Workspace
 
 _PROFILE: Final = Path(__file__).with_name("loopback.xml")
 

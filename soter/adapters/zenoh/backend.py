@@ -7,15 +7,15 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from soter.adapters.velocity_controlled.options import promising, require_places
+from soter.adapters.velocity_controlled.robot import StreamedRobot, wait_for
+from soter.adapters.velocity_controlled.simulator import StreamedFleet
 from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import Simulator
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
-from soter.streamed.options import promising, require_places
-from soter.streamed.robot import StreamedRobot, wait_for
-from soter.streamed.simulator import StreamedFleet
 
 if TYPE_CHECKING:
     import zenoh

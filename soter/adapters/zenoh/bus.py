@@ -1,4 +1,4 @@
-"""The bus between processes of one mission, over Zenoh: see `soter.link.bus`, whose `Bus` this is."""
+"""The bus between processes of one mission, over Zenoh: see `soter.distribution.bus`, whose `Bus` this is."""
 
 from __future__ import annotations
 

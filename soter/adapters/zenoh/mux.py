@@ -19,6 +19,7 @@ from typing import Any, Final
 
 import zenoh
 
+from soter.adapters.velocity_controlled.motion import seconds
 from soter.adapters.zenoh.messages import Clock, String, Twist, TwistStamped
 from soter.adapters.zenoh.options import Keys, check_key
 from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
@@ -29,7 +30,6 @@ from soter.onboard.program import Ending, favour
 from soter.onboard.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
 from soter.onboard.velocity import REST, Velocity, VelocityGate
 from soter.onboard.wire import AC, SC
-from soter.streamed.motion import seconds
 
 logger = logging.getLogger(__name__)
 

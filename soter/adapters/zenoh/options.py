@@ -8,11 +8,11 @@ from typing import Annotated, Final
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from soter.adapters.velocity_controlled.options import MessageNames, PlaceOptions, StreamedConfig
 from soter.adapters.zenoh.session import SessionOptions
 from soter.onboard.station import PERIOD_S
 from soter.problems import not_allowed
 from soter.sdk import Capabilities
-from soter.streamed.options import MessageNames, PlaceOptions, StreamedConfig
 
 _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
 

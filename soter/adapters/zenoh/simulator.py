@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from soter.adapters.velocity_controlled.robot import StreamedRobot
+from soter.adapters.velocity_controlled.simulator import StreamedSimulator
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.session import SessionOptions
+from soter.geometry.workspace import Workspace
 from soter.scratch import Scratch
 from soter.sdk import RobotSpec, RuleLimits
-from soter.streamed.robot import StreamedRobot
-from soter.streamed.simulator import StreamedSimulator
-from soter.workspace import Workspace
 
 
 class Simulator(StreamedSimulator):

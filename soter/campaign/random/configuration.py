@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from soter.campaign.random.room import Room
-from soter.runner.toml_text import toml
+from soter.config.toml_text import toml
 
 MISSION_FILE: Final = "mission.toml"
 WORKSPACE_FILE: Final = "workspace.xml"

@@ -20,9 +20,9 @@ from soter.faults import BUILT_IN as FAULT_KINDS
 from soter.faults import FaultOptions
 from soter.faults.fault import Context
 from soter.faults.robot import widened
+from soter.geometry.workspace import Workspace
 from soter.registry import load_backend
 from soter.sdk import Capabilities
-from soter.workspace import Workspace
 
 NASTY: Final = 0.45
 """Part of the configurations that are drawn at the edges of what is valid."""

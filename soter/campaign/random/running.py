@@ -18,8 +18,8 @@ from soter.campaign.random.witness import WATCHED, witnesses
 from soter.config import MissionFile, load_mission
 from soter.registry import load_backend
 from soter.runner import Run, run_mission
-from soter.runner.specs import read_options
 from soter.scratch import Scratch
+from soter.specs import read_options
 
 STUCK_S: Final = 300.0
 """A robot in SC for longer than this, without charging, is stuck."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from soter.config_tables import ModuleTable, RtaTable
+from soter.config.tables import ModuleTable, RtaTable
 from soter.controllers.adversaries.base import (
     Adversary,
     AdversaryOptions,

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from soter.geometry.workspace import Box, Workspace
 from soter.record.content import Content
 from soter.record.messages import AC, Result, Violation
 from soter.record.reader import Recording
@@ -16,7 +17,6 @@ from soter.record.summary import Summary, summarise
 from soter.report.colours import ac_colour, driver_colour
 from soter.report.page.pack import Columns, fewest_steps
 from soter.report.page.story import Buckets, Numbers, RobotStory, Rows, Story
-from soter.workspace import Box, Workspace
 
 VERSION: Final = 1
 MOST_POSES: Final = 320_000

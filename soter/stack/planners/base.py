@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from soter.workspace import Workspace
+from soter.geometry.workspace import Workspace
 
 Point = tuple[float, float]
 """A point of the workspace: x and y in metres."""

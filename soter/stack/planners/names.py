@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from soter.config import validate_options
 from soter.errors import BackendUnavailable, ConfigError, nearest
+from soter.geometry.workspace import Workspace
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
-from soter.workspace import Workspace
 
 DEFAULT_PLANNER = "ompl-bitstar"
 

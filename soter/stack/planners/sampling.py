@@ -14,10 +14,10 @@ import ompl.geometric as og
 import ompl.util as ou
 from pydantic import Field
 
+from soter.geometry.workspace import Workspace
 from soter.stack.planners.base import Planner, PlannerOptions, PlanRequest, PlanResult, Point
 from soter.stack.planners.site_space import space_of
 from soter.stack.planners.space import FreeSpace
-from soter.workspace import Workspace
 
 ou.setLogLevel(ou.LOG_NONE)
 

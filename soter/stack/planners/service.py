@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Final, Self
 
-from soter.child import Child, ChildDied, NotBoxed
 from soter.errors import ConfigError, SoterError
-from soter.sandbox import Box
+from soter.geometry.workspace import Workspace
+from soter.isolation.child import Child, ChildDied, NotBoxed
+from soter.isolation.sandbox import Box
 from soter.stack.planners.base import CHECK_COST_S, Planner, PlanRequest, PlanResult
 from soter.stack.planners.names import TRUSTED, PlannerUnavailable, build_planner, check_name
 from soter.stack.planners.worker import Garbage, WorkerSpec, checked, decode_result, decode_start, garbage
-from soter.workspace import Workspace
 
 WORKER = "soter.stack.planners.worker"
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Final
 
 from soter.geometry.site import Site
+from soter.geometry.workspace import Workspace
 from soter.stack.planners.base import Point
 from soter.stack.planners.space import TOUCH_M, FreeSpace, circles_meet, distance_to_line_m
-from soter.workspace import Workspace
 
 _RING: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
 _FIRST_M: Final = 0.02
@@ -90,10 +91,7 @@ class SiteSpace(FreeSpace):
             self._site.keep_outs.distance_m(x + (to_x - x) * k / steps, y + (to_y - y) * k / steps)
             for k in range(steps + 1)
         ]
-        return all(
-            after >= before - TOUCH_M or after >= self._inflation_m
-            for before, after in zip(distances, distances[1:], strict=False)
-        )
+        return all(after >= before - TOUCH_M or after >= self._inflation_m for before, after in pairwise(distances))
 
     def _around(self, x: float, y: float) -> list[Point]:
         """Return where a free point may be because of discs."""

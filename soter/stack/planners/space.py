@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
+from soter.geometry.workspace import Workspace
 from soter.stack.planners.base import Point
-from soter.workspace import Workspace
 
 TOUCH_M = 1e-9
 """Depth in metres up to which a point on an edge counts as free."""

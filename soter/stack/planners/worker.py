@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Literal, NoReturn
 
-from soter.child import die_with_parent, yield_to_others
 from soter.errors import ConfigError
+from soter.geometry.workspace import Workspace
+from soter.isolation.child import die_with_parent, yield_to_others
 from soter.stack.planners.base import MAX_WAYPOINTS, Planner, PlanResult, Point
 from soter.stack.planners.names import PlannerUnavailable, build_planner
-from soter.workspace import Workspace
 
 MAX_REASON = 300
 """Longest reason that is passed on, in characters."""

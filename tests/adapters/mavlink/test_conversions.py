@@ -16,8 +16,8 @@ from soter.adapters.mavlink.sampling import Charge
 from soter.adapters.mavlink.transport import Address
 from soter.adapters.mavlink.vehicle import kind_of, px4_mode
 from soter.errors import RobotUnavailable
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Link, RobotState, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 
 ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
 

@@ -14,9 +14,9 @@ from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Controller, GoalStatus, Link, RobotSpec, Waypoint
 from soter.sdk.robot import FUTURE_S
-from soter.workspace import Box, RobotPlace, Workspace
 from tests.adapters.mavlink.puppet import ROVER_GUIDED, ROVER_HOLD, HostTime, Puppet
 
 AC, SC = Controller.AC, Controller.SC

@@ -28,10 +28,10 @@ from soter.conformance import CLAUSES as KIT
 from soter.conformance import WIDE_ROOMS, Verdict, find_harness, judge
 from soter.conformance.driver import drive_until
 from soter.errors import ConfigError, RobotUnavailable, Uncontrolled
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.runner import run_mission
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
-from soter.workspace import Box, RobotPlace, Workspace
 
 AC, SC = Controller.AC, Controller.SC
 ROOM = Workspace(6.0, 5.0, (), (RobotPlace(1, 2.0, 3.0, Box(1.9, 2.9, 2.1, 3.1)),))

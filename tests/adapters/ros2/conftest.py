@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.streamed.driving import ROOM, SPECS
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.backend import Ros2Fleet

@@ -9,8 +9,8 @@ import pytest
 
 from soter.errors import Intruder, RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
-from tests.streamed import behaviour
-from tests.streamed.driving import ROOM, SPECS, tick
+from tests.adapters.velocity_controlled import behaviour
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS, tick
 from tests.waiting import wait_until
 
 if TYPE_CHECKING:

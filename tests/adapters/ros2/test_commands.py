@@ -8,7 +8,7 @@ import tomllib
 
 import pytest
 
-from tests.streamed.processes import EXAMPLES, ctrl_c_ends_a_run, soter
+from tests.adapters.velocity_controlled.processes import EXAMPLES, ctrl_c_ends_a_run, soter
 
 pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
 

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.rclpy
 def test_odometry_is_placed_in_the_workspace(heading: float, scale: float) -> None:
     from nav_msgs.msg import Odometry
 
-    from soter.streamed.motion import read_odometry
+    from soter.adapters.velocity_controlled.motion import read_odometry
 
     message = Odometry()
     message.header.stamp.sec, message.header.stamp.nanosec = 12, 500_000_000
@@ -34,7 +34,7 @@ def test_odometry_is_placed_in_the_workspace(heading: float, scale: float) -> No
 def test_a_charge_that_is_none_is_not_read(percentage: float) -> None:
     from sensor_msgs.msg import BatteryState
 
-    from soter.streamed.motion import read_battery
+    from soter.adapters.velocity_controlled.motion import read_battery
 
     message = BatteryState()
     message.percentage = percentage

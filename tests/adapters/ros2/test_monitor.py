@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from soter.adapters.velocity_controlled.robot import wait_for
+from soter.geometry.workspace_xml import read_workspace
 from soter.sdk import RobotSpec, TruthReport
-from soter.streamed.robot import wait_for
-from soter.workspace_xml import read_workspace
 
 pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from soter.streamed.robot import wait_for
+from soter.adapters.velocity_controlled.robot import wait_for
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.graph import Graph

@@ -8,7 +8,7 @@ from soter.adapters.ros2.options import Ros2Config
 from soter.adapters.ros2.simulator import SETTINGS, environment, loopback
 from soter.config import validate_options
 from soter.errors import ConfigError
-from soter.workspace import Box, RobotPlace, Workspace
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 
 ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
 

@@ -12,8 +12,8 @@ import zenoh
 from soter.adapters.zenoh.backend import ZenohFleet, simulated
 from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.simulator import Simulator
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 from tests.adapters.zenoh.sessions import opened
-from tests.streamed.driving import ROOM, SPECS
 
 
 @pytest.fixture

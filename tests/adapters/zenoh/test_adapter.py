@@ -31,9 +31,9 @@ from soter.adapters.zenoh.talk import Ear, Voice, stamp_of
 from soter.errors import Intruder, RobotUnavailable
 from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
+from tests.adapters.velocity_controlled import behaviour
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS, rest_after_s, tick, under_way
 from tests.adapters.zenoh.sessions import client, opened, router
-from tests.streamed import behaviour
-from tests.streamed.driving import ROOM, SPECS, rest_after_s, tick, under_way
 from tests.waiting import wait_until
 
 Open = Callable[..., ZenohFleet]

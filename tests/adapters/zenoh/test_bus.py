@@ -1,4 +1,4 @@
-"""The bus of a mission's processes: `soter.link.bus.Bus` over Zenoh."""
+"""The bus of a mission's processes: `soter.distribution.bus.Bus` over Zenoh."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 from soter.adapters.zenoh.bus import ZenohBus
 from soter.adapters.zenoh.session import SessionOptions
-from soter.link.bus import Bus
+from soter.distribution.bus import Bus
 from tests.adapters.zenoh.sessions import SILENCE_S, client, opened, router
 from tests.waiting import PATIENCE_S, eventually
 

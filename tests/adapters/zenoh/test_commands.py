@@ -6,7 +6,7 @@ import json
 import signal
 import tomllib
 
-from tests.streamed.processes import EXAMPLES, soter
+from tests.adapters.velocity_controlled.processes import EXAMPLES, soter
 
 
 def test_a_mission_runs_against_robots_that_were_started_by_hand() -> None:

@@ -5,7 +5,7 @@ import pytest
 from soter.adapters.zenoh.options import Keys, ZenohConfig
 from soter.config import validate_options
 from soter.errors import ConfigError
-from soter.workspace import Box, RobotPlace, Workspace
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 
 ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
 

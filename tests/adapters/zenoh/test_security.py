@@ -11,6 +11,7 @@ from typing import Any
 
 import zenoh
 
+from soter.adapters.velocity_controlled.motion import seconds
 from soter.adapters.zenoh.messages import Clock, Odometry, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.simulator import Simulator
@@ -18,9 +19,8 @@ from soter.adapters.zenoh.talk import Ear, Voice
 from soter.clock import VehicleClock
 from soter.onboard.wire import AC, Order
 from soter.sdk.truth import StreamedTruth
-from soter.streamed.motion import seconds
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 from tests.adapters.zenoh.sessions import Authority, opened
-from tests.streamed.driving import ROOM, SPECS
 from tests.waiting import eventually
 
 HERE = "127.0.0.1"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from soter.config_tables import CollisionTable, GeofenceTable, RtaTable
+from soter.config.tables import CollisionTable, GeofenceTable, RtaTable
 from soter.controllers.adversaries.base import RobotFacts
 from soter.controllers.adversaries.search import RULES, Rollout
+from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.stack.terrain import Terrain
-from soter.workspace import Box, RobotPlace, Workspace
 
 CHARGER = Box(0.5, 0.5, 0.7, 0.7, 0.0)
 ROOM = Workspace(4.0, 4.0, (Box(1.5, 0.0, 2.5, 0.5),), (RobotPlace(1, 0.6, 0.6, CHARGER),))

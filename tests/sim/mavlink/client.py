@@ -9,8 +9,8 @@ from typing import Any, Final, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec
-from soter.workspace import Workspace
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.simulation import Settings, Simulation
 from tests.sim.worlds import empty

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
+from soter.adapters.velocity_controlled.motion import seconds
+from soter.adapters.velocity_controlled.robot import wait_for
+from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
-from soter.streamed.motion import seconds
-from soter.streamed.robot import wait_for
-from soter.workspace import Workspace
-from tests.streamed.base import says_where_it_stands, stops_by_itself
-from tests.streamed.driving import ROOM, SPECS
-from tests.streamed.processes import end_with_their_parent
+from tests.adapters.velocity_controlled.base import says_where_it_stands, stops_by_itself
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS
+from tests.adapters.velocity_controlled.processes import end_with_their_parent
 
 pytestmark = pytest.mark.rclpy
 

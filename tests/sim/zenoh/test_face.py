@@ -16,16 +16,16 @@ import pytest
 import zenoh
 from pydantic import TypeAdapter
 
+from soter.adapters.velocity_controlled.motion import seconds
 from soter.adapters.zenoh.messages import BatteryState, Clock, Odometry, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.talk import Ear, Voice
+from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
-from soter.streamed.motion import seconds
-from soter.workspace import Workspace
+from tests.adapters.velocity_controlled.base import says_where_it_stands, stops_by_itself
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS
+from tests.adapters.velocity_controlled.processes import end_with_their_parent
 from tests.adapters.zenoh.sessions import opened
-from tests.streamed.base import says_where_it_stands, stops_by_itself
-from tests.streamed.driving import ROOM, SPECS
-from tests.streamed.processes import end_with_their_parent
 from tests.waiting import eventually
 
 

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
+from soter.geometry.workspace import Workspace
 from soter.stack.planners import Planner, PlannerOptions, PlanRequest, PlanResult
-from soter.workspace import Workspace
 
 
 class BadPlanner(Planner):

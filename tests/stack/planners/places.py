@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from soter.geometry.workspace import Box, Workspace
 from soter.stack.planners import Point
-from soter.workspace import Box, Workspace
 
 RADIUS_M = 0.105
 GROWN_M = RADIUS_M + 0.15

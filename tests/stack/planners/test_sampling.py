@@ -15,8 +15,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from soter.errors import ConfigError
+from soter.geometry.workspace import Box, Workspace
 from soter.stack.planners import Planner, PlanRequest, PlanResult, Point, build_planner
-from soter.workspace import Box, Workspace
 from tests.stack.planners.places import CASE, RADIUS_M, along, depth_m, length_m
 
 pytestmark = pytest.mark.ompl

@@ -1,0 +1,1 @@
+"""The same mission with modules left out, and what that costs."""

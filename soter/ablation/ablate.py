@@ -1,0 +1,233 @@
+"""What each part of the safety modules is worth: the same mission again and again, with one thing changed at a time."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from multiprocessing.synchronize import Event
+from pathlib import Path
+from typing import Final
+
+from soter.config import load_mission
+from soter.config.tables import MODULES
+from soter.controllers import ADVERSARIES, PREFIX
+from soter.errors import ConfigError, IllFormedModule, RunFailed, SoterError
+from soter.runner.result import RunResult
+from soter.runner.run import Study, run_mission
+
+DELTAS_S: Final[Mapping[str, tuple[float, ...]]] = {
+    "collision": (0.05, 0.1, 0.2, 0.5, 1.0),
+    "obstacle": (0.05, 0.1, 0.2, 0.5, 1.0),
+    "geofence": (0.05, 0.25, 0.5, 1.0, 2.0, 4.0),
+    "battery": (0.5, 1.0, 10.0, 60.0),
+}
+"""Periods to try."""
+
+ATTACKERS: Final[Mapping[str, str]] = {
+    "collision": "chase",
+    "obstacle": "fastest-to-boundary",
+    "geofence": "fastest-to-boundary",
+}
+"""The adversary that finds out when a module looks too late; the battery has none, since it takes hours to be flat."""
+
+SAFER: Final[Mapping[str, tuple[str, tuple[float, ...]]]] = {
+    "collision": ("phi_safer_m", (0.4, 0.46, 0.5, 0.6, 0.7)),
+    "obstacle": ("phi_safer_m", (0.03, 0.06, 0.1, 0.2)),
+    "geofence": ("phi_safer_inset_m", (0.1, 0.26, 0.5, 1.0)),
+    "battery": ("phi_safer", (0.5, 0.7, 0.85, 0.95)),
+}
+"""By module, the key of its phi_safer and values to try."""
+
+DWELLS_S: Final = (0.0, 0.3, 1.0, 3.0)
+
+ALONE_S: Final[Mapping[str, tuple[float, ...]]] = {
+    "collision": (0.1, 1.0, 2.0),
+    "obstacle": (0.05, 1.0, 2.0),
+    "geofence": (0.5, 2.0, 4.0),
+}
+"""Periods to try where phi_safer alone decides whether the AC gets control."""
+
+AHEAD: Final = (2.0, 1.0, 0.5, 0.0)
+"""How many Delta the switching test looks ahead, whatever the lease."""
+
+_POLL_S: Final = 0.2
+
+Overrides = Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The mission with one thing changed.
+
+    Attributes:
+        group: what is varied.
+        name: how.
+        overrides: values that take the place of the mission's, by dotted key.
+        deltas: how many Delta the modules look ahead; None for what proofs need.
+        safer_alone: they give back wherever phi_safer holds.
+        intact: nothing is taken away: no rule may be broken unless the variant is ill-formed.
+    """
+
+    group: str
+    name: str
+    overrides: Overrides = field(default_factory=dict)
+    deltas: float | None = None
+    safer_alone: bool = False
+    intact: bool = True
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run of a variant, or why there was none.
+
+    Attributes:
+        variant: what was run.
+        seed: with which seed.
+        result: the figures; None if nothing was run.
+        ill_formed: why the variant is refused; empty for a well-formed one.
+        failure: why there is no result although it is not refused; empty if there is one.
+    """
+
+    variant: Variant
+    seed: int
+    result: RunResult | None = None
+    ill_formed: str = ""
+    failure: str = ""
+
+    @property
+    def breaks_promise(self) -> bool:
+        """Whether a rule was broken that the modules, as they are declared, promise to keep."""
+        intact = self.variant.intact and not self.ill_formed
+        return intact and self.result is not None and self.result.violated
+
+
+def variants(own: Iterable[str] = ()) -> list[Variant]:
+    """Return everything that is tried, the mission as it is first.
+
+    Args:
+        own: names of the modules of the user's own that the mission has.
+    """
+    found = [
+        Variant("mission", "as declared"),
+        Variant("mission", "AC only (no RTA)", {"rta.enabled": False}, intact=False),
+        Variant("mission", "SC only", {"ac": f"{PREFIX}raises"}),
+    ]
+    for left_out in MODULES:
+        rest = [name for name in MODULES if name != left_out]
+        found.append(Variant("without a module", left_out, {"rta.modules": rest}, intact=False))
+    for left_out in own:
+        off = {f"rta.module.{left_out}.enabled": False}
+        found.append(Variant("without a module", left_out, off, intact=False))
+    for module, deltas_s in DELTAS_S.items():
+        for ac in ("mission", *(f"{PREFIX}{name}" for rule, name in ATTACKERS.items() if rule == module)):
+            found += [
+                Variant(f"Delta of {module}", f"{delta_s:g} s, {ac}", {f"rta.{module}.delta_s": delta_s, "ac": ac})
+                for delta_s in deltas_s
+            ]
+    for ac in ("mission", f"{PREFIX}search"):
+        found += [
+            Variant("look-ahead", f"{deltas:g} Delta, {ac}", {"ac": ac}, deltas, intact=deltas >= 2.0)
+            for deltas in AHEAD
+        ]
+    for module, attacker in ATTACKERS.items():
+        found += [
+            Variant(
+                "phi_safer alone", f"{module} {delta_s:g} s, {attacker}",
+                {f"rta.{module}.delta_s": delta_s, "ac": f"{PREFIX}{attacker}"}, safer_alone=True, intact=False,
+            )
+            for delta_s in ALONE_S[module]
+        ]  # fmt: skip
+    for module, (key, values) in SAFER.items():
+        found += [Variant(f"phi_safer of {module}", f"{value:g}", {f"rta.{module}.{key}": value}) for value in values]
+    found += [
+        Variant("dwell", f"{dwell_s:g} s", {f"rta.{module}.dwell_s": dwell_s for module in MODULES})
+        for dwell_s in DWELLS_S
+    ]
+    return found + [Variant("adversary", name, {"ac": f"{PREFIX}{name}"}) for name in ADVERSARIES]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to run.
+
+    Attributes:
+        mission: the mission file.
+        overrides: what the command line says; a variant's own come on top.
+        seeds: each variant runs once with each.
+        force: ill-formed variants run all the same.
+    """
+
+    mission: Path
+    overrides: Overrides
+    seeds: Sequence[int]
+    force: bool
+
+    def run(self, variant: Variant, seed: int, stop: Callable[[], bool] | None = None) -> Outcome:
+        """Run one variant once. What is wrong with a variant is part of its outcome."""
+        refusals: list[str] = []
+
+        def note(refusal: IllFormedModule) -> None:
+            refusals.append(str(refusal))
+
+        try:
+            mission = load_mission(self.mission, {**self.overrides, **variant.overrides, "seed": seed})
+            study = Study(variant.deltas, variant.safer_alone, note if self.force else None)
+            result = run_mission(mission, stop=stop, study=study).result
+        except (IllFormedModule, ConfigError) as refusal:
+            return Outcome(variant, seed, ill_formed=str(refusal))
+        except SoterError as error:
+            return Outcome(variant, seed, failure=str(error))
+        failure = result.failure if result.status == "failed" else ""
+        return Outcome(variant, seed, result, refusals[0] if refusals else "", failure)
+
+
+_stop: Event | None = None
+
+
+def _begin(stop: Event) -> None:
+    """Prepare a worker: Ctrl-C is the first process's business, which sets `stop`."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _work(plan: Plan, variant: Variant, seed: int) -> Outcome:
+    return plan.run(variant, seed, None if _stop is None else _stop.is_set)
+
+
+def run_all(
+    plan: Plan, chosen: Sequence[Variant], jobs: int, stop: Callable[[], bool] = lambda: False
+) -> Iterator[Outcome]:
+    """Run variants in processes of their own; yield outcomes as they come.
+
+    Args:
+        plan: how.
+        chosen: which.
+        jobs: so many at a time.
+        stop: asked again and again; runs under way then end early, and nothing more is yielded.
+
+    Raises:
+        RunFailed: a process died.
+    """
+    context = multiprocessing.get_context("spawn")
+    ended = context.Event()
+    with ProcessPoolExecutor(jobs, context, _begin, (ended,)) as pool:
+        waiting: set[Future[Outcome]] = {
+            pool.submit(_work, plan, variant, seed) for variant in chosen for seed in plan.seeds
+        }
+        try:
+            while waiting and not stop():
+                done, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        except BrokenProcessPool as death:
+            # Ctrl-C reaches workers too, and those that have just begun do not know yet that it is not for them.
+            if not stop():
+                raise RunFailed("a process of variants has died; the machine may have run out of memory") from death
+        finally:
+            ended.set()
+            pool.shutdown(cancel_futures=True)

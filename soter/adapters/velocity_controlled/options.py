@@ -1,0 +1,140 @@
+"""What mission files say of robots behind a mux, whatever carries the messages."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+
+from soter.adapters.velocity_controlled.robot import BASE, StreamedRobot
+from soter.config.promises import Promise
+from soter.errors import RobotUnavailable
+from soter.onboard.drive import tube_m
+from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
+from soter.sdk import BackendConfig, Capabilities, RobotSpec
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class MessageNames(BaseModel):
+    """Where the messages of a robot are.
+
+    Attributes:
+        odom: nav_msgs/Odometry.
+        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
+        cmd_vel: what the mux passes on; looked at only, for whoever drives the robot past the mux.
+        cmd_vel_ac: what the AC asks for.
+        cmd_vel_sc: what the SC asks for.
+        order: who is in charge, to the mux.
+        gate: what the mux does.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    odom: str = "odom"
+    battery: str = "battery_state"
+    cmd_vel: str = CMD_VEL
+    cmd_vel_ac: str = CMD_VEL_AC
+    cmd_vel_sc: str = CMD_VEL_SC
+    order: str = ORDER
+    gate: str = GATE
+
+    @classmethod
+    @abstractmethod
+    def check(cls, name: str) -> None:
+        """Refuse what is no name.
+
+        Raises:
+            ValueError: it is none; says what is allowed.
+        """
+
+    @field_validator("*")
+    @classmethod
+    def _is_a_name(cls, name: str, field: ValidationInfo) -> str:
+        if name or field.field_name != "battery":
+            cls.check(name)
+        return name
+
+
+class PlaceOptions(BaseModel):
+    """Where one robot is.
+
+    Attributes:
+        namespace: of its messages.
+        odom_origin: the pose in the workspace, east and north in metres and radians counter-clockwise from east, at
+            which its odometry reads 0, 0, 0.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    namespace: str
+    odom_origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    @abstractmethod
+    def check(cls, namespace: str) -> None:
+        """Refuse what is no namespace.
+
+        Raises:
+            ValueError: it is none; says what is allowed.
+        """
+
+    @field_validator("namespace")
+    @classmethod
+    def _is_a_name(cls, namespace: str) -> str:
+        cls.check(namespace)
+        return namespace
+
+
+class StreamedConfig(BackendConfig):
+    """Options that every backend has whose robots are streamed to.
+
+    Attributes:
+        stamped: velocities are TwistStamped instead of Twist.
+        discovery_s: how long to wait for what a robot says, at most.
+        truth: `host:port` at which a simulated world that was started by hand says what really happens.
+    """
+
+    stamped: bool = False
+    discovery_s: Annotated[float, Field(gt=0.0, le=600.0)] = 10.0
+    truth: str | None = None
+
+    def promised(self) -> Capabilities:
+        """Return what robots promise: those that are faster than a TurtleBot stray as much more, unless it is given."""
+        return promised(self.promise)
+
+
+def promised(promise: Promise) -> Capabilities:
+    """Return what robots promise where so much is given."""
+    declared, given = StreamedRobot.declared, promise.given
+    base = replace(declared, **given)
+    limits = replace(BASE, v_max_m_s=base.v_max_m_s, brake_m_s2=base.brake_m_s2)
+    # While clocks are learned, a position is off by so much time at top speed.
+    noise_m = declared.position_noise_m * max(1.0, base.v_max_m_s / declared.v_max_m_s)
+    derived = {"tube_m": tube_m(limits, base.latency_s + base.setpoint_period_s), "position_noise_m": noise_m}
+    return replace(base, **{**derived, **given})
+
+
+def promising(spec: RobotSpec, config: StreamedConfig) -> RobotSpec:
+    """Return a robot with what it is asked to promise: for all of them, unless something is asked of it already."""
+    return spec if spec.promised is not None else replace(spec, promised=config.promised())
+
+
+def require_places(given: Collection[int], robots: Sequence[RobotSpec], table: str) -> None:
+    """Refuse robots that are not all given.
+
+    Args:
+        given: the numbers of those that are.
+        robots: those that are asked for.
+        table: of the mission file in which they are given.
+
+    Raises:
+        RobotUnavailable: some are not.
+    """
+    missing = [spec.id for spec in robots if spec.id not in given]
+    if missing:
+        raise RobotUnavailable(
+            f"no namespace is given for the robots {missing}; add them to [{table}], or take all out to have simulated "
+            "ones"
+        )

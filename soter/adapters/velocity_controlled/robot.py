@@ -1,0 +1,335 @@
+"""One robot that is driven by velocities, through a mux on its side; what all such adapters have in common."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from abc import abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, ClassVar, Final, NamedTuple
+
+from soter.adapters.velocity_controlled.motion import Charge, Motion, Pose, read_battery, read_odometry
+from soter.clock import VehicleClock
+from soter.errors import Intruder, Unsupported
+from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
+from soter.onboard.station import PERIOD_S
+from soter.onboard.wire import SC, GateReport, Order
+from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
+
+logger = logging.getLogger(__name__)
+
+LEASE_S: Final = 0.15
+"""Of this the mux counts 0.13 s, unless it is told otherwise; it looks every 0.02 s."""
+
+ODOMETRY_S: Final = 1.0 / 30.0
+
+SETTLED: Final = 10
+"""After so many odometry messages the least delay among them is near the least there is."""
+
+BASE: Final = DriveLimits()
+"""What a base can do of which nothing else is promised."""
+
+# It steers by what it knows of the robot, which acts on that later: so it plans with less than the vehicle can do.
+_BRAKE: Final = 0.7
+_YAW_ACCEL_RAD_S2: Final = 4.0
+_PLANNED_PERIOD_S: Final = 0.1
+_REACTION_S: Final = 0.03
+_BLIND_S: Final = 0.3
+
+_LOOK_S: Final = 0.005
+_REPEAT_S: Final = 0.05
+_LOST_S: Final = 1.0
+_INTRUDED_S: Final = 0.1
+"""So long a robot is not driven after somebody else was seen to: not a lease, so that one message stops it for a tick
+or two, and who goes on keeps it stopped."""
+_REST_M_S: Final = 1e-3
+_REST_RAD_S: Final = 1e-2
+
+
+def wait_for(holds: Callable[[], bool], timeout_s: float) -> bool:
+    """Wait until something holds, which other threads bring about; return whether it does in time."""
+    until_s = time.monotonic() + timeout_s
+    while not holds():
+        if time.monotonic() >= until_s:
+            return False
+        time.sleep(_LOOK_S)
+    return True
+
+
+class _Doing(NamedTuple):
+    """What the robot is to do; replaced as a whole by the supervisor's thread, read by the thread that hears."""
+
+    controller: str
+    target: Waypoint | None
+    goal_id: int | None
+    renewed_steady_s: float
+
+
+class StreamedRobot(Robot):
+    """One robot behind a mux.
+
+    Odometry is taken in the thread that hears it, which also steers: at each message it sends the next velocity for the
+    goal, in the name of the controller in charge, as long as the lease lives that only the supervisor renews.
+
+    An adapter hands on what it hears by the `_take_...` methods, each kind from one thread at a time, and fills the
+    underscored methods; of Robot's own hooks only `_connect` is left to it.
+
+    Args:
+        spec: which robot.
+        clock: follows the robots' clocks.
+        origin: the pose in the workspace at which its odometry reads 0, 0, 0.
+        rate: seconds of the robot's clock by second of the host; above 1 only in a simulated world that runs faster.
+        external_ac: its AC is somebody else's program, which talks to the mux itself: this robot never speaks for it.
+
+    Attributes:
+        dropped: how many messages were dropped, by what was wrong with them.
+    """
+
+    declared: ClassVar[Capabilities] = Capabilities(
+        in_process=False,
+        deterministic=False,
+        reverses=True,
+        reports_battery=True,
+        reports_controller=True,
+        v_max_m_s=BASE.v_max_m_s,
+        yaw_rate_max_rad_s=BASE.yaw_rate_max_rad_s,
+        brake_m_s2=BASE.brake_m_s2,
+        body_radius_m=0.105,
+        latency_s=0.045,
+        sample_age_s=0.07,
+        jitter_s=0.028,
+        setpoint_period_s=ODOMETRY_S,
+        lease_s=LEASE_S,
+        tube_m=TUBE_M,
+        overshoot_m=OVERSHOOT_M,
+        # Stamps move by some milliseconds while clocks are learned; at top speed that is this far.
+        position_noise_m=0.002,
+        pivots_first=True,
+    )
+
+    def __init__(
+        self,
+        spec: RobotSpec,
+        clock: VehicleClock,
+        origin: Pose = (0.0, 0.0, 0.0),
+        *,
+        rate: float = 1.0,
+        external_ac: bool = False,
+    ) -> None:
+        super().__init__(spec, clock)
+        self._vehicle_clock: Final = clock
+        self._origin: Final = origin
+        self._external_ac: Final = external_ac
+        self._rate: Final = rate
+        promised = self.declared
+        limits = DriveLimits(
+            promised.v_max_m_s, promised.yaw_rate_max_rad_s, brake_m_s2=_BRAKE * promised.brake_m_s2,
+            yaw_accel_rad_s2=_YAW_ACCEL_RAD_S2,
+        )  # fmt: skip
+        self._drive: Final = Drive(limits, _PLANNED_PERIOD_S * rate)
+        self._steering: Final = threading.Lock()
+        self._doing = _Doing(SC, None, None, float("-inf"))
+        self._order = Order(secrets.token_hex(4), 0, SC, None)
+        self._latest: tuple[RobotState, Motion] | None = None
+        self._gate: GateReport | None = None
+        self._charge: Charge | None = None
+        self._heard = 0
+        self._intruded = float("-inf"), ""
+        self.dropped: Final[Counter[str]] = Counter()
+
+    @staticmethod
+    def counted_s(promised: Capabilities) -> float:
+        """Return the lease that a mux counts, so that with its own period it is no longer than promised."""
+        return promised.lease_s - PERIOD_S
+
+    # --- what an adapter hears -----------------------------------------------------------------------------
+
+    def _take_odometry(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry, and steer by it."""
+        received_s = self.clock.steady_s()
+        motion = read_odometry(message, self._origin)
+        if not motion.possible:
+            self._drop("odometry that is not finite", motion)
+            return
+        latest = self._latest
+        rebooted = self._vehicle_clock.observe(self.id, motion.stamp_s, received_s)
+        if latest is not None and motion.stamp_s < latest[1].stamp_s and not rebooted:
+            # It was overtaken on its way.
+            return
+        east_m_s, north_m_s = motion.velocity
+        gate, charge = self._gate, self._charge
+        # What a mux says of who is in charge is about us only if it listens to us.
+        ours = gate is not None and gate.session == self._order.session
+        state = RobotState(
+            robot_id=self.id,
+            stamp_s=self._vehicle_clock.to_fleet_s(self.id, motion.stamp_s),
+            vehicle_stamp_s=motion.stamp_s,
+            x_m=motion.x_m,
+            y_m=motion.y_m,
+            z_m=0.0,
+            heading_rad=motion.heading_rad,
+            vx_m_s=east_m_s,
+            vy_m_s=north_m_s,
+            yaw_rate_rad_s=motion.turn_rad_s,
+            # Batteries report seldom. In between it counts as driving, so that the next report can only be better news.
+            battery=None if charge is None else charge.at_least(motion.stamp_s, 1.0 / self.spec.drive_s),
+            controller=Controller(gate.controller) if gate is not None and ours else None,
+            goal_id=self._doing.goal_id,
+            link=Link.UP,
+        )
+        self._latest = (state, motion)
+        self._heard += 1
+        self._steer()
+
+    def _take_battery(self, message: Any) -> None:
+        """Take a sensor_msgs/BatteryState."""
+        charge = read_battery(message)
+        if charge is None:
+            self._drop("a charge that is none", message.percentage)
+        else:
+            self._charge = charge
+
+    def _take_report(self, text: str) -> None:
+        """Take what the mux says it does."""
+        try:
+            self._gate = GateReport.decode(text)
+        except ValueError as failure:
+            self._drop("a report of its mux that makes no sense", failure)
+
+    def _take_intruder(self, why: str) -> None:
+        """Take that somebody else has just moved the robot, or may at any time."""
+        if not self._intruded[1]:
+            logger.warning("robot %d: %s", self.id, why)
+        self._intruded = self.clock.steady_s(), why
+
+    def _drop(self, what: str, why: object) -> None:
+        """Count a message that is dropped, and log the first of its kind: there may be many."""
+        self.dropped[what] += 1
+        if self.dropped[what] == 1:
+            logger.warning("robot %d: dropped %s: %s", self.id, what, why)
+
+    # --- what an adapter says ------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
+        """Send a velocity to the mux, in the name of a controller; never wait. Called from any thread."""
+
+    @abstractmethod
+    def _send_order(self, text: str) -> None:
+        """Send an order to the mux; never wait. Called from the supervisor's thread."""
+
+    # --- the hooks of Robot --------------------------------------------------------------------------------
+
+    def _send_goto(self, goal: Goal) -> None:
+        if not self._speaks_for(goal.by.value):
+            raise Unsupported(f"robot {self.id}: its AC is somebody else's program, and is not spoken for")
+        self._doing = self._doing._replace(target=goal.target, goal_id=goal.id)
+        self._steer()
+
+    def _sample(self) -> RobotState | None:
+        latest = self._latest
+        return None if latest is None else latest[0]
+
+    def _hand_over(self, to: Controller) -> None:
+        # One message shuts the old controller's stream: the mux drops what it asked for with the change.
+        if to.value != self._doing.controller:
+            self._doing = self._doing._replace(controller=to.value, target=None, goal_id=None)
+        self._say(controller=to.value)
+
+    def _renew_lease(self) -> None:
+        clock = self._vehicle_clock
+        seen_s, why = self._intruded
+        if clock.steady_s() - seen_s < _INTRUDED_S:
+            raise Intruder(why)
+        self._doing = self._doing._replace(renewed_steady_s=clock.steady_s())
+        self._say(renewed_s=clock.to_vehicle_s(self.id, clock.now()))
+
+    def _halt(self) -> None:
+        self._doing = self._doing._replace(target=None, goal_id=None)
+        self._steer()
+
+    def _disconnect(self, timeout_s: float) -> None:
+        if not self.initialised:
+            return
+        self._doing = _Doing(SC, None, None, float("-inf"))
+        self._order = self._order._replace(controller=SC, renewed_s=None)
+        latest = self._latest
+        lost = latest is None or self.clock.now() - latest[0].stamp_s > self.stale_after_s
+        # Who is not heard any more has been stopped by its lease; it may still come back, but not many do.
+        self._settle(min(timeout_s, _LOST_S) if lost else timeout_s)
+
+    # --- for an adapter's `_connect` -----------------------------------------------------------------------
+
+    def _say(self, **changes: object) -> None:
+        """Tell the mux all that is to hold, with these changes, under a new number."""
+        order = self._order._replace(seq=self._order.seq + 1, **changes)  # type: ignore[arg-type]
+        self._order = order
+        self._send_order(order.encode())
+
+    def _all_heard(self, *, battery: bool) -> bool:
+        """Whether its clock is known well enough, its mux reports, and its battery too where it is to."""
+        return self._heard >= SETTLED and self._gate is not None and (self._charge is not None or not battery)
+
+    def _settle(self, timeout_s: float) -> bool:
+        """Repeat the order until the mux has taken it and the robot stands still; return whether that is so in time."""
+        first, until_s = self._order.seq + 1, self.clock.steady_s() + timeout_s
+
+        def done() -> bool:
+            gate, latest = self._gate, self._latest
+            if gate is None or latest is None or gate.session != self._order.session or gate.seq < first:
+                return False
+            motion = latest[1]
+            return (
+                abs(motion.forward_m_s) + abs(motion.leftward_m_s) <= _REST_M_S
+                and abs(motion.turn_rad_s) <= _REST_RAD_S
+            )
+
+        while self.clock.steady_s() < until_s:
+            self._say()
+            if wait_for(done, _REPEAT_S):
+                return True
+        return False
+
+    def _follows_another(self) -> bool:
+        """Whether the mux says that another program's lease lives."""
+        gate = self._gate
+        return gate is not None and gate.session not in {"", self._order.session} and gate.alive
+
+    def _refusal(self) -> str | None:
+        """Return why the robot did not settle, as its mux reports it; None where its mux takes no order of ours."""
+        gate = self._gate
+        if self._follows_another():
+            return "its mux follows somebody else, whose lease lives; end the other program that commands it"
+        if gate is not None and gate.session == self._order.session:
+            return "it does not come to rest although nothing is asked of it; who else moves it?"
+        return None
+
+    # --- the rest ------------------------------------------------------------------------------------------
+
+    def _speaks_for(self, controller: str) -> bool:
+        return controller == SC or not self._external_ac
+
+    def _steer(self) -> None:
+        """Send the velocity that the controller in charge asks for now; nothing once its lease is dead."""
+        with self._steering:
+            doing, latest = self._doing, self._latest
+            lease_age_s = (self.clock.steady_s() - doing.renewed_steady_s) * self._rate
+            if latest is None or not self._speaks_for(doing.controller) or lease_age_s >= self.declared.lease_s:
+                return
+            gate = self._gate
+            if gate is not None and gate.session not in {"", self._order.session}:
+                # The mux would take what is said in the controller's name for what the other program's says.
+                return
+            age_s = self.clock.now() - latest[0].stamp_s
+            if age_s > _BLIND_S:
+                velocity = 0.0, 0.0
+            else:
+                # Where it will be when it acts on this.
+                motion = latest[1].after(age_s + _REACTION_S * self._rate)
+                velocity = self._drive.command(
+                    motion.x_m, motion.y_m, motion.heading_rad, motion.forward_m_s, motion.turn_rad_s, doing.target
+                )
+            self._send_velocity(doing.controller, *velocity)

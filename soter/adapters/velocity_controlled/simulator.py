@@ -1,0 +1,104 @@
+"""Starts simulated robots that velocities are streamed to: a world and, for each robot, its mux, as processes."""
+
+from __future__ import annotations
+
+import subprocess
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from typing import Any, Final, Generic, TypeVar
+
+from soter.adapters.velocity_controlled.robot import StreamedRobot
+from soter.clock import VehicleClock
+from soter.geometry.workspace import Workspace
+from soter.sdk import Capabilities, RobotSpec, RuleLimits, program
+from soter.sdk.wire import WireFleet, describe
+
+
+class StreamedSimulator(ABC):
+    """A world in real time and its robots' muxes, which end with this process, however it ends.
+
+    It starts the world's process, which then waits for the world: `_hand_over`. Muxes may be started before or after.
+
+    Args:
+        module: the world's program, see `soter_sim.program`.
+        prefix: what stands before the name of each robot's namespace.
+        robots: its robots.
+        environment: of the processes, besides that of Python.
+        options: more arguments of the world's program.
+
+    Attributes:
+        namespaces: by robot, where its messages are.
+        truth: where the world tells what really happens, as `host:port`.
+        world: the process of the world.
+        muxes: by robot, the process of its mux.
+    """
+
+    truth: str
+
+    def __init__(
+        self, module: str, prefix: str, robots: Sequence[RobotSpec], environment: Mapping[str, str], *options: str
+    ) -> None:
+        self.namespaces: Final = {spec.id: f"{prefix}{spec.name or f'robot{spec.id}'}" for spec in robots}
+        self.muxes: Final[dict[int, subprocess.Popen[bytes]]] = {}
+        self._module: Final = module
+        self._robots: Final = tuple(robots)
+        self._environment: Final = environment
+        named = ",".join(f"{robot_id}={name}" for robot_id, name in self.namespaces.items())
+        self.world: Final = self._start(module, "--namespaces", named, *options, pipes=True)
+
+    @abstractmethod
+    def start_mux(self, robot_id: int) -> None:
+        """Start the mux of a robot, in place of the one that it had."""
+
+    def lost(self) -> str:
+        """Return which process has ended, in words; empty while all run."""
+        muxes = (program.ended(f"the mux of robot {robot_id}", each) for robot_id, each in self.muxes.items())
+        return program.ended("the simulated world", self.world) or next(filter(None, muxes), "")
+
+    def promised(self, robot_id: int) -> Capabilities:
+        """Return what a robot is asked to promise, which its mux is told."""
+        spec = next(spec for spec in self._robots if spec.id == robot_id)
+        return StreamedRobot.declared if spec.promised is None else spec.promised
+
+    def close(self) -> None:
+        """End the processes and wait until they are gone. Idempotent."""
+        program.end([self.world, *self.muxes.values()])
+
+    def _hand_over(self, workspace: Workspace, limits: RuleLimits) -> dict[str, Any]:
+        """Hand the world, and what its mission promises, to its process and return what that says of it."""
+        try:
+            told = program.hand_over(self.world, self._module, describe(workspace, self._robots, limits))
+            self.truth = told["truth"]
+        except BaseException:
+            self.close()
+            raise
+        return told
+
+    def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
+        return program.start(module, *arguments, pipes=pipes, environment=self._environment)
+
+
+R = TypeVar("R", bound=StreamedRobot)
+S = TypeVar("S", bound=StreamedSimulator)
+
+
+class StreamedFleet(WireFleet[S], Generic[R, S]):
+    """Robots, what they are heard over, and the simulator if it was started for them.
+
+    Args:
+        clock: follows the robots' clocks.
+        truth: `host:port` at which a simulated world says what really happens, or None.
+        simulator: a simulator to end with the fleet, or None.
+        make: makes the robots; pushes onto the stack what is to be closed behind them.
+
+    Attributes:
+        streamed: the robots, as what they are.
+    """
+
+    def __init__(
+        self, clock: VehicleClock, truth: str | None, simulator: S | None, make: Callable[[ExitStack], Sequence[R]]
+    ) -> None:
+        with ExitStack() as shared:
+            self.streamed: Final = tuple(make(shared))
+            super().__init__(clock, self.streamed, truth, simulator, shared)

@@ -1,0 +1,296 @@
+"""Whether a mission may be run: what can be said of its modules, within milliseconds, before any robot is opened.
+
+And how much faster than the host's clock a simulated world may run before a module cannot keep its promise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from soter.check import Finding, Verdict, conditions
+from soter.check.proof import prove
+from soter.config import MissionFile
+from soter.errors import IllFormedModule
+from soter.geometry.workspace import Workspace
+from soter.rta import Port, Region, Situation, Topic
+from soter.sdk import Backend, BackendConfig, Capabilities
+from soter.specs import asked, promises
+from soter.stack.actuator import PortForwarder
+from soter.stack.declaration import Declared, Peers, declare, terrains_of
+from soter.stack.infrastructure import standing
+from soter.stack.right_of_way import BATTERY, RightOfWay
+from soter.stack.safe_controller import WAYPOINT
+
+_STEPS: Final = 20
+"""Halvings of the range in which the highest speed-up is looked for; far finer than what is said of it."""
+
+
+def declare_all(
+    mission: MissionFile, workspace: Workspace, promised: Mapping[int, Capabilities]
+) -> dict[int, Declared]:
+    """Declare every robot's modules without a robot.
+
+    Args:
+        mission: its `rta` and `battery` tables.
+        workspace: where.
+        promised: what the robots promise, by id.
+
+    Raises:
+        IllFormedModule: a robot does not promise what the model of a module needs.
+    """
+    terrains = terrains_of(workspace, promised)
+    made = {}
+    for robot_id, capabilities in promised.items():
+        waypoint: Topic[Any] = Topic(WAYPOINT)
+        forwarder = PortForwarder(Port(robot_id, lambda _: None), waypoint, mission.base_tick_s)
+        made[robot_id] = declare(
+            mission, workspace, terrains[robot_id], robot_id, capabilities,
+            Peers.of(robot_id, promised, mission.base_tick_s), forwarder, waypoint, RightOfWay(),
+        )  # fmt: skip
+    return made
+
+
+def highest_speedup(
+    mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig, most: float
+) -> float | None:
+    """Return the highest speed-up up to `most` at which all modules are well-formed, or None if there is none.
+
+    Latency, age and jitter are the host's: in the time of a world that runs N times as fast they are N times as long.
+
+    Args:
+        mission: the mission.
+        workspace: where.
+        backend: its backend; says what robots promise at a speed-up.
+        config: the backend's options.
+        most: a speed-up at which they are not.
+    """
+
+    def well_formed(speedup: float) -> bool:
+        promised = asked(backend, config.model_copy(update={"speedup": speedup}), mission, workspace)
+        try:
+            for declared in declare_all(mission, workspace, promised).values():
+                declared.check(mission.base_tick_s)
+        except IllFormedModule:
+            return False
+        return True
+
+    low, high = 0.0, most
+    for _ in range(_STEPS):
+        middle = (low + high) / 2.0
+        if well_formed(middle):
+            low = middle
+        else:
+            high = middle
+    return low if low > 0.0 else None
+
+
+def refused_at(
+    failure: IllFormedModule, mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig
+) -> IllFormedModule:
+    """Return the failure with the highest admissible speed-up in it, where the backend has one to choose."""
+    most = getattr(config, "speedup", None)
+    if not isinstance(most, float):
+        return failure
+    highest = highest_speedup(mission, workspace, backend, config, most)
+    if highest is None:
+        return failure
+    fits = math.floor(highest * 100.0) / 100.0
+    text = str(failure).partition(": ")[2]
+    return IllFormedModule(
+        failure.module, failure.condition, f"{text}; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
+    )
+
+
+@dataclass(frozen=True)
+class Admission:
+    """What is known about the modules of a mission without trials and covers.
+
+    Attributes:
+        findings: whether they are well-formed (P1, P3 and what else is refused before anything moves), one for each
+            module and condition, in order of the modules' right to drive. What is rejected here is never run.
+        proofs: of P2. What is not proved here is run on request only.
+    """
+
+    findings: Sequence[Finding]
+    proofs: Sequence[Finding] = ()
+
+    @property
+    def refused(self) -> bool:
+        """Whether anything is rejected."""
+        return any(each.verdict is Verdict.REJECTED for each in (*self.findings, *self.proofs))
+
+    @property
+    def ill_formed(self) -> Finding | None:
+        """The first finding that nobody can accept, or None."""
+        return next((each for each in self.findings if each.verdict is Verdict.REJECTED), None)
+
+    @property
+    def unproved(self) -> list[Finding]:
+        """What is run only if somebody accepts it."""
+        return [each for each in self.proofs if each.verdict is not Verdict.PROVED]
+
+
+def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:
+    """Return what is known about the modules of a mission on robots that promise so much.
+
+    Args:
+        mission: its `rta` and `battery` tables.
+        workspace: where.
+        capabilities: what the robots promise, by id.
+    """
+    try:
+        declared = declare_all(mission, workspace, capabilities)
+    except IllFormedModule as failure:
+        # A module cannot even be declared for these robots: they do not promise what its model needs.
+        return Admission([_rejection(failure)])
+    return admit_declared(mission, declared, capabilities)
+
+
+def admit_declared(
+    mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
+) -> Admission:
+    """Return the same of modules that have been declared.
+
+    Args:
+        mission: whose modules they are.
+        declared: the modules, by robot id.
+        capabilities: what the robots promise, by id.
+    """
+    findings = [found for name in mission.rta.order for found in _conditions(mission, declared, name)]
+    if any(each.verdict is Verdict.REJECTED for each in findings):
+        return Admission(findings)
+    try:
+        _check(mission, declared)
+    except IllFormedModule as failure:
+        return Admission([*findings, _rejection(failure)])
+    return Admission([*findings, *_contracts(mission, declared)], prove(mission, declared, capabilities))
+
+
+def admitted(
+    mission: MissionFile,
+    workspace: Workspace,
+    backend: type[Backend],
+    config: BackendConfig,
+    *,
+    ill_formed: bool,
+    unproved: bool,
+) -> tuple[str, ...]:
+    """Refuse a mission that may not be run; return what is not proved of one that may.
+
+    Args:
+        mission: the mission.
+        workspace: where.
+        backend: its backend, which is not opened.
+        config: the options of the backend.
+        ill_formed: whether modules that are not well-formed are run, for questions to them.
+        unproved: whether what is not proved is run.
+
+    Raises:
+        IllFormedModule: a module is not well-formed on robots that promise so much.
+        ConfigError: a module is not proved.
+    """
+    try:
+        promised = promises(backend, config, mission, workspace)
+        declared = declare_all(mission, workspace, promised)
+        _check(mission, declared)
+    except IllFormedModule as failure:
+        if ill_formed:
+            return ()
+        raise refused_at(failure, mission, workspace, backend, config) from failure
+    admission = admit_declared(mission, declared, promised)
+    if admission.unproved and not unproved:
+        first, more = admission.unproved[0], len(admission.unproved) - 1
+        table = "rta.module" if first.module in mission.rta.module else "rta"
+        raise mission.refusal(
+            f"{table}.{first.module}",
+            f"{first.condition} of module '{first.module}' is {first.verdict.value}: {first.text}"
+            f"{f' (and {more} more: `soter check` lists them)' if more else ''}; "
+            "--accept-unproved, or accept_unproved=True in Python, runs it all the same",
+        )
+    return tuple(
+        f"{each.condition} of module '{each.module}' is {each.verdict.value}: {each.text}"
+        for each in admission.unproved
+    )
+
+
+def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
+    """Check all modules; that rules hold where the robots start (A13), and users' where all robots charge (P2b)."""
+    places = [each.place for each in declared.values()]
+    starts = {place.id: (place.x_m, place.y_m, place.heading_rad) for place in places}
+    stations = {place.id: place.charger.centre for place in places}
+    charges = BATTERY in mission.rta.order
+    for robot_id, each in declared.items():
+        each.check(mission.base_tick_s)
+        begins, docked = standing(robot_id, starts), standing(robot_id, stations)
+        for module in each.modules:
+            region = module.phi_safe
+            if region is not None and (margin := _margin(region, begins)) < 0.0:
+                raise IllFormedModule(
+                    module.name,
+                    "A13",
+                    f"its rule does not hold where robot {robot_id} starts, at ({each.place.x_m:g}, "
+                    f"{each.place.y_m:g}): the margin is {margin:.3f} {region.unit}; a start where it is 0 or more "
+                    "would do",
+                )
+            safer, of_users = module.phi_safer, module.name in mission.rta.module
+            if not (of_users and charges and isinstance(safer, Region)):
+                continue
+            if (margin := _margin(safer, docked)) < 0.0:
+                raise IllFormedModule(
+                    module.name,
+                    "P2b",
+                    f"it keeps robot {robot_id} from its AC while all robots charge: with each on its station the "
+                    f"margin of phi_safer is {margin:.3f} {safer.unit}; stations where it is 0 or more, or a phi_safer "
+                    "that leaves room for them, would do",
+                )
+
+
+def _margin(region: Region, situation: Situation) -> float:
+    """Return the margin; no number where the user's code fails, which the run takes as outside."""
+    try:
+        return float(region.margin(situation))
+    except Exception:  # noqa: BLE001 - foreign code
+        return math.nan
+
+
+def _conditions(mission: MissionFile, declared: Mapping[int, Declared], name: str) -> list[Finding]:
+    """Return P1 and P3 of a module: those of the robot that is worst off."""
+    found = [conditions(each.module(name), each.timing, mission.base_tick_s) for each in declared.values()]
+    rejected = [each for each in found if any(one.verdict is Verdict.REJECTED for one in each)]
+    return rejected[0] if rejected else min(reversed(found), key=lambda each: _spare(each[-1]))
+
+
+def _spare(found: Finding) -> float:
+    """Return what P3 leaves at the edge of phi_safer."""
+    edge, reach, noise = (found.figures.get(name) for name in ("edge_margin", "reach", "noise"))
+    return math.inf if edge is None or reach is None or noise is None else float(edge) - float(reach) - float(noise)
+
+
+def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
+    """Return P2c of every module that stands before the battery's: that it lets the robot go home."""
+    order = mission.rta.order
+    if BATTERY not in order:
+        return []
+    # A contract may differ from robot to robot: the longest counts.
+    modules = [
+        max((each.module(name) for each in declared.values()), key=lambda one: one.lets_go_s)
+        for name in order[: order.index(BATTERY)]
+    ]
+    return [
+        Finding(each.name, "P2c", Verdict.PROVED, "it drives the return path itself while the battery's module waits")
+        if math.isinf(each.lets_go_s)
+        else Finding(
+            each.name, "P2c", Verdict.ASSUMED,
+            f"it lets go within {each.lets_go_s:g} s (A16), for which the reserve pays; then the return path is driven "
+            "where it keeps the module's rule",
+        )
+        for each in modules
+    ]  # fmt: skip
+
+
+def _rejection(failure: IllFormedModule) -> Finding:
+    text = str(failure).partition(": ")[2]
+    return Finding(failure.module, failure.condition, Verdict.REJECTED, text)

@@ -1,0 +1,388 @@
+"""Tries a safety module of a mission in a simulated world, as `soter.check` asks for: one point, one trial.
+
+A trial puts robots somewhere, lets an adversarial AC drive as long as the module under test lets it, and from the
+first switch on leaves the robot to the safe controllers, until the module gives it back or patience runs out. What
+happened is judged by true poses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from soter.check import Breach, Obligation, Row, Trial
+from soter.check.node_failures import failures_of_nodes
+from soter.check.stand_in import declared_faults, stand_ins
+from soter.check.user_rules import UserRules
+from soter.config import MissionFile, load_mission
+from soter.errors import ConfigError
+from soter.faults import FaultyFleet
+from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.problems import config_error, pydantic_problems
+from soter.registry import load_backend
+from soter.rta import Assumption, DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
+from soter.rta.assumptions import Breach as AssumptionBreach
+from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
+from soter.stack.assembly import SafetySide, assemble
+from soter.stack.declaration import timing_of
+from soter.stack.right_of_way import BATTERY, COLLISION
+
+BACKEND: Final = "kinematic"
+SEGMENTS: Final = 4
+"""Courses that the AC steers, one after another, each told from the one along which the margin falls fastest."""
+
+LONGEST_SEGMENT_S: Final = 6.0
+ATTACK_S: Final = 24.0
+"""An AC that was not disengaged by then has failed."""
+
+FAR_M: Final = 3.0
+INIT_TIMEOUT_S: Final = 1.0
+NEAREST_M, FARTHEST_M = 0.22, 1.2
+"""Where peers begin that are to collide, as distances from the first robot. How near a rule of a user's own lets them
+come, nobody knows."""
+
+_MOTION: Final = {Assumption.MOTION, Assumption.BRAKING, Assumption.LATENCY, Assumption.POSITION_NOISE}
+"""Assumptions on which the models of modules rest."""
+
+_TOLERANCE: Final = 1e-6
+_ASIDE_M: Final = 0.01
+CHECKED: Final = "module"
+"""What a module is called that is tried without a mission."""
+
+
+def open_floor(robots: int) -> Workspace:
+    """Return a floor of 6 x 6 m without boxes, each robot with a station of its own."""
+    places = [(1.5 + 1.5 * (number % 3), 1.5 + 1.5 * (number // 3)) for number in range(robots)]
+    return Workspace(
+        6.0,
+        6.0,
+        (),
+        tuple(
+            RobotPlace(number, x, y, Box(x - 0.2, y - 0.2, x + 0.2, y + 0.2))
+            for number, (x, y) in enumerate(places, start=1)
+        ),
+    )
+
+
+def floor_bench(
+    target: str, options: Mapping[str, object] | None = None, robots: int = 1, patience_s: float = 60.0
+) -> ModuleBench:
+    """Return a bench with nothing but one module of the user's own, on an open floor.
+
+    Args:
+        target: `package.module:name`, a declaring function or a declaration.
+        options: of the module.
+        robots: how many.
+        patience_s: how long its safe controller may take to get back to phi_safer.
+
+    Raises:
+        ConfigError: there is no such module, or its options are not allowed.
+    """
+    module = {CHECKED: {"declare": target, "options": dict(options or {})}}
+    tables = {"workspace": Path("open floor"), "backend": BACKEND, "rta": {"modules": (), "module": module}}
+    try:
+        mission = MissionFile.model_validate(tables)
+    except ValidationError as failure:
+        raise config_error(pydantic_problems(failure, MissionFile), None) from failure
+    return ModuleBench(mission, open_floor(robots), CHECKED, robots, patience_s)
+
+
+def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: float = 60.0) -> ModuleBench:
+    """Return a bench with the modules, the workspace and the options of a mission file.
+
+    Args:
+        path: the mission file.
+        name: of the module under test.
+        robots: how many.
+        patience_s: how long its safe controller may take to get back to phi_safer.
+
+    Raises:
+        ConfigError: something in the file is not allowed, or the mission has no such module.
+    """
+    mission = load_mission(path)
+    return ModuleBench(mission, mission.read_workspace(), name, robots, patience_s)
+
+
+class ModuleBench:
+    """A `soter.check.Subject`: one module of a mission on simulated robots.
+
+    Args:
+        mission: its modules, and the options of the one under test.
+        workspace: where; as many of its robots as are wanted take part.
+        name: of the module under test.
+        robots: how many take part; all of them have the mission's modules and an adversarial AC.
+        patience_s: how long the safe controller may take to get back to phi_safer.
+
+    Raises:
+        ConfigError: the mission has no such module, or the workspace not so many robots.
+        IllFormedModule: a module cannot keep its promise on these robots.
+    """
+
+    def __init__(
+        self, mission: MissionFile, workspace: Workspace, name: str, robots: int = 1, patience_s: float = 60.0
+    ) -> None:
+        if name not in mission.rta.order:
+            known = ", ".join(mission.rta.order) or "none"
+            raise ConfigError(f"the mission has no module '{name}' that is on; it has: {known}")
+        self._mission: Final = mission
+        self.workspace: Final = workspace.with_robots(robots)
+        self.name: Final = name
+        self.robots: Final = robots
+        self.patience_s: Final = patience_s
+        self._backend: Final = load_backend(BACKEND)
+        self._faults: Final = declared_faults(mission, workspace)
+        self._promised: Final = stand_ins(mission, workspace, self._backend.robot_class.declared)
+        self._charges: Final = BATTERY in mission.rta.order
+        self._per_robot: Final = 3 + self._charges + 2 * SEGMENTS
+        self.dimensions: Final = robots * self._per_robot
+        self.base_tick_s: Final = mission.base_tick_s
+        # Assembled once before anything is tried: a bad declaration is to fail here, with its own error.
+        with self._open(self._specs([0.5] * self.dimensions)) as fleet:
+            safety = assemble(mission, self.workspace, fleet.robots, lambda _: None)
+            self._terrains: Final = safety.terrains
+            # Of the first robot; in trials each has its own.
+            self.module: Final[RTAModule] = _module(safety, fleet.robots[0].id, name)
+            self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
+
+    def run(self, vector: Sequence[float]) -> Trial:
+        """Try one point. See `soter.check.Subject`."""
+        specs = self._specs(vector)
+        if any(self._terrains[spec.id].clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
+            return Trial(valid=False)
+        with self._open(specs) as fleet, failures_of_nodes() as failures:
+            safety = assemble(self._mission, self.workspace, fleet.robots, lambda _: None)
+            return _Run(self, safety, fleet, self._commands(vector), failures).trial()
+
+    @contextmanager
+    def _open(self, specs: Sequence[RobotSpec]) -> Iterator[Fleet]:
+        config = self._backend.config_model(workspace=self.workspace)
+        mission = self._mission
+        with ExitStack() as stack:
+            fleet = stack.enter_context(self._backend().open(config, specs))
+            if self._faults:
+                fleet = stack.enter_context(FaultyFleet(fleet, self._faults, mission.seed, mission.base_tick_s))
+            for robot in fleet.robots:
+                robot.init(INIT_TIMEOUT_S)
+            yield fleet
+
+    def _specs(self, vector: Sequence[float]) -> list[RobotSpec]:
+        """Return where the robots begin: anywhere, but near the first where the module is the one about collisions."""
+        specs: list[RobotSpec] = []
+        battery = self._mission.battery
+        for index, place in enumerate(self.workspace.robots):
+            first, second, turn = vector[index * self._per_robot : index * self._per_robot + 3]
+            if specs and self.name == COLLISION:
+                away_m = NEAREST_M + second * (FARTHEST_M - NEAREST_M)
+                x_m = specs[0].x_m + away_m * math.cos(math.tau * first)
+                y_m = specs[0].y_m + away_m * math.sin(math.tau * first)
+            else:
+                low_x, low_y, high_x, high_y = self.workspace.bounds
+                x_m, y_m = low_x + first * (high_x - low_x), low_y + second * (high_y - low_y)
+            charge = vector[index * self._per_robot + 3] if self._charges else 1.0
+            specs.append(
+                RobotSpec(
+                    place.id, x_m, y_m, math.remainder(math.tau * turn, math.tau), max(charge, 0.01),
+                    battery.drive_s, battery.idle_s, battery.charge_s, promised=self._promised[place.id],
+                )
+            )  # fmt: skip
+        return specs
+
+    def _commands(self, vector: Sequence[float]) -> dict[int, list[tuple[float, float]]]:
+        """Return, for every robot, until when its AC drives how far aside from where the margin falls fastest."""
+        commands: dict[int, list[tuple[float, float]]] = {}
+        for index, place in enumerate(self.workspace.robots):
+            values = vector[(index + 1) * self._per_robot - 2 * SEGMENTS : (index + 1) * self._per_robot]
+            ends_s = 0.0
+            commands[place.id] = []
+            for bearing, length in zip(values[::2], values[1::2], strict=True):
+                ends_s += 0.1 + length * LONGEST_SEGMENT_S
+                # Near straight down more often than not: whoever wanders about seldom gets to the edge.
+                commands[place.id].append((ends_s, math.pi * (2.0 * bearing - 1.0) ** 3))
+        return commands
+
+
+class _Run:
+    def __init__(
+        self,
+        bench: ModuleBench,
+        safety: SafetySide,
+        fleet: Fleet,
+        commands: Mapping[int, list[tuple[float, float]]],
+        failures: Sequence[str],
+    ) -> None:
+        assert fleet.truth is not None
+        self._bench, self._safety, self._fleet, self._commands = bench, safety, fleet, commands
+        self._failures: Final = failures
+        self._robots: Final = tuple(safety.supervisor.robots.values())
+        name = bench.module.name
+        self._modules: Final[dict[int, DecisionModule]] = {
+            robot.robot_id: next(module for module in robot.modules if module.name == name) for robot in self._robots
+        }
+        declared = {robot_id: (_module(safety, robot_id, name),) for robot_id in safety.modules}
+        self._truth: Final = fleet.truth
+        self._rules: Final = UserRules(fleet.truth, declared)
+        self._rows: list[Row] = []
+        self._breaches: list[Breach] = []
+        self._in_sc_since_s: dict[int, float] = dict.fromkeys(self._modules, 0.0)
+        self._switched: set[int] = set()
+        self._returned: set[int] = set()
+        self._returns_s: list[float] = []
+
+    def trial(self) -> Trial:
+        if not self._begins_inside():
+            return Trial(valid=False)
+        tick_s, clock = self._bench.base_tick_s, self._fleet.clock
+        last = round((ATTACK_S + 2.0 * self._bench.patience_s) / tick_s)
+        for tick in range(last):
+            now_s = tick * tick_s
+            self._safety.supervisor.tick(now_s)
+            self._follow(now_s)
+            self._attack(now_s)
+            clock.sleep_until((tick + 1) * tick_s)
+            self._rules.look((tick + 1) * tick_s, self._robots)
+            self._judge((tick + 1) * tick_s)
+            if self._breaches or self._over(now_s):
+                break
+        spare = self._spare()
+        return Trial(
+            True,
+            self._rules.min_margin.get(self._bench.module.name, math.inf),
+            max(self._returns_s, default=math.nan),
+            spare,
+            sum(module.monitor.surprises for module in self._modules.values())
+            + sum(breach.times for _, breach in self._unfit()),
+            tuple(self._breaches),
+            self._rows,
+            min(((each.first_s, f"{name}: {each.cause}") for name, each in self._unfit()), default=(0.0, ""))[1],
+        )
+
+    def _unfit(self) -> list[tuple[Assumption, AssumptionBreach]]:
+        """Return the assumptions about how robots move that did not hold."""
+        return [
+            (assumption, breach)
+            for robot in self._robots
+            for assumption, breach in robot.log.breaches.items()
+            if assumption in _MOTION
+        ]
+
+    def _begins_inside(self) -> bool:
+        """Whether every robot stands in phi_safe, and the AC's rules of the others hold as well."""
+        samples = [robot.actuator.read() for robot in self._robots]
+        for robot, own in zip(self._robots, samples, strict=True):
+            situation = Situation(robot.robot_id, own, 0.0)
+            situation.peers = [sample for sample in samples if sample is not own]
+            for module in self._safety.modules[robot.robot_id]:
+                if module.phi_safe is not None and not module.phi_safe.margin(situation) >= 0.0:
+                    return False
+        return True
+
+    def _follow(self, now_s: float) -> None:
+        """Note which modules under test took their robot, and which gave it back."""
+        for robot_id, module in self._modules.items():
+            since_s = self._in_sc_since_s.get(robot_id)
+            if module.mode is Mode.SC and since_s is None:
+                self._in_sc_since_s[robot_id] = now_s
+                self._switched.add(robot_id)
+            elif module.mode is Mode.AC and since_s is not None:
+                del self._in_sc_since_s[robot_id]
+                self._returns_s.append(now_s - since_s)
+                if robot_id in self._switched:
+                    self._returned.add(robot_id)
+
+    def _attack(self, now_s: float) -> None:
+        """Drive every robot that its AC has not lost yet along its bearing of now."""
+        for robot_id, port in self._safety.ports.items():
+            if not port.engaged or robot_id in self._switched or port.state is None:
+                continue
+            aside = next((aside for ends_s, aside in self._commands[robot_id] if now_s < ends_s), None)
+            if aside is None:
+                aside = self._commands[robot_id][-1][1]
+            bearing = self._downhill(robot_id) + aside
+            port.goto(
+                Waypoint(
+                    port.state.x_m + FAR_M * math.cos(bearing), port.state.y_m + FAR_M * math.sin(bearing),
+                    radius_m=1e-3,
+                )
+            )  # fmt: skip
+
+    def _downhill(self, robot_id: int) -> float:
+        """Return the bearing along which the margin falls fastest from where the robot is; 0 where it is level."""
+        region, situation = self._modules[robot_id].module.phi_safe, self._safety.supervisor.robots[robot_id].situation
+        if region is None:
+            return 0.0
+        here = situation.own
+        slopes = []
+        for dx, dy in ((_ASIDE_M, 0.0), (0.0, _ASIDE_M)):
+            there = Situation(robot_id, self._moved(here, dx, dy), situation.now_s)
+            there.peers = situation.peers
+            slopes.append(region.margin(there) - region.margin(situation))
+        level = not all(map(math.isfinite, slopes)) or slopes == [0.0, 0.0]
+        return 0.0 if level else math.atan2(-slopes[1], -slopes[0])
+
+    @staticmethod
+    def _moved(state: Sample, dx_m: float, dy_m: float) -> Sample:
+        assert isinstance(state, RobotState)
+        return state._replace(x_m=state.x_m + dx_m, y_m=state.y_m + dy_m)
+
+    def _judge(self, now_s: float) -> None:
+        name = self._bench.module.name
+        for robot in self._robots:
+            robot_id, own = robot.robot_id, robot.situation.own
+            x_m, y_m, heading_rad = self._truth.pose(robot_id)
+            margin = self._rules.margin.get((robot_id, name), math.nan)
+            driver = "AC" if robot.driver is None else robot.driver.name
+            self._rows.append(Row(now_s, robot_id, x_m, y_m, heading_rad, own.battery, margin, driver))
+            if margin < -_TOLERANCE:
+                self._breaches.append(self._left(now_s, robot_id, margin, x_m, y_m))
+            since_s = self._in_sc_since_s.get(robot_id)
+            if since_s is not None and now_s - since_s > self._bench.patience_s:
+                self._returns_s.append(math.inf)
+                text = f"after {self._bench.patience_s:g} s of its safe controller robot {robot_id} is not given back"
+                if self._failures:
+                    text += f"; {self._failures[-1]}"
+                self._breaches.append(Breach(Obligation.P2B, now_s, robot_id, x_m, y_m, text))
+
+    def _left(self, now_s: float, robot_id: int, margin: float, x_m: float, y_m: float) -> Breach:
+        """Return who is to blame for a robot outside phi_safe: its safe controller, or who handed over too late."""
+        region = self._bench.module.phi_safe
+        capabilities = next(robot.capabilities for robot in self._fleet.robots if robot.id == robot_id)
+        unit = "" if region is None else f" {region.unit}"
+        since_s = self._in_sc_since_s.get(robot_id)
+        braking_s = capabilities.latency_s + capabilities.v_max_m_s / capabilities.brake_m_s2 + self._bench.base_tick_s
+        where = f"robot {robot_id} at ({x_m:.2f}, {y_m:.2f}) left phi_safe by {-margin:.3f}{unit} after {now_s:.2f} s"
+        if since_s is None:
+            return Breach(Obligation.P3, now_s, robot_id, x_m, y_m, f"{where}, while the AC was trusted")
+        if robot_id in self._switched and now_s - since_s <= braking_s:
+            late = f"{where}, {now_s - since_s:.2f} s after the switch: too late to stop"
+            return Breach(Obligation.P3, now_s, robot_id, x_m, y_m, late)
+        failed = f"; {self._failures[-1]}" if self._failures else ""
+        text = f"{where}, {now_s - since_s:.2f} s into its safe controller{failed}"
+        return Breach(Obligation.P2A, now_s, robot_id, x_m, y_m, text)
+
+    def _over(self, now_s: float) -> bool:
+        """Whether the trial has nothing more to tell: all robots that were taken over have come back, or none was."""
+        if self._switched:
+            return self._switched == self._returned or (not self._in_sc_since_s and now_s > ATTACK_S)
+        return not self._in_sc_since_s and now_s > ATTACK_S
+
+    def _spare(self) -> float:
+        longest_s = max(self._returns_s, default=math.nan)
+        if math.isnan(longest_s):
+            return math.inf
+        if math.isfinite(longest_s):
+            return self._bench.patience_s - longest_s
+        waiting = [robot for robot in self._robots if robot.robot_id in self._in_sc_since_s]
+        regions = [(self._modules[robot.robot_id].module.phi_safer, robot.situation) for robot in waiting]
+        short = [safer.margin(situation) for safer, situation in regions if isinstance(safer, Region)]
+        if len(short) < len(regions):
+            return -1.0
+        return min(-1e-3, min(short, default=-1.0))
+
+
+def _module(safety: SafetySide, robot_id: int, name: str) -> RTAModule:
+    return next(module for module in safety.modules[robot_id] if module.name == name)

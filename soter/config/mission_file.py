@@ -1,0 +1,411 @@
+"""The mission file: what is to be done, where, by whom, and what the safety modules promise.
+
+A mission says nothing about the robots behind it: the same file runs on every backend. Options of one backend or
+planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model;
+so are those of an adversary, `[adversaries.NAME]`, of any other controller, `[controllers.CLASS]`, of the mission,
+`[mission]`, and each `[[fault]]`.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import random
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+
+from soter.config.promises import RobotsTable
+from soter.config.tables import (
+    DEFAULT_TARGETS,
+    MODULES,
+    SURVEILLANCE,
+    BatteryTable,
+    DistributionTable,
+    IsolationTable,
+    MissionTable,
+    Name,
+    RawTables,
+    RtaTable,
+    Table,
+    Targets,
+    wrong,
+)
+from soter.errors import ConfigError, nearest
+from soter.geometry.reading import read_workspace
+from soter.geometry.site import Site
+from soter.geometry.workspace import Workspace
+from soter.loading import file_of, seen_from
+from soter.problems import (
+    MAX_NESTING,
+    TOO_DEEP,
+    Problem,
+    config_error,
+    cut,
+    is_file,
+    key_lines,
+    line_of,
+    parse_toml,
+    pydantic_problems,
+    read_limited,
+    split_key,
+)
+
+INITIAL_CHARGE: Final = (0.60, 1.00)
+"""The charge that a robot starts with is drawn from this range unless the mission gives one."""
+
+COMMAND_LINE: Final = "command line"
+
+
+class MissionFile(Table):
+    """A mission, the same for every backend.
+
+    Attributes:
+        mission: what is done, and its options.
+        workspace: the XML file; `load_mission` makes it relative to the mission file.
+        backend: which robots.
+        duration_s: how long.
+        seed: everything that is drawn, is drawn from it.
+        targets: short for the option `targets` of the mission.
+        robots: how many of the workspace's, and what single ones promise.
+        ac: who the ACs are: the mission's own machines, `adversary:NAME`, or a controller as `file.py:Class` or
+            `module:Class`.
+        planner: its name.
+        target_timeout_s: a target that takes longer is given up.
+        base_tick_s: how often controllers publish and supervisors tick.
+        battery: the batteries.
+        rta: the safety modules.
+        backends: raw options, by backend.
+        planners: raw options, by planner.
+        adversaries: raw options, by adversary.
+        controllers: raw options of controllers of the user's own, by the name of the class.
+        isolation: limits of the mission's process.
+        fault: raw tables of the faults to inject, see `soter.faults`.
+        distribution: which process does what; without processes everything is in one.
+    """
+
+    mission: MissionTable = MissionTable()
+    workspace: Annotated[Path, Field(strict=False)]
+    backend: Name = "pybullet"
+    duration_s: Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)] = 600.0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    targets: Targets | None = None
+    robots: RobotsTable = RobotsTable()
+    ac: Name = "mission"
+    planner: Name = "ompl-bitstar"
+    target_timeout_s: Annotated[float, Field(ge=0.1, le=1e6, allow_inf_nan=False)] = 120.0
+    base_tick_s: Annotated[float, Field(ge=0.001, le=1.0, allow_inf_nan=False)] = 0.05
+    battery: BatteryTable = BatteryTable()
+    rta: RtaTable = RtaTable()
+    isolation: IsolationTable = IsolationTable()
+    backends: RawTables = Field(default_factory=dict)
+    planners: RawTables = Field(default_factory=dict)
+    adversaries: RawTables = Field(default_factory=dict)
+    controllers: RawTables = Field(default_factory=dict)
+    fault: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = ()
+    distribution: DistributionTable = DistributionTable()
+
+    _source: str | None = PrivateAttr(default=None)
+    _lines: dict[tuple[str, ...], int] = PrivateAttr(default_factory=dict)
+    _overridden: tuple[tuple[str, ...], ...] = PrivateAttr(default=())
+
+    @model_validator(mode="after")
+    def _whole_ticks(self) -> Self:
+        if self.targets is not None and "targets" in self.mission.options:
+            raise wrong(("targets",), self.targets, "one of targets and mission.targets")
+        for name in (*MODULES, "path"):
+            delta_s = getattr(self.rta, name).delta_s
+            ticks = round(delta_s / self.base_tick_s)
+            # Both are decimals: 0.15 is three ticks of 0.05 although not in binary.
+            if ticks < 1 or not math.isclose(ticks * self.base_tick_s, delta_s, rel_tol=1e-9):
+                nearest_s = max(1, ticks) * self.base_tick_s
+                allowed = f"a multiple of base_tick_s, which is {self.base_tick_s:g}; the nearest is {nearest_s:g}"
+                raise wrong(("rta", name, "delta_s"), delta_s, allowed)
+        return self
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The mission's own options, raw: those of `[mission]`, and `targets`."""
+        short = {} if self.targets is None else {"targets": self.targets}
+        return {**short, **self.mission.options}
+
+    @property
+    def targets_from(self) -> str:
+        """The set that the surveillance mission draws its targets from; empty for any other mission."""
+        known = self.mission.use == SURVEILLANCE
+        return str(self.options.get("targets", DEFAULT_TARGETS)) if known else ""
+
+    @property
+    def source(self) -> str | None:
+        """The file that the mission was read from, for error messages; None if it was made in code."""
+        return self._source
+
+    @property
+    def overridden(self) -> tuple[tuple[str, ...], ...]:
+        """The keys, split at their dots, whose values are from the command line and not from the file."""
+        return self._overridden
+
+    def initial_charge(self, robot_id: int) -> float:
+        """Return the charge from 0 to 1 that a robot starts with: the given one, or one drawn from the seed."""
+        given = (self.battery.initial or {}).get(robot_id)
+        return draw_charge(self.seed, robot_id) if given is None else given
+
+    def read_workspace(self) -> Workspace:
+        """Read the workspace, check the mission against it, and keep the robots that the mission wants.
+
+        Raises:
+            ConfigError: the workspace file is not allowed, or the mission wants what is not in it.
+        """
+        if not is_file(self.workspace):
+            try:
+                read_limited(self.workspace, "workspace file")
+            except ConfigError as failure:
+                # What has to be mended is the key, not the file that is not there.
+                raise self.refusal("workspace", str(failure)) from failure
+        workspace = read_workspace(
+            self.workspace,
+            phi_safer_m=self.rta.obstacle.phi_safer_m,
+            spacing_m=self.rta.collision.phi_safer_m,
+        )
+        problems = []
+        ids = [place.id for place in workspace.robots]
+        for key, named in (("battery.initial", self.battery.initial or {}), ("robots", self.robots.promises)):
+            for robot_id, value in named.items():
+                if robot_id not in ids:
+                    said = f"it is {value:g}, but " if isinstance(value, float) else ""
+                    message = f"{said}{self.workspace} has no robot {robot_id}; allowed: {_listed(ids)}"
+                    problems.append(self._problem(f"{key}.{robot_id}", message))
+        low_x, low_y, high_x, high_y = workspace.bounds
+        inset_m, least_m = self.rta.geofence.phi_safer_inset_m, min(high_x - low_x, high_y - low_y)
+        if isinstance(workspace, Site) and workspace.plan.fence is None:
+            if "geofence" in self.rta.order:
+                message = f"{self.workspace} has no outer boundary that the geofence module could keep"
+                problems.append(self._problem("rta.modules", f"{message}; give it one, or leave the module out"))
+        elif 2.0 * inset_m >= least_m:
+            message = f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide"
+            allowed = f"allowed: below {least_m / 2.0:g}"
+            problems.append(self._problem("rta.geofence.phi_safer_inset_m", f"{message}; {allowed}"))
+        count = self.robots.count
+        if count is not None and count > len(ids):
+            message = f"it is {count}, but {self.workspace} has {len(ids)}"
+            advice = "for more, add robots and charging stations to the workspace file"
+            problems.append(self._problem("robots", f"{message}; allowed: 1 to {len(ids)}; {advice}"))
+        problems += self._misplaced(ids[:count])
+        if problems:
+            raise config_error(problems, self.source)
+        return workspace if count is None else workspace.with_robots(count)
+
+    def _misplaced(self, ids: Sequence[int]) -> list[Problem]:
+        """Return what is wrong with where the robots of a distributed mission are."""
+        processes = self.distribution.processes
+        problems = [
+            self._problem(
+                f"distribution.processes.{name}.robots", f"there is no robot {robot_id}; allowed: {_listed(ids)}"
+            )
+            for name, table in processes.items()
+            for robot_id in table.robots
+            if robot_id not in ids
+        ]
+        homeless = set(ids) - {robot_id for table in processes.values() for robot_id in table.robots}
+        if processes and homeless:
+            message = f"no process has the robots {_listed(sorted(homeless))}; allowed: every robot in exactly one"
+            problems.append(self._problem("distribution.processes", message))
+        return problems
+
+    def refusal(self, key: str, message: str) -> ConfigError:
+        """Return an error about the value of one dotted key, with the place that it came from."""
+        return self._problem(key, message).error(self.source)
+
+    def _problem(self, key: str, message: str) -> Problem:
+        """Return a problem of one key, with the place that its value came from."""
+        parts = split_key(key)
+        if any(parts[: len(given)] == given for given in self._overridden):
+            return Problem(message, key, source=COMMAND_LINE)
+        return Problem(message, key, line_of(parts, self._lines))
+
+
+def _listed(ids: Sequence[int]) -> str:
+    return ", ".join(map(str, ids))
+
+
+def draw_charge(seed: int, robot_id: int) -> float:
+    """Return the charge that a robot starts with, uniform in `INITIAL_CHARGE`; the same for the same arguments."""
+    # Seeding from a text goes through SHA-512: neighbouring seeds and ids give unrelated draws, on every platform.
+    return random.Random(f"initial charge, seed {seed}, robot {robot_id}").uniform(*INITIAL_CHARGE)
+
+
+def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None) -> MissionFile:
+    """Read a mission file.
+
+    Args:
+        path: the TOML file.
+        overrides: values that take the place of the file's, by dotted key such as "rta.collision.delta_s"; they come
+            from the command line. None as a value means not given.
+
+    Raises:
+        ConfigError: the file cannot be read, or something in it is not allowed; all that is wrong is listed, with
+            line, dotted key, value and what is allowed.
+    """
+    path = Path(path)
+    data = read_limited(path, "mission file")
+    mission = parse_mission(data, str(path), overrides)
+    changes: dict[str, Any] = {"workspace": path.parent / mission.workspace}
+    if file_of(mission.mission.use) is not None:
+        changes["mission"] = mission.mission.model_copy(update={"use": seen_from(path.parent, mission.mission.use)})
+    if file_of(mission.ac) is not None:
+        changes["ac"] = seen_from(path.parent, mission.ac)
+    own = {
+        name: table.model_copy(update={"declare": seen_from(path.parent, table.declare)})
+        for name, table in mission.rta.module.items()
+        if file_of(table.declare) is not None
+    }
+    if own:
+        changes["rta"] = mission.rta.model_copy(update={"module": {**mission.rta.module, **own}})
+    return mission.model_copy(update=changes)
+
+
+def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
+    """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
+    raw, lines = parse_toml(data, source)
+    return _checked(raw, source, overrides, lines)
+
+
+def make_mission(tables: Mapping[str, Any], source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
+    """Make a mission of its tables, such as a recording keeps; `source` names them in errors. See `load_mission`."""
+    return _checked(copy.deepcopy(dict(tables)), source, overrides, {})
+
+
+def _checked(
+    raw: dict[str, Any],
+    source: str,
+    overrides: Mapping[str, object] | None,
+    lines: dict[tuple[str, ...], int],
+) -> MissionFile:
+    given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
+    if isinstance(raw.get("robots"), dict) and isinstance(given.get(("robots",)), int):
+        # A number of robots leaves what the file says of single ones.
+        given["robots", "count"] = given.pop(("robots",))
+    if raw.get("app") == SURVEILLANCE and "mission" not in raw:
+        # Files and recordings say so that are older than missions with names.
+        del raw["app"]
+    _name_in_table(raw)
+    if ("mission",) in given:
+        # It was short for an option of the mission that the file names.
+        raw.pop("targets", None)
+    for key, value in sorted(given.items(), key=lambda each: each[0]):
+        _override(raw, key, copy.deepcopy(value))
+        _name_in_table(raw)
+    _refuse_what_no_key_has(raw, source, lines)
+    try:
+        mission = MissionFile.model_validate(raw)
+    except ValidationError as failure:
+        elsewhere = dict.fromkeys(given, COMMAND_LINE)
+        # A table that only an override names, such as a misspelt one, is refused as a whole.
+        in_file = {line[:end] for line in lines for end in range(1, len(line) + 1)}
+        for key in given:
+            elsewhere |= {key[:end]: COMMAND_LINE for end in range(1, len(key)) if lines and key[:end] not in in_file}
+        problems = pydantic_problems(failure, MissionFile, lines=lines, elsewhere=elsewhere)
+        raise config_error(problems, source) from failure
+    mission._source, mission._lines, mission._overridden = source, lines, tuple(given)
+    return mission
+
+
+def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tuple[str, ...], int]) -> None:
+    """Refuse more levels than a mission can use (dotted keys nest deeper than tomllib itself recurses), and NULs."""
+    level: list[tuple[tuple[str, ...], object]] = [((), raw)]
+    for _ in range(MAX_NESTING):
+        for key, value in level:
+            if any("\0" in text for text in (*key, value if isinstance(value, str) else "")):
+                message = "it has the character U+0000, allowed: what a file can be called"
+                raise ConfigError(message, source=source, line=line_of(key, lines), key=cut(".".join(key)))
+        level = [
+            ((*key, str(name)), inner)
+            for key, value in level
+            for name, inner in (
+                value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+            )
+        ]
+        if not level:
+            return
+    raise ConfigError(TOO_DEEP, source=source)
+
+
+def _name_in_table(raw: dict[str, Any]) -> None:
+    """Make a table of a mission that is a name only, which then can have options as well."""
+    if isinstance(raw.get("mission"), str):
+        raw["mission"] = {"use": raw["mission"]}
+
+
+def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
+    table: object = raw
+    for part in key[:-1]:
+        table = table.setdefault(part, {}) if isinstance(table, dict) else None
+    if not isinstance(table, dict) or not key:
+        raise ConfigError(
+            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=cut(".".join(key)) or "''"
+        )
+    table[key[-1]] = value
+
+
+Options = TypeVar("Options", bound=BaseModel)
+
+
+def validate_options(
+    model: type[Options],
+    raw: Mapping[str, object],
+    source: str | None,
+    key: str,
+    filled: Mapping[str, object] | None = None,
+    overridden: Collection[tuple[str, ...]] = (),
+) -> Options:
+    """Check a raw table of options with the model of the class that it is for.
+
+    Args:
+        model: the class's own model.
+        raw: the table, such as `mission.backends.get("pybullet", {})`.
+        source: the mission file, or None.
+        key: the table's dotted key, such as "backends.pybullet".
+        filled: what the program itself fills in; the table may not name it.
+        overridden: from the mission, for errors about what is from the command line.
+
+    Raises:
+        ConfigError: an option is unknown or not allowed; all that is wrong is listed.
+    """
+    filled = filled or {}
+    prefix = split_key(key)
+    lines = _lines_in(source)
+    allowed = [name for name in model.model_fields if name not in filled]
+    problems = [
+        Problem(
+            f"unknown key{nearest(name, allowed)}; allowed: {', '.join(allowed) or 'none'}",
+            f"{key}.{name}",
+            lines.get((*prefix, name)),
+        )
+        for name in raw
+        if name in filled
+    ]
+    try:
+        options = model.model_validate({**raw, **filled})
+    except ValidationError as failure:
+        elsewhere = dict.fromkeys(overridden, COMMAND_LINE)
+        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, elsewhere=elsewhere, hidden=filled)
+        raise config_error(problems, source) from failure
+    if problems:
+        raise config_error(problems, source)
+    return options
+
+
+def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:
+    """Return the lines of the keys of a mission file, or nothing where it cannot be read again."""
+    try:
+        return key_lines(read_limited(Path(source), "mission file").decode()) if source else {}
+    except (ConfigError, UnicodeDecodeError):
+        return {}

@@ -1,0 +1,360 @@
+"""The tables of a mission file that say what safety modules promise and what batteries hold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails
+
+from soter.errors import nearest
+from soter.geometry.workspace_xml import MAX_ROBOT_ID
+from soter.problems import not_allowed
+
+MODULES: Final = ("collision", "obstacle", "geofence", "battery")
+"""The safety modules, in the order in which they take the actuator: the first of them in SC drives."""
+
+SURVEILLANCE: Final = "surveillance"
+"""The mission of a file that names none."""
+
+_TAKEN: Final = (*MODULES, "path", "supervisor")
+"""Names that stand for something else in results."""
+
+MotionModel = Literal["speed", "speed-acceleration", "unicycle"]
+# Nothing is as small as a float can be: sums of such steps stand still, and quotients are infinite.
+Lasting = Annotated[float, Field(ge=0.1, le=1e9, allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
+Period = Annotated[float, Field(ge=0.001, le=60.0, allow_inf_nan=False)]
+Charge = Annotated[float, Field(ge=0.001, le=1.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1)]
+RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
+RawTables = dict[str, dict[str, Any]]
+Targets = Literal["grid", "uniform", "hostile"]
+DEFAULT_TARGETS: Final[Targets] = "grid"
+
+
+class Table(BaseModel):
+    """Base of all tables: unknown keys are refused, values are taken as they are written."""
+
+    # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class MissionTable(Table):
+    """What is done, `mission = "NAME"` or `[mission]`: the keys besides `use` are the mission's own options.
+
+    Attributes:
+        use: a mission by name, or a class as `file.py:Class`, `file.py` or `module:Class`; `load_mission` makes a file
+            relative to the mission file.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
+
+    use: Name = SURVEILLANCE
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, given: object) -> object:
+        return {"use": given} if isinstance(given, str) else given
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options, raw; checked by the model of the mission's class."""
+        return dict(self.model_extra or {})
+
+
+def wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
+    """Return an error on a key below the model that is being validated."""
+    details = InitErrorDetails(type=not_allowed(allowed), loc=key, input=value)
+    return ValidationError.from_exception_data("mission", [details])
+
+
+class ModuleTable(Table):
+    """What every safety module is told.
+
+    Attributes:
+        delta_s: how often its decision module looks; a multiple of the base tick.
+        dwell_s: how long the robot must have been inside phi_safer before it is given back.
+    """
+
+    delta_s: Period
+    dwell_s: Annotated[float, Field(ge=0.0, le=60.0, allow_inf_nan=False)] = 0.3
+
+
+class DistanceTable(ModuleTable):
+    """A module that keeps a distance.
+
+    Attributes:
+        phi_safe_m: the distance that must never be undercut.
+        phi_safer_m: the distance from which the robot may be given back.
+    """
+
+    phi_safe_m: Metres
+    phi_safer_m: Metres
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.phi_safer_m <= self.phi_safe_m:
+            raise wrong(("phi_safer_m",), self.phi_safer_m, f"above phi_safe_m, which is {self.phi_safe_m:g}")
+        return self
+
+
+class MotionTable(Table):
+    """A module whose margin falls as robots move.
+
+    Attributes:
+        model: what its reach bound looks at: only that there is a top speed and a brake; the present speed too; or
+            the heading as well, of a robot that moves along it and turns. The last two need robots that promise more.
+    """
+
+    model: MotionModel = "speed"
+
+
+class CollisionTable(MotionTable, DistanceTable):
+    """Distance between the centres of two robots."""
+
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.3
+    phi_safer_m: Metres = 0.7
+
+
+class ObstacleTable(MotionTable, DistanceTable):
+    """Clearance between the body and the nearest box."""
+
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.0
+    phi_safer_m: Metres = 0.1
+
+
+class GeofenceTable(MotionTable, ModuleTable):
+    """The fence: phi_safe is the workspace itself.
+
+    Attributes:
+        phi_safer_inset_m: how far inside the fence phi_safer lies, on every side.
+    """
+
+    delta_s: Period = 0.05
+    phi_safer_inset_m: Annotated[float, Field(ge=0.001, le=1000.0, allow_inf_nan=False)] = 0.1
+
+
+class BatteryModuleTable(ModuleTable):
+    """Enough charge for the way home.
+
+    Attributes:
+        phi_safer: charge from 0 to 1 from which a robot may be given back.
+        reserve_factor: the reserve, as a multiple of the cost of the longest way home.
+    """
+
+    delta_s: Period = 1.0
+    phi_safer: Charge = 0.85
+    reserve_factor: Annotated[float, Field(ge=1.0, le=100.0, allow_inf_nan=False)] = 4.0
+
+
+class PathTable(DistanceTable):
+    """The protected planner: body clearance that a planned path keeps from boxes.
+
+    Attributes:
+        enabled: whether paths are judged at all; without it the planner is used as it is.
+    """
+
+    enabled: bool = False
+    delta_s: Period = 0.05
+    phi_safe_m: Metres = 0.06
+    phi_safer_m: Metres = 0.1
+
+
+def _as_target(text: str) -> str:
+    where, _, function = text.rpartition(":")
+    is_module = all(part.isidentifier() for part in where.split("."))
+    if not (function.isidentifier() and (is_module or where.endswith(".py"))):
+        raise not_allowed("a function as 'package.module:function' or 'file.py:function'")
+    return text
+
+
+class UserModuleTable(Table):
+    """A safety module of the user's own, `[rta.module.NAME]`; see docs/writing-a-module.md.
+
+    Attributes:
+        declare: the function that declares it, as `file.py:function` or `package.module:function`.
+        before: the module before which it may drive: a shipped one, or one of the user's that stands above it. Its
+            own motions are certified against the shipped rules, but those of the shipped modules know nothing of its
+            rule; hence it comes first unless told otherwise.
+        enabled: False leaves this module out.
+        options: raw options, checked by the model that the function takes.
+    """
+
+    declare: Annotated[str, AfterValidator(_as_target)]
+    before: Name = MODULES[0]
+    enabled: bool = True
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+def _in_fixed_order(modules: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(modules)) != len(modules):
+        twice = next(name for name in modules if modules.count(name) > 1)
+        raise not_allowed(f"each module once, '{twice}' is there twice")
+    return tuple(name for name in MODULES if name in modules)
+
+
+class RtaTable(Table):
+    """The safety modules.
+
+    Attributes:
+        enabled: False removes the decision modules and nothing else.
+        modules: those that are on; whatever order they are given in, theirs is that of `MODULES`.
+        collision: distance to other robots.
+        obstacle: clearance to boxes.
+        geofence: the fence.
+        battery: the way home.
+        path: the protected planner; a module of its own, since it has no say over the actuator.
+        module: the user's own modules, by name.
+    """
+
+    enabled: bool = True
+    modules: Annotated[
+        tuple[Literal["collision", "obstacle", "geofence", "battery"], ...],
+        Field(strict=False),
+        AfterValidator(_in_fixed_order),
+    ] = MODULES
+    collision: CollisionTable = CollisionTable()
+    obstacle: ObstacleTable = ObstacleTable()
+    geofence: GeofenceTable = GeofenceTable()
+    battery: BatteryModuleTable = BatteryModuleTable()
+    path: PathTable = PathTable()
+    module: dict[str, UserModuleTable] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _named_and_ranked(self) -> Self:
+        known = list(MODULES)
+        for name, table in self.module.items():
+            if name in _TAKEN or not re.fullmatch(r"[a-z][a-z0-9_-]{0,39}", name):
+                allowed = f"small letters, digits, - and _, beginning with a letter, and none of {', '.join(_TAKEN)}"
+                raise wrong(("module", name), name, f"a name of {allowed}")
+            if table.before not in known:
+                allowed = f"{', '.join(known)}{nearest(table.before, known)}"
+                raise wrong(("module", name, "before"), table.before, allowed)
+            known.append(name)
+        return self
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The names of all modules that are on, in the order of their right to drive."""
+        names = list(MODULES)
+        for name, table in self.module.items():
+            names.insert(names.index(table.before), name)
+        on = {*self.modules, *(name for name, table in self.module.items() if table.enabled)}
+        return tuple(name for name in names if self.enabled and name in on)
+
+
+def _by_robot(value: object) -> object:
+    """Accept a list, by robot id from 1, or a table; keys of TOML tables are texts."""
+    if isinstance(value, list | tuple):
+        return dict(enumerate(value, start=1))
+    if isinstance(value, Mapping):
+        return {
+            int(key) if isinstance(key, str) and re.fullmatch(r"\d{1,3}", key, re.ASCII) else key: charge
+            for key, charge in value.items()
+        }
+    return value
+
+
+class BatteryTable(Table):
+    """The batteries of simulated robots.
+
+    Attributes:
+        drive_s: from full to empty when driving.
+        idle_s: the same when standing still; no less, since a robot that stands does not use more than one that drives.
+        charge_s: from empty to full at the charger.
+        initial: charge from 0 to 1 at the start, by robot id; whoever is not in it has one drawn from the seed.
+    """
+
+    drive_s: Lasting = 1800.0
+    idle_s: Lasting = 7200.0
+    charge_s: Lasting = 60.0
+    initial: Annotated[dict[RobotId, Charge] | None, BeforeValidator(_by_robot)] = None
+
+    @model_validator(mode="after")
+    def _waits_cheaply(self) -> Self:
+        if self.idle_s < self.drive_s:
+            allowed = f"at least drive_s, which is {self.drive_s:g}: standing still costs no more than driving"
+            raise wrong(("idle_s",), self.idle_s, allowed)
+        return self
+
+
+class IsolationTable(Table):
+    """How the supervisor is kept apart from all else on a wall clock, where the mission has a process of its own.
+
+    Attributes:
+        memory_mib: address space that the mission may add to what it starts with, in MiB; its planners start within it.
+        silent_s: host time for which the mission may be silent before it counts as hung.
+        real_time: whether the supervisor is scheduled in real time, before everything else that the host has to do;
+            `auto` is wherever the kernel allows it.
+        sandbox: whether the kernel takes network, files and other processes from the mission, and from planners
+            everywhere; `auto` is as far as it can, `require` refuses to run where it cannot, see
+            `soter.isolation.sandbox`.
+        read: files and folders that the mission may read besides its own, Python and what can be imported; relative to
+            the folder in which SOTER is started.
+    """
+
+    memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
+    silent_s: Annotated[float, Field(ge=0.5, le=60.0, allow_inf_nan=False)] = 2.0
+    real_time: Literal["auto", "always", "never"] = "auto"
+    sandbox: Literal["auto", "require", "off"] = "auto"
+    read: Annotated[tuple[str, ...], Field(strict=False)] = ()
+
+
+class ProcessTable(Table):
+    """One process of a distributed mission, `[distribution.processes.NAME]`.
+
+    Attributes:
+        robots: the ids of the robots that it commands.
+        planner: whether the task planner is in it.
+        bus: options of the bus that this process has in place of the common ones, such as a certificate of its own.
+    """
+
+    robots: Annotated[tuple[RobotId, ...], Field(strict=False)] = ()
+    planner: bool = False
+    bus: dict[str, Any] = Field(default_factory=dict)
+
+
+class DistributionTable(Table):
+    """Which process does what; without any, everything is in one.
+
+    Attributes:
+        processes: by name.
+        via: what joins them: a bus by name, or a class as `module:Class`.
+        bus: its options, raw; checked by the bus's own model.
+        prefix: of the keys on the bus; missions that share a network need different ones.
+        wait_s: host time for which a process waits at its start until all others are there.
+    """
+
+    processes: dict[str, ProcessTable] = Field(default_factory=dict)
+    via: Name = "zenoh"
+    bus: dict[str, Any] = Field(default_factory=dict)
+    prefix: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$")] = "soter"
+    wait_s: Annotated[float, Field(ge=0.1, le=86400.0, allow_inf_nan=False)] = 60.0
+
+    @model_validator(mode="after")
+    def _everything_once(self) -> Self:
+        homes: dict[int, str] = {}
+        planners: list[str] = []
+        for name, table in self.processes.items():
+            if not re.fullmatch(r"[a-z][a-z0-9_-]{0,39}", name):
+                allowed = "a name of small letters, digits, - and _, beginning with a letter"
+                raise wrong(("processes", name), name, allowed)
+            for robot_id in table.robots:
+                if robot_id in homes:
+                    allowed = f"each robot once; robot {robot_id} is in '{homes[robot_id]}' already"
+                    raise wrong(("processes", name, "robots"), list(table.robots), allowed)
+                homes[robot_id] = name
+            if table.planner and planners:
+                allowed = f"one task planner; there is one in '{planners[0]}' already"
+                raise wrong(("processes", name, "planner"), True, allowed)
+            planners += [name] * table.planner
+            if not (table.planner or table.robots):
+                raise wrong(("processes", name), {}, "robots = [...], planner = true, or both")
+        if self.processes and not planners:
+            raise wrong(("processes",), list(self.processes), "planner = true in exactly one process; it is in none")
+        return self

@@ -1,0 +1,170 @@
+"""The bus between processes of one mission: keys and bytes, nothing promised. What must not get lost goes by a channel.
+
+A bus is chosen by name, as backends are; the code that speaks a vendor's protocol lives in an adapter, of which nothing
+is imported before a mission asks for it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Final, Generic, NamedTuple, Protocol, Self, TypeVar
+
+from pydantic import BaseModel
+
+from soter.config import validate_options
+from soter.errors import ConfigError, nearest
+from soter.isolation.messages import Garbage
+
+Hear = Callable[[str, bytes], None]
+"""Called with a key and what was published under it, in a thread of the bus; it must be quick and must not raise."""
+
+
+class Bus(Protocol):
+    """Carries small messages to everybody who subscribes to their key. Messages may be lost, late, doubled, reordered.
+
+    Keys are names with slashes between, without a leading one: `soter/alpha/status`.
+
+    Attributes:
+        options_model: what `open` takes, checked where a mission is read.
+    """
+
+    options_model: ClassVar[type[BaseModel]]
+
+    @classmethod
+    def open(cls, options: Any) -> Self:
+        """Open it; others may not be there yet, and may come and go.
+
+        Args:
+            options: an instance of `options_model`.
+
+        Raises:
+            BackendUnavailable: a library is missing.
+            RobotUnavailable: it cannot be opened; the message says why, and what to do.
+        """
+
+    def publish(self, key: str, payload: bytes) -> None:
+        """Send it to whoever subscribes. Never waits and never raises; where it cannot be sent, it is lost."""
+
+    def subscribe(self, key: str, hear: Hear) -> None:
+        """Hear what is published under a key from now on. A `*` stands for any one part of a key."""
+
+    def close(self) -> None:
+        """Leave. Nothing is heard afterwards. Idempotent."""
+
+
+BUILT_IN: Final[Mapping[str, str]] = {"zenoh": "soter.adapters.zenoh.bus:ZenohBus"}
+
+
+def bus_class(name: str, source: str | None = None) -> type[Bus]:
+    """Import and return a bus.
+
+    Args:
+        name: a built-in name, or `module:Class`.
+        source: the mission file, for error messages.
+
+    Raises:
+        ConfigError: there is none of that name, or what is there is none.
+    """
+
+    def refused(why: str) -> ConfigError:
+        return ConfigError(why, source=source, key="distribution.via")
+
+    module_name, colon, class_name = BUILT_IN.get(name, name).partition(":")
+    if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
+        known = ", ".join(BUILT_IN)
+        raise refused(
+            f"unknown bus '{name}'{nearest(name, [*BUILT_IN])}; known are {known}, or a class as 'module:Class'"
+        )
+    try:
+        found: Any = getattr(importlib.import_module(module_name), class_name, None)
+    except ImportError as failure:
+        raise refused(f"bus '{name}': cannot import '{module_name}' ({failure})") from failure
+    model = getattr(found, "options_model", None)
+    calls = ("open", "publish", "subscribe", "close")
+    if not (isinstance(model, type) and issubclass(model, BaseModel) and all(hasattr(found, call) for call in calls)):
+        raise refused(
+            f"bus '{name}': '{class_name}' in '{module_name}' is no bus; it needs options_model, {', '.join(calls)}"
+        )
+    kind: type[Bus] = found
+    return kind
+
+
+def open_bus(name: str, common: Mapping[str, Any], own: Mapping[str, Any], process: str, source: str | None) -> Bus:
+    """Open a bus for one process.
+
+    Args:
+        name: which bus.
+        common: the options of all processes, `[distribution] bus`.
+        own: those that this process has in their place.
+        process: its name.
+        source: the mission file, for error messages.
+
+    Raises:
+        ConfigError: an option that the bus does not have or allow.
+        BackendError: it cannot be opened.
+    """
+    kind = bus_class(name, source)
+    key = f"distribution.processes.{process}.bus" if own else "distribution.bus"
+    return kind.open(validate_options(kind.options_model, {**common, **own}, source, key))
+
+
+logger = logging.getLogger(__name__)
+
+M = TypeVar("M")
+
+MAX_HELD: Final = 256
+"""Messages that wait to be looked at, the newest: whoever sends more often than others look loses some."""
+
+
+class Heard(NamedTuple, Generic[M]):
+    """A message.
+
+    Attributes:
+        key: what it was published under.
+        message: decoded.
+        received_s: when it came, on the clock of whoever listens.
+    """
+
+    key: str
+    message: M
+    received_s: float
+
+
+class Inbox(Generic[M]):
+    """Keeps what comes, with the time at which it came, until the thread that it is for takes it.
+
+    Args:
+        bus: where from.
+        key: of what to hear, as the bus takes it.
+        decode: raises `Garbage` for what is no message.
+        now: the listener's clock; asked in the bus's thread.
+
+    Attributes:
+        garbage: how many messages were none. The first is logged.
+    """
+
+    def __init__(self, bus: Bus, key: str, decode: Callable[[bytes], M], now: Callable[[], float]) -> None:
+        self.garbage = 0
+        self._decode: Final = decode
+        self._now: Final = now
+        self._held: Final[deque[tuple[str, bytes, float]]] = deque(maxlen=MAX_HELD)
+        bus.subscribe(key, self._hear)
+
+    def take(self) -> list[Heard[M]]:
+        """Return what has come since the last time, oldest first; no more than was there at the beginning."""
+        heard = []
+        for _ in range(len(self._held)):
+            key, data, received_s = self._held.popleft()
+            try:
+                heard.append(Heard(key, self._decode(data), received_s))
+            except Garbage as garbage:
+                self.garbage += 1
+                if self.garbage == 1:
+                    logger.warning("what came under '%s' is no message of SOTER and was ignored: %s", key, garbage)
+        return heard
+
+    def _hear(self, key: str, data: bytes) -> None:
+        self._held.append((key, data, self._now()))

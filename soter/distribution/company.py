@@ -1,0 +1,123 @@
+"""The processes of a mission among each other: each tells its statuses at every tick and hears those of the others."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from soter.clock import Clock
+from soter.distribution.bus import Bus, Inbox
+from soter.distribution.channel import new_epoch
+from soter.distribution.peers import OtherProcess, RemoteRobot, stamps_of
+from soter.distribution.status import RobotStatus, Status, decode_status, encode_status
+from soter.rta import PEER_SILENT_S, ReachModel
+
+logger = logging.getLogger(__name__)
+
+_TWIN_S: Final = 0.3
+"""What a process of one's own name says for so long is not only what an earlier start of oneself has left behind."""
+
+_FOREIGN: Final = "runs another mission, or another version of its file or of SOTER"
+
+Promised = Mapping[int, tuple[ReachModel, float]]
+"""By robot: the reach model and the position noise that are promised for it."""
+
+
+class Company:
+    """What this process tells, and what it hears. Belongs to the supervisor's thread; nothing here waits.
+
+    Args:
+        bus: closed with it.
+        prefix: of all keys of this mission.
+        me: this process's name.
+        others: the other processes with what is promised for their robots.
+        mission: what this process runs; statuses of another mission are ignored.
+        clock: this process's fleet time; thread-safe.
+
+    Attributes:
+        others: by name.
+        peers: the robots of all of them.
+    """
+
+    def __init__(
+        self, bus: Bus, prefix: str, me: str, others: Mapping[str, Promised], mission: str, clock: Clock
+    ) -> None:
+        self._bus: Final = bus
+        self._me: Final = me
+        self._epoch: Final = new_epoch()
+        self._mission: Final = mission
+        self._clock: Final = clock
+        self._key: Final = f"{prefix}/{me}/status"
+        self._serial = 0
+        self._twin: tuple[int, float, float] | None = None  # epoch, its first sending time, when that was received
+        self._has_twin = False
+        self._restarts: Final[dict[str, int]] = {}
+        self._foreign: Final[set[str]] = set()
+        self.others: Final = {
+            name: OtherProcess(name, robots, me, self._epoch, mission) for name, robots in others.items()
+        }
+        self.peers: Final[tuple[RemoteRobot, ...]] = tuple(
+            robot for other in self.others.values() for robot in other.robots.values()
+        )
+        self._inbox: Final = Inbox(bus, f"{prefix}/*/status", decode_status, clock.now)
+
+    @property
+    def garbage(self) -> int:
+        """How many messages were ignored because they were none."""
+        return self._inbox.garbage
+
+    def look(self) -> None:
+        """Take what has come. To be called before a tick."""
+        for _, status, received_s in self._inbox.take():
+            other = self.others.get(status.process)
+            if other is not None:
+                other.take(status, received_s)
+                self._say_what_changed(other)
+            elif status.process == self._me and status.epoch != self._epoch:
+                self._look_at_twin(status, received_s)
+
+    def tell(self, robots: Sequence[RobotStatus]) -> None:
+        """Tell the others of a tick. Never waits."""
+        now_s = self._clock.now()
+        self._serial += 1
+        echoes = tuple(echo for other in self.others.values() for echo in other.echoes(now_s))
+        stamps = stamps_of(robots)
+        for other in self.others.values():
+            other.note(now_s, stamps)
+        status = Status(self._me, self._epoch, self._mission, self._serial, now_s, tuple(robots), echoes)
+        self._bus.publish(self._key, encode_status(status))
+
+    def missing(self, now_s: float) -> dict[str, str]:
+        """Return which processes are not there, and why, in words: both have to hear the other."""
+        missing = {}
+        for name, other in self.others.items():
+            if other.foreign:
+                missing[name] = f"it {_FOREIGN}"
+            elif not other.has_heard_us:
+                missing[name] = "it has not been heard yet" if not other.heard_at_all else "it does not hear this one"
+            elif now_s - other.heard_s > PEER_SILENT_S:
+                missing[name] = f"it has not been heard for {now_s - other.heard_s:.1f} s"
+        return missing
+
+    def has_twin(self) -> bool:
+        """Return whether another process of this name was heard that lives: two of them must not run."""
+        return self._has_twin
+
+    def close(self) -> None:
+        """Leave the bus. Idempotent."""
+        self._bus.close()
+
+    def _say_what_changed(self, other: OtherProcess) -> None:
+        if other.starts > self._restarts.get(other.name, 1):
+            self._restarts[other.name] = other.starts
+            logger.warning("process '%s' has been started anew", other.name)
+        if other.foreign and other.name not in self._foreign:
+            logger.error("process '%s' %s", other.name, _FOREIGN)
+        (self._foreign.add if other.foreign else self._foreign.discard)(other.name)
+
+    def _look_at_twin(self, status: Status, received_s: float) -> None:
+        if self._twin is None or self._twin[0] != status.epoch:
+            self._twin = (status.epoch, status.sent_s, received_s)
+        _, sent_s, since_s = self._twin
+        self._has_twin |= status.sent_s - sent_s >= _TWIN_S and received_s - since_s >= _TWIN_S

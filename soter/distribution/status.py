@@ -1,0 +1,114 @@
+"""What a process tells the others at every tick: where its robots are, and what it has heard of whom. MessagePack.
+
+Decoded into these types or refused. Times are in seconds of the sender's own fleet time unless said otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final
+
+import msgspec
+
+from soter.isolation.messages import Garbage, Id, Text, decoded
+from soter.sdk import RobotState
+from soter.sdk.values import MAX_COORDINATE_M
+
+VERSION: Final = 2
+"""Of statuses and letters; it changes when they do, and processes of different versions do not talk."""
+
+MAX_STATUS_BYTES: Final = 1 << 15
+MAX_ROBOTS: Final = 64
+MAX_ECHOES: Final = 64
+
+_AHEAD_S: Final = 0.1
+"""How far a stamp may be ahead of the clock that sends it, as for any robot."""
+
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
+
+
+class Echo(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """What was heard last of another process, and how long ago.
+
+    Attributes:
+        process: which one.
+        epoch: which start of it.
+        sent_s: the `sent_s` of its status, in its own time.
+        held_s: for how long the sender has had it, at most.
+    """
+
+    process: Text
+    epoch: Id
+    sent_s: float
+    held_s: Seconds
+
+
+class RobotStatus(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """One robot of the sender.
+
+    Attributes:
+        state: its latest sample.
+        engaged: whether its AC has control.
+        driver: the module that drives it; empty for the AC.
+        needs_charge: whether it is on its way to charge, and low.
+    """
+
+    state: RobotState
+    engaged: bool
+    driver: Text
+    needs_charge: bool
+
+
+class Status(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+    """One process at one tick.
+
+    Attributes:
+        process: the sender.
+        epoch: which start of it; a number that no other start has.
+        mission: what it runs.
+        serial: counts what this start has sent.
+        sent_s: when it was sent.
+        robots: all that the sender supervises.
+        echoes: of all processes that it has heard of late.
+    """
+
+    process: Text
+    epoch: Id
+    mission: Text
+    serial: Id
+    sent_s: float
+    robots: Annotated[tuple[RobotStatus, ...], msgspec.Meta(max_length=MAX_ROBOTS)] = ()
+    echoes: Annotated[tuple[Echo, ...], msgspec.Meta(max_length=MAX_ECHOES)] = ()
+
+
+_encoder: Final = msgspec.msgpack.Encoder()
+_status: Final = msgspec.msgpack.Decoder(Status)
+
+
+def encode_status(status: Status) -> bytes:
+    """Encode a status."""
+    return _encoder.encode(status)
+
+
+def decode_status(data: bytes) -> Status:
+    """Decode a status, and check that its numbers can be meant.
+
+    Raises:
+        Garbage: it is none, or one of its numbers is not finite or absurd.
+    """
+    status = decoded(_status, data, MAX_STATUS_BYTES, "status")
+    if not math.isfinite(status.sent_s) or not all(math.isfinite(echo.sent_s) for echo in status.echoes):
+        raise Garbage("a time that is not finite")
+    for robot in status.robots:
+        _check(robot.state, status.sent_s)
+    return status
+
+
+def _check(state: RobotState, sent_s: float) -> None:
+    numbers = (state.x_m, state.y_m, state.z_m, state.heading_rad, state.vx_m_s, state.vy_m_s, state.yaw_rate_rad_s)
+    if not all(-MAX_COORDINATE_M <= number <= MAX_COORDINATE_M for number in (*numbers, state.vz_m_s or 0.0)):
+        raise Garbage(f"a state of robot {state.robot_id} that is not finite, or absurd")
+    if state.battery is not None and not 0.0 <= state.battery <= 1.0:
+        raise Garbage(f"a charge of robot {state.robot_id} that is none")
+    if not -math.inf < state.stamp_s <= sent_s + _AHEAD_S or not math.isfinite(state.vehicle_stamp_s):
+        raise Garbage(f"a stamp of robot {state.robot_id} that is not finite, or ahead of its clock")

@@ -1,0 +1,1 @@
+"""Untrusted code in processes of its own: started, boxed in, spoken with."""

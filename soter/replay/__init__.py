@@ -1,0 +1,1 @@
+"""Decides once more what a recording decided."""

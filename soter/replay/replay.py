@@ -1,0 +1,310 @@
+"""Feeds recorded samples to the decision modules again and compares what they decide, bit by bit.
+
+The modules are rebuilt from what the recording says of mission, workspace and robots, by the very code that a run
+uses; supervisor, decision modules and safe controllers are the same. Only the robots are not: they say what they said
+then, and what they are told moves nothing. So a replay under other settings answers what a module would have decided
+on what happened, not what would have happened: it is open loop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from soter.clock import VirtualClock
+from soter.config import make_mission
+from soter.errors import ConfigError, IllFormedModule
+from soter.record.about import capabilities_of
+from soter.record.check import Flaw, flaw
+from soter.record.content import Tick
+from soter.record.messages import AC, Peer, RobotTick, Switch
+from soter.record.reader import BadRecording, Recording
+from soter.record.samples import sample_of
+from soter.replay.recorded import RecordedActuator, RecordedPeer, RecordedRobot
+from soter.rta import RobotSupervisor, SwitchRecord
+from soter.sdk import Waypoint
+from soter.stack.actuator import RobotActuator
+from soter.stack.assembly import SafetySide, assemble
+
+CHANGEABLE: Final = ("rta", "battery")
+"""The tables of a mission that a replay may change: what the modules are told."""
+
+KEPT: Final = 1000
+"""So many differences are kept; all are counted."""
+
+_ANYWHERE: Final = Waypoint(0.0, 0.0)
+
+
+class Difference(NamedTuple):
+    """A value that is not what was recorded.
+
+    Attributes:
+        tick: number of the tick.
+        time_s: its fleet time.
+        robot_id: whose value.
+        field: which value, such as "collision.margin".
+        recorded: what the recording says.
+        replayed: what came out now.
+    """
+
+    tick: int
+    time_s: float
+    robot_id: int
+    field: str
+    recorded: str
+    replayed: str
+
+
+class Spell(NamedTuple):
+    """A time in which somebody else drives a robot than did when it was recorded.
+
+    Attributes:
+        robot_id: which robot.
+        start_s: fleet time of the first such tick.
+        end_s: fleet time of the first tick after it, or of the last one that there is.
+        recorded: who drove then.
+        replayed: who drives now.
+    """
+
+    robot_id: int
+    start_s: float
+    end_s: float
+    recorded: str
+    replayed: str
+
+
+@dataclass(slots=True)
+class Replay:
+    """What a replay found.
+
+    Attributes:
+        settings: what was changed; empty for a replay of the run as it was.
+        ticks: how many were compared.
+        duration_s: fleet time from the first to the end of the last of them.
+        truncated: the recording was cut off; compared was what there is.
+        gap_s: fleet time of the first gap, beyond which nothing can be compared; None without one.
+        flaws: records that were changed after they had been written.
+        differences: the first of them.
+        differing: how many values differ, and switches.
+        spells: times in which somebody else drives.
+        before: disengagements by module, as recorded.
+        after: the same, as replayed.
+        ill_formed: refusals of modules that a run would not have taken; only with settings.
+    """
+
+    settings: Mapping[str, object] = field(default_factory=dict)
+    ticks: int = 0
+    duration_s: float = 0.0
+    truncated: bool = False
+    gap_s: float | None = None
+    flaws: list[Flaw] = field(default_factory=list)
+    differences: list[Difference] = field(default_factory=list)
+    differing: int = 0
+    spells: list[Spell] = field(default_factory=list)
+    before: Counter[str] = field(default_factory=Counter)
+    after: Counter[str] = field(default_factory=Counter)
+    ill_formed: list[str] = field(default_factory=list)
+
+    @property
+    def same(self) -> bool:
+        """Whether every value is what was recorded."""
+        return not self.differing and not self.flaws
+
+
+def replay(recording: Recording, settings: Mapping[str, object] | None = None) -> Replay:
+    """Replay a recording.
+
+    Args:
+        recording: of any backend.
+        settings: values that take the place of the recorded mission's, by dotted key in `CHANGEABLE`.
+
+    Raises:
+        ConfigError: a setting is not allowed.
+        BadRecording: it is damaged, or lacks what is needed.
+    """
+    settings = dict(settings or {})
+    for key in settings:
+        if key.partition(".")[0] not in CHANGEABLE:
+            raise ConfigError(
+                f"a replay changes what the modules are told, so only keys below {' and '.join(CHANGEABLE)}",
+                source="command line",
+                key=key,
+            )
+    found = Replay(settings)
+    cast = _Cast(recording, settings, found)
+    next_tick = 0
+    began_s = ended_s = 0.0
+    for tick in recording.ticks():
+        if not tick.robots:
+            continue
+        if tick.tick != next_tick:
+            found.gap_s = tick.time_s
+            break
+        began_s = tick.time_s if tick.tick == 0 else began_s
+        next_tick += 1
+        found.ticks, ended_s = next_tick, tick.time_s + recording.about.base_tick_s
+        found.duration_s = round(ended_s - began_s, 6)
+        cast.play(tick)
+    found.truncated = recording.truncated
+    cast.close(ended_s)
+    return found
+
+
+class _Cast:
+    """Everybody who takes part in a replay, and the comparison with what they did then."""
+
+    def __init__(self, recording: Recording, settings: Mapping[str, object], found: Replay) -> None:
+        about = recording.about
+        mission = make_mission(about.mission, about.source or str(recording.path), settings)
+        self._found: Final = found
+        self._path: Final = recording.path
+        self._switches: list[SwitchRecord] = []
+        self._actuators: dict[int, RecordedActuator] = {}
+        self._spells: dict[int, Spell] = {}
+        self._peers: Final = {each.robot_id: RecordedPeer(each.robot_id) for each in about.peers}
+        clock = VirtualClock()
+        try:
+            robots = [RecordedRobot(each, clock) for each in about.robots]
+            starts = {each.robot_id: sample_of(each.initial, each.robot_id) for each in about.robots}
+            elsewhere = {each.robot_id: capabilities_of(each) for each in about.peers}
+        except ValueError as failure:
+            raise self._bad(failure) from failure
+
+        def tap(robot_id: int, actuator: RobotActuator) -> RecordedActuator:
+            self._actuators[robot_id] = RecordedActuator(actuator, starts[robot_id], obeys=not settings)
+            return self._actuators[robot_id]
+
+        def refused(refusal: IllFormedModule) -> None:
+            if str(refusal) not in found.ill_formed:
+                found.ill_formed.append(str(refusal))
+
+        workspace = recording.workspace()
+        try:
+            self._safety: Final[SafetySide] = assemble(
+                mission, workspace, robots, lambda _: None, [self], tap=tap,
+                on_ill_formed=refused if settings else None, remote=tuple(self._peers.values()),
+                remote_promises=elsewhere,
+            )  # fmt: skip
+        except (ValueError, ArithmeticError) as failure:
+            # Its robots promise what none can.
+            raise self._bad(failure) from failure
+        if settings:
+            for supervisor in self._safety.supervisor.robots.values():
+                supervisor.expect_no_obedience()
+
+    def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
+        self._switches.append(record)
+
+    def play(self, tick: Tick) -> None:
+        """Do one tick again and compare."""
+        supervisor, ports = self._safety.supervisor, self._safety.ports
+        for event in tick.events:
+            if isinstance(event, Peer):
+                self._judge(event)
+                self._load(self._peers, event)
+        for robot_id, record in tick.robots.items():
+            self._judge(record)
+            self._load(self._actuators, record)
+            if record.ac_drove:
+                ports[robot_id].goto(_ANYWHERE)
+        supervisor.tick(tick.time_s)
+        for robot_id, record in tick.robots.items():
+            if record.ac_drove:
+                # Whoever has no control now has lost what he asked for then.
+                ports[robot_id].take()
+            robot = supervisor.robots[robot_id]
+            if record.ac_failure:
+                robot.fail_ac(record.ac_failure)
+            self._compare(record, robot)
+        self._compare_switches(tick)
+
+    def close(self, time_s: float) -> None:
+        """End the spells that go on."""
+        for spell in self._spells.values():
+            self._found.spells.append(spell._replace(end_s=time_s))
+        self._found.spells.sort(key=lambda each: (each.start_s, each.robot_id))
+
+    def _load(self, parts: Mapping[int, Any], record: RobotTick | Peer) -> None:
+        try:
+            parts[record.robot_id].load(record)
+        except (KeyError, ValueError) as failure:
+            raise self._bad(failure) from failure
+
+    def _bad(self, failure: Exception) -> BadRecording:
+        return BadRecording(f"{self._path}: it cannot be replayed: {failure}")
+
+    def _judge(self, record: RobotTick | Peer) -> None:
+        wrong = flaw(record)
+        if wrong is not None:
+            self._found.flaws.append(wrong)
+
+    def _compare(self, record: RobotTick, robot: RobotSupervisor) -> None:
+        differ = self._differ
+        driver = AC if robot.driver is None else robot.driver.name
+        if record.mode != robot.mode.value:
+            differ(record, "mode", record.mode, robot.mode.value)
+        if record.driver != driver:
+            differ(record, "driver", record.driver, driver)
+        self._note_driver(record, driver)
+        modules = {module.name: module for module in robot.modules}
+        for was in record.modules:
+            module = modules.get(was.name)
+            if module is None:
+                # Switched off by the settings, which is no finding.
+                continue
+            if was.mode != module.mode.value:
+                differ(record, f"{was.name}.mode", was.mode, module.mode.value)
+            if not _same(was.margin_value, module.margin):
+                differ(record, f"{was.name}.margin", repr(was.margin_value), repr(module.margin))
+            if not _same(was.reach_value, module.reach):
+                differ(record, f"{was.name}.reach", repr(was.reach_value), repr(module.reach))
+
+    def _note_driver(self, record: RobotTick, driver: str) -> None:
+        spell = self._spells.get(record.robot_id)
+        if spell is not None and (spell.recorded, spell.replayed) != (record.driver, driver):
+            self._found.spells.append(spell._replace(end_s=record.time_s))
+            del self._spells[record.robot_id]
+        if record.robot_id not in self._spells and record.driver != driver:
+            self._spells[record.robot_id] = Spell(record.robot_id, record.time_s, math.inf, record.driver, driver)
+
+    def _compare_switches(self, tick: Tick) -> None:
+        was = [event for event in tick.events if isinstance(event, Switch)]
+        now = [
+            Switch(
+                each.time_s, each.robot_id, each.before or AC, each.after or AC, each.module, each.cause, each.joined
+            )
+            for each in self._switches
+        ]
+        self._switches.clear()
+        self._found.before.update(_disengaged(was))
+        self._found.after.update(_disengaged(now))
+        if was == now:
+            return
+        for robot_id, record in tick.robots.items():
+            mine = [[each for each in switches if each.robot_id == robot_id] for switches in (was, now)]
+            if mine[0] != mine[1]:
+                self._differ(record, "switches", _said(mine[0]), _said(mine[1]))
+
+    def _differ(self, record: RobotTick, name: str, recorded: str, replayed: str) -> None:
+        found = self._found
+        found.differing += 1
+        if len(found.differences) < KEPT:
+            found.differences.append(Difference(record.tick, record.time_s, record.robot_id, name, recorded, replayed))
+
+
+def _same(one: float, other: float) -> bool:
+    if one == other:
+        # Bit by bit: zeros have a sign.
+        return one != 0.0 or math.copysign(1.0, one) == math.copysign(1.0, other)
+    return one != one and other != other
+
+
+def _disengaged(switches: Sequence[Switch]) -> list[str]:
+    return [each.module for each in switches if each.before == AC and each.after != AC]
+
+
+def _said(switches: Sequence[Switch]) -> str:
+    return "; ".join(f"{each.before} -> {each.after} by {each.module}: {each.cause}" for each in switches) or "none"

@@ -1,0 +1,206 @@
+"""Which robots a mission asks a backend for, and with which options."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+
+from soter.config import MissionFile, validate_options
+from soter.errors import ConfigError, nearest
+from soter.faults import FaultTable, read_faults
+from soter.faults.robot import widened
+from soter.faults.telemetry import BatteryOptions
+from soter.geometry.workspace import Workspace
+from soter.registry import backend_names
+from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec, RuleLimits
+from soter.stack.planners.names import check_name
+
+logger = logging.getLogger(__name__)
+
+_ROUNDING = 1e-9
+
+
+def robot_specs(mission: MissionFile, workspace: Workspace, asked: Mapping[int, Capabilities]) -> list[RobotSpec]:
+    """Return the robots of the workspace, each with the mission's battery and with what it is asked to promise."""
+    battery = mission.battery
+    return [
+        RobotSpec(
+            place.id, place.x_m, place.y_m, place.heading_rad, mission.initial_charge(place.id),
+            battery.drive_s, battery.idle_s, battery.charge_s, f"robot{place.id}", asked[place.id],
+        )
+        for place in workspace.robots
+    ]  # fmt: skip
+
+
+def read_options(backend: type[Backend], mission: MissionFile, workspace: Workspace) -> BackendConfig:
+    """Return the mission's options of a backend, checked by its model, with what truth needs of the mission.
+
+    Truth judges by the tables of modules that are off, too: runs with them and without are judged alike.
+
+    Raises:
+        ConfigError: an option that the backend does not have or allow; the message names its key. Or a table of
+            options for a backend or a planner that there is not.
+    """
+    _refuse_misspelt_tables(mission)
+    limits = RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m)
+    return validate_options(
+        backend.config_model,
+        mission.backends.get(mission.backend, {}),
+        mission.source,
+        f"backends.{mission.backend}",
+        {"workspace": workspace, "seed": mission.seed, "limits": limits},
+        mission.overridden,
+    )
+
+
+def asked(
+    backend: type[Backend], config: BackendConfig, mission: MissionFile, workspace: Workspace
+) -> dict[int, Capabilities]:
+    """Return what the robots of a mission are asked to promise, by id: `[robots.N]` before the backend's options.
+
+    Raises:
+        ConfigError: what `[robots.N]` says is not allowed on this backend; names key, value and what is.
+    """
+    said = mission.robots.promises
+
+    def of(robot_id: int) -> Capabilities:
+        # What the backend does not allow for all robots it does not allow for one.
+        both = {**config.promise.given, **said[robot_id].given}
+        promise = validate_options(
+            type(config.promise), both, mission.source, f"robots.{robot_id}", overridden=mission.overridden
+        )
+        return backend.promises(config.model_copy(update={"promise": promise}))
+
+    common = backend.promises(config)
+    return {place.id: of(place.id) if place.id in said else common for place in workspace.robots}
+
+
+def promises(
+    backend: type[Backend], config: BackendConfig, mission: MissionFile, workspace: Workspace
+) -> dict[int, Capabilities]:
+    """Return what the robots of a mission promise, by id, under the faults that they are said to have.
+
+    Raises:
+        ConfigError: a tick at which samples are older than promised; a fault that is not allowed, or after which no
+            battery ever seems full enough; or bodies of that size do not fit where the mission wants them.
+    """
+    declared = asked(backend, config, mission, workspace)
+    for each in set(declared.values()):
+        _check_tick(mission, each)
+    ids = [*declared]
+    faults = read_faults(mission, ids)
+    _check_charge(mission, ids, faults)
+    promised = {
+        robot_id: widened(
+            each,
+            [fault.made_for(robot_id, mission.seed, mission.base_tick_s) for fault in faults if fault.hits(robot_id)],
+        )
+        for robot_id, each in declared.items()
+    }
+    check_bodies(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
+    return promised
+
+
+def _check_tick(mission: MissionFile, declared: Capabilities) -> None:
+    """Check that robots in virtual time, which move in whole periods of theirs, have a new sample for every tick."""
+    tick_s, period_s = mission.base_tick_s, declared.setpoint_period_s
+    ticks = max(1, round(tick_s / period_s))
+    whole = math.isclose(ticks * period_s, tick_s, rel_tol=1e-9)
+    if declared.in_process and not whole and declared.sample_age_s < period_s:
+        raise mission.refusal(
+            "base_tick_s",
+            f"it is {tick_s:g}, but these robots move in periods of {period_s:g} s, so that samples would be up to "
+            f"{period_s:g} s old and not {declared.sample_age_s:g} s as promised; allowed: a multiple of {period_s:g}; "
+            f"the nearest is {ticks * period_s:g}",
+        )
+
+
+def _check_charge(mission: MissionFile, ids: Sequence[int], faults: Sequence[FaultTable]) -> None:
+    """Check that a full battery is reported as enough for the AC, by robots that are declared to report too little."""
+    battery = mission.rta.battery
+    if "battery" not in mission.rta.order:
+        return
+    needed_s = battery.dwell_s + battery.delta_s
+    for robot_id in ids:
+        always = [
+            table.options.offset
+            for table in faults
+            if table.hits(robot_id) and isinstance(table.options, BatteryOptions) and table.options.declared
+            if table.options.pause_s < needed_s
+        ]
+        most = 1.0 + sum(always)
+        if always and battery.phi_safer > most + _ROUNDING:
+            raise mission.refusal(
+                "rta.battery.phi_safer",
+                f"it is {battery.phi_safer:g}, but under its declared faults robot {robot_id} reports {most:g} with a "
+                f"full battery, and would never be given back; allowed: at most {most:g}",
+            )
+
+
+def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[int, float]) -> None:
+    """Check that bodies fit: beside each other at the separation, at their starts, and on their stations.
+
+    Args:
+        mission: its `rta` table.
+        workspace: where.
+        radius_m: the radius that each robot promises, by id.
+
+    Raises:
+        ConfigError: names the key or the robot, the numbers, and what would do.
+    """
+    order, phi_safe_m = mission.rta.order, mission.rta.collision.phi_safe_m
+    one_m, other_m = sorted((0.0, *radius_m.values()))[-2:]
+    if "collision" in order and len(radius_m) > 1 and phi_safe_m < one_m + other_m - _ROUNDING:
+        raise mission.refusal(
+            "rta.collision.phi_safe_m",
+            f"it is {phi_safe_m:g}, but two bodies of the radii {one_m:g} m and {other_m:g} m overlap at less "
+            f"than {one_m + other_m:g} m; allowed: at least {one_m + other_m:g}, below phi_safer_m",
+        )
+    least_m = mission.rta.obstacle.phi_safer_m if "obstacle" in order else 0.0
+    for place in workspace.robots:
+        spots = {"start": (place.x_m, place.y_m), "station": place.charger.centre}
+        for name, (x_m, y_m) in spots.items():
+            clearance_m = workspace.clearance_m(x_m, y_m, radius_m[place.id])
+            if clearance_m < least_m - _ROUNDING:
+                raise mission.refusal(
+                    "workspace",
+                    f"the body of robot {place.id}, of a radius of {radius_m[place.id]:g} m, is {clearance_m:.3f} m "
+                    f"from a box at its {name}, ({x_m:g}, {y_m:g}); allowed: at least {least_m:g} m",
+                )
+    for index, one in enumerate(workspace.robots):
+        for other in workspace.robots[:index]:
+            needed_m = max(phi_safe_m if "collision" in order else 0.0, radius_m[one.id] + radius_m[other.id])
+            apart = {
+                "starts": math.hypot(one.x_m - other.x_m, one.y_m - other.y_m),
+                "stations": math.dist(one.charger.centre, other.charger.centre),
+            }
+            for name, apart_m in apart.items():
+                if apart_m < needed_m - _ROUNDING:
+                    raise mission.refusal(
+                        "workspace",
+                        f"the {name} of robots {other.id} and {one.id} are {apart_m:.3f} m apart; allowed: at least "
+                        f"{needed_m:g} m, for bodies of the radii {radius_m[other.id]:g} m and {radius_m[one.id]:g} m",
+                    )
+
+
+def _refuse_misspelt_tables(mission: MissionFile) -> None:
+    """Look at the options of backends and planners that the mission does not use: nobody else would.
+
+    What they promise would be taken for granted by whoever wrote them. A backend that is not installed here may have a
+    table all the same, which is only warned of.
+    """
+    known = backend_names()
+    for name in mission.backends:
+        if name in known or ":" in name:
+            continue
+        key, close = f"backends.{name}", nearest(name, known)
+        problem = f"no backend of that name is installed{close}; there are {', '.join(known)}"
+        if close:
+            raise mission.refusal(key, problem)
+        logger.warning("%s is not used: %s", key, problem)
+    for name in mission.planners:
+        try:
+            check_name(name)
+        except ConfigError as failure:
+            raise mission.refusal(f"planners.{name}", str(failure)) from failure

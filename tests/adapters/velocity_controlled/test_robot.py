@@ -1,0 +1,215 @@
+"""A robot behind a mux without any wire: what it makes of what is heard, in a time that the test moves."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from soter.adapters.velocity_controlled.robot import LEASE_S, StreamedRobot
+from soter.clock import VehicleClock
+from soter.errors import Unsupported
+from soter.onboard.wire import GateReport, Order
+from soter.sdk import Capabilities, Controller, RobotSpec, Waypoint
+
+
+class Host:
+    """The host's time."""
+
+    def __init__(self) -> None:
+        self.now_s = 10.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Fake(StreamedRobot):
+    """Keeps what it says; its mux takes every order at once."""
+
+    def __init__(self, host: Host, **options: Any) -> None:
+        super().__init__(RobotSpec(1, 0.0, 0.0, 0.0), VehicleClock(steady=host), **options)
+        self.host = host
+        self.velocities: list[tuple[str, float, float]] = []
+        self.orders: list[Order] = []
+
+    def _connect(self, timeout_s: float) -> Capabilities:
+        return self.declared
+
+    def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
+        self.velocities.append((by, forward_m_s, turn_rad_s))
+
+    def _send_order(self, text: str) -> None:
+        order = Order.decode(text)
+        self.orders.append(order)
+        self._take_report(GateReport(order.session, order.seq, order.controller, order.renewed_s is not None).encode())
+
+    def hear(
+        self,
+        stamp_s: float,
+        x_m: float = 0.0,
+        percentage: float = 0.5,
+        w: float = 1.0,
+        forward_m_s: float = 0.0,
+        turn_rad_s: float = 0.0,
+    ) -> None:
+        """Hear odometry, and of the battery."""
+        stamp = SimpleNamespace(sec=math.floor(stamp_s), nanosec=round(stamp_s % 1.0 * 1e9))
+        zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+        self._take_battery(SimpleNamespace(header=SimpleNamespace(stamp=stamp), percentage=percentage))
+        self._take_odometry(
+            SimpleNamespace(
+                header=SimpleNamespace(stamp=stamp),
+                pose=SimpleNamespace(
+                    pose=SimpleNamespace(
+                        position=SimpleNamespace(**{**zero, "x": x_m}), orientation=SimpleNamespace(**zero, w=w)
+                    )
+                ),
+                twist=SimpleNamespace(
+                    twist=SimpleNamespace(
+                        linear=SimpleNamespace(**{**zero, "x": forward_m_s}),
+                        angular=SimpleNamespace(**{**zero, "z": turn_rad_s}),
+                    )
+                ),
+            )
+        )
+
+
+@pytest.fixture
+def robot() -> Fake:
+    robot = Fake(Host())
+    robot.hear(500.0)
+    robot.init(1.0)
+    return robot
+
+
+def test_it_steers_at_each_odometry_and_only_while_its_lease_lives(robot: Fake) -> None:
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    sent = len(robot.velocities)
+    assert robot.velocities[-1][0] == "SC"
+    assert robot.velocities[-1][1] > 0.1
+    robot.host.now_s += 0.9 * LEASE_S
+    robot.hear(500.0 + 0.9 * LEASE_S)
+    assert len(robot.velocities) == sent + 1
+    robot.host.now_s += 0.1 * LEASE_S
+    robot.hear(500.0 + LEASE_S)
+    assert len(robot.velocities) == sent + 1
+
+
+def test_what_it_knows_of_too_long_ago_it_does_not_steer_by(robot: Fake) -> None:
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot.host.now_s += 0.4
+    robot.renew_lease()
+    robot.goto(Waypoint(2.0, 0.0), Controller.SC)
+    assert robot.velocities[-1] == ("SC", 0.0, 0.0)
+
+
+def test_a_change_of_hands_is_one_order_and_drops_the_target(robot: Fake) -> None:
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot.switch_ac_sc(Controller.AC, "test")
+    numbers = [order.seq for order in robot.orders]
+    assert numbers == sorted(set(numbers))
+    assert robot.orders[-1].controller == "AC"
+    assert robot.orders[-1].renewed_s == pytest.approx(500.0)
+    robot.host.now_s += 0.03
+    robot.hear(500.03)
+    assert robot.velocities[-1] == ("AC", 0.0, 0.0)
+    assert robot.read_state().controller is Controller.AC
+
+
+def test_what_a_mux_says_of_somebody_else_is_not_believed(robot: Fake) -> None:
+    robot._take_report(GateReport("others", 9, "AC", alive=True).encode())
+    robot.host.now_s += 0.03
+    robot.hear(500.03)
+    assert robot.read_state().controller is None
+
+
+def test_a_program_whose_mux_follows_another_does_not_speak_for_its_controllers(robot: Fake) -> None:
+    # It has been stopped for a while, and another one has taken its place; the mux would pass on what either says.
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot._take_report(GateReport("another", 7, "SC", True).encode())
+    sent = len(robot.velocities)
+    robot.host.now_s += 0.03
+    robot.hear(500.03)
+    robot.goto(Waypoint(2.0, 0.0), Controller.SC)
+    assert len(robot.velocities) == sent
+    robot.renew_lease()  # which this mux takes, because the other one's lease is dead
+    robot.host.now_s += 0.03
+    robot.hear(500.06)
+    assert len(robot.velocities) == sent + 1
+
+
+def test_what_was_overtaken_on_its_way_is_left_out(robot: Fake) -> None:
+    robot.host.now_s += 0.1
+    robot.hear(500.1, x_m=0.1)
+    robot.hear(500.05, x_m=0.05)
+    assert robot.read_state().x_m == pytest.approx(0.1)
+    assert robot.discarded == 0
+
+
+def test_what_makes_no_sense_is_counted_and_said_once(robot: Fake, caplog: pytest.LogCaptureFixture) -> None:
+    for stamp_s in (500.1, 500.2, 500.3):
+        robot.hear(stamp_s, x_m=math.nan, percentage=1.5)
+        robot._take_report("{}")
+    assert sorted(robot.dropped.values()) == [3, 3, 3]
+    assert len(caplog.records) == 3
+    state = robot.read_state()
+    assert (state.x_m, state.battery) == (0.0, 0.5)
+
+
+EXTREME = st.floats() | st.sampled_from([1e9, 1e300, -1.7e308, math.inf, math.nan])
+
+
+@given(x_m=EXTREME, w=EXTREME, forward_m_s=EXTREME, turn_rad_s=EXTREME, percentage=EXTREME, text=st.text())
+def test_whatever_is_heard_it_goes_on_hearing(
+    x_m: float, w: float, forward_m_s: float, turn_rad_s: float, percentage: float, text: str
+) -> None:
+    robot = Fake(Host(), rate=100.0)
+    robot.hear(500.0)
+    robot.init(1.0)
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot.host.now_s += 1e-3
+    robot.hear(500.1, x_m, percentage, w, forward_m_s, turn_rad_s)
+    robot._take_report(text)
+    assert all(map(math.isfinite, (value for sent in robot.velocities for value in sent[1:])))
+    assert all(map(math.isfinite, robot.read_state()[1:9]))
+    robot.hear(500.2)
+    assert robot.read_state().x_m == 0.0
+
+
+def test_an_orientation_that_nobody_filled_in_is_none(robot: Fake) -> None:
+    robot.host.now_s += 0.03
+    robot.hear(500.03, x_m=0.1, w=0.0)
+    assert robot.read_state().x_m == 0.0
+    assert robot.dropped == {"odometry that is not finite": 1}
+    robot.hear(500.03, x_m=0.1, w=0.5)
+    assert robot.read_state().x_m == 0.1
+
+
+def test_an_ac_that_is_somebody_elses_is_not_spoken_for() -> None:
+    robot = Fake(Host(), external_ac=True)
+    robot.hear(500.0)
+    robot.init(1.0)
+    robot.switch_ac_sc(Controller.AC, "test")
+    robot.host.now_s += 0.03
+    robot.hear(500.03)
+    assert robot.velocities == []
+    with pytest.raises(Unsupported, match="its AC is somebody else's program"):
+        robot.goto(Waypoint(1.0, 0.0), Controller.AC)
+
+
+def test_closing_ends_the_lease_and_waits_for_rest(robot: Fake) -> None:
+    robot.renew_lease()
+    robot.goto(Waypoint(1.0, 0.0), Controller.SC)
+    robot.close(1.0)
+    assert robot.orders[-1] == Order(robot.orders[0].session, robot.orders[-1].seq, "SC", None)
+    sent = len(robot.velocities)
+    robot.hear(500.01)
+    assert len(robot.velocities) == sent
