@@ -27,6 +27,13 @@ def pieces_around(ring: Ring) -> tuple[Ring, ...]:
     return _convex(shapely.box(*Polygon(ring).bounds).difference(Polygon(ring)))
 
 
+def inset(ring: Ring, by_m: float) -> list[Ring]:
+    """Return the outlines of what of the inside of a ring is at least `by_m` away from it."""
+    inner = Polygon(ring).buffer(-by_m)
+    parts = inner.geoms if isinstance(inner, MultiPolygon) else [inner]
+    return [tuple(part.exterior.coords[:-1]) for part in parts if not part.is_empty]
+
+
 def _convex(shape: shapely.Geometry) -> tuple[Ring, ...]:
     if isinstance(shape, MultiPolygon):
         return tuple(piece for part in shape.geoms for piece in _convex(part))

@@ -184,6 +184,13 @@ class Site(Workspace):
     def outlines(self) -> tuple[Ring | None, list[Ring]]:
         return self.plan.fence, [area.ring for area in self.plan.areas]
 
+    def inset(self, by_m: float) -> list[Ring]:
+        if self.plan.fence is None:
+            return []
+        from soter.geometry import decompose
+
+        return decompose.inset(self.plan.fence, by_m)
+
     def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
         return self.keep_outs.distance_m(x_m, y_m) - body_radius_m
 

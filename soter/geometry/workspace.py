@@ -88,6 +88,11 @@ class Workspace:
             for b in self.boxes
         ]
 
+    def inset(self, by_m: float) -> list[tuple[Point, ...]]:
+        """Return the outlines of where it is at least `by_m` to the fence, for the eye."""
+        high_x, high_y = self.width_m - by_m, self.depth_m - by_m
+        return [((by_m, by_m), (high_x, by_m), (high_x, high_y), (by_m, high_y))]
+
     def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
         """Return the distance from a round body at a point to the nearest box; negative where they overlap."""
         return min((box.distance_m(x_m, y_m) for box in self.boxes), default=math.inf) - body_radius_m

@@ -249,9 +249,11 @@ class Recording:
             )
             for each in content.switches
         ]  # fmt: skip
-        return RunTracks(workspace, content.drivers, tracks, switches, self._safer_inset_m())
+        return RunTracks(workspace, content.drivers, tracks, switches, self.safer_inset_m)
 
-    def _safer_inset_m(self) -> float | None:
+    @property
+    def safer_inset_m(self) -> float | None:
+        """How far inside the fence phi_safer of the geofence module begins; None without that module."""
         fence = (module for robot in self.about.robots for module in robot.modules if module.name == "geofence")
         return next((module.edge_margin for module in fence), None)
 

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon, Rectangle
 
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Caption
@@ -147,9 +147,10 @@ def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float],
         if track.time_s:
             _numbered(axes, track.x_m[0], track.y_m[0], robot_id, robot_colour(run, robot_id), filled=True)
             _numbered(axes, track.x_m[-1], track.y_m[-1], robot_id, robot_colour(run, robot_id), filled=False)
-    step = 1.0 if workspace.width_m <= 12.0 else 2.0 * math.ceil(workspace.width_m / 24.0)
-    for axis, length_m in ((axes.xaxis, workspace.width_m), (axes.yaxis, workspace.depth_m)):
-        axis.set_ticks([step * index for index in range(int(length_m / step) + 1)])
+    low_x, low_y, high_x, high_y = workspace.bounds
+    step = 1.0 if high_x - low_x <= 12.0 else 2.0 * math.ceil((high_x - low_x) / 24.0)
+    for axis, low_m, high_m in ((axes.xaxis, low_x, high_x), (axes.yaxis, low_y, high_y)):
+        axis.set_ticks([step * index for index in range(math.ceil(low_m / step), int(high_m // step) + 1)])
     axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=_SOFT, fontsize=8, ha="left", va="top")
     shown_s = end_s(run) - since_s
     if since_s > 0.0 and math.isclose(shown_s, LAST_S):
@@ -162,30 +163,32 @@ def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float],
 def _extent(run: RunTracks) -> tuple[float, float, float, float]:
     """Return what the plan shows in metres: the fence with a rim, and wherever a robot went beyond."""
     workspace = run.workspace
-    rim_m = 0.05 * max(workspace.width_m, workspace.depth_m)
+    low_x, low_y, high_x, high_y = workspace.bounds
+    rim_m = 0.05 * max(high_x - low_x, high_y - low_y)
     xs_m = [x for track in run.tracks.values() for x in track.x_m]
     ys_m = [y for track in run.tracks.values() for y in track.y_m]
     return (
-        min([0.0, *xs_m]) - rim_m, min([0.0, *ys_m]) - rim_m,
-        max([workspace.width_m, *xs_m]) + rim_m, max([workspace.depth_m, *ys_m]) + rim_m,
+        min([low_x, *xs_m]) - rim_m, min([low_y, *ys_m]) - rim_m,
+        max([high_x, *xs_m]) + rim_m, max([high_y, *ys_m]) + rim_m,
     )  # fmt: skip
 
 
 def _ground(axes: Axes, run: RunTracks) -> None:
     workspace, inset_m = run.workspace, run.safer_inset_m
-    width_m, depth_m = workspace.width_m, workspace.depth_m
-    axes.add_patch(Rectangle((0, 0), width_m, depth_m, fc=_INSIDE if inset_m is None else _STRIP, ec="none"))
-    if inset_m is not None:
-        axes.add_patch(Rectangle(
-            (inset_m, inset_m), width_m - 2 * inset_m, depth_m - 2 * inset_m, fc=_INSIDE, ec=_SOFT, lw=0.8,
-            ls=(0, (5, 4)),
-        ))  # fmt: skip
+    fence, kept_out = workspace.outlines()
+    if fence is None:
+        axes.set_facecolor(_INSIDE)
+    else:
+        axes.add_patch(Polygon(fence, fc=_INSIDE if inset_m is None else _STRIP, ec="none"))
+    for inner in workspace.inset(inset_m) if inset_m is not None else ():
+        axes.add_patch(Polygon(inner, fc=_INSIDE, ec=_SOFT, lw=0.8, ls=(0, (5, 4))))
     for place in workspace.robots:
         charger = place.charger
         axes.add_patch(_rectangle(charger, fc=_CHARGER, ec=MODULES["battery"], lw=1.0))
-    for box in workspace.boxes:
-        axes.add_patch(_rectangle(box, fc=_BOX, ec="none", zorder=1.5))
-    axes.add_patch(Rectangle((0, 0), width_m, depth_m, fc="none", ec=_INK, lw=1.8, zorder=1.6))
+    for outline in kept_out:
+        axes.add_patch(Polygon(outline, fc=_BOX, ec="none", zorder=1.5))
+    if fence is not None:
+        axes.add_patch(Polygon(fence, fc="none", ec=_INK, lw=1.8, zorder=1.6))
 
 
 def _rectangle(box: Any, **style: Any) -> Rectangle:
