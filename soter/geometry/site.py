@@ -25,6 +25,19 @@ class NotRectangular(ConfigError):
     """Something that knows rectangles with boxes along their axes only was given a workspace of another shape."""
 
 
+def refuse(what: str) -> NoReturn:
+    """Refuse to say of a site what only rectangles have.
+
+    Raises:
+        NotRectangular: always.
+    """
+    raise NotRectangular(
+        f"it was asked for the {what} of a rectangle with boxes along its axes, which a workspace with polygons does "
+        "not have; this part of SOTER works in rectangles only",
+        key="workspace",
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Area:
     """An area that robots keep out of.
@@ -106,22 +119,15 @@ class Site(Workspace):
     # A part of SOTER that has not been taught polygons must not take a site for its bounding box.
     @property
     def width_m(self) -> NoReturn:
-        self._refuse("width")
+        refuse("width")
 
     @property
     def depth_m(self) -> NoReturn:
-        self._refuse("depth")
+        refuse("depth")
 
     @property
     def boxes(self) -> NoReturn:
-        self._refuse("boxes")
-
-    def _refuse(self, what: str) -> NoReturn:
-        raise NotRectangular(
-            f"it was asked for the {what} of a rectangle with boxes along its axes, which a workspace with polygons "
-            "does not have; this part of SOTER works in rectangles only",
-            key="workspace",
-        )
+        refuse("boxes")
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

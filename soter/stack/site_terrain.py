@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soter.geometry.convex import Pieces
-from soter.geometry.site import Site
+from soter.geometry.site import Site, refuse
 from soter.geometry.workspace import Workspace
 from soter.stack.terrain import CELL_M, Point, Terrain
 
+_OF_RECTANGLES: Final = frozenset({"width_m", "depth_m", "boxes", "cell_fence", "cell_clearance"})
 _CELLS: Final = 1_000_000
 """A large site has larger cells to retreat to, so that there are no more of them."""
 
@@ -46,6 +47,12 @@ class SiteTerrain(Terrain):
         ys = low_y + (np.arange(self._rows) + 0.5) * (deep_m / self._rows)
         self.cell_x = np.repeat(xs[:, None], self._rows, axis=1)
         self.cell_y = np.repeat(ys[None, :], self._columns, axis=0)
+
+    def __getattr__(self, name: str) -> Any:
+        # Whoever knows rectangles only must not take a site for its bounding box.
+        if name in _OF_RECTANGLES:
+            refuse(name)
+        raise AttributeError(f"a site's terrain has no '{name}'")
 
     @property
     def convex(self) -> bool:
