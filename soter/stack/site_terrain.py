@@ -106,9 +106,10 @@ class SiteTerrain(Terrain):
     def segment_clearance_m(
         self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf
     ) -> float:
-        enough_m += self.body_radius_m
-        found_m = self.site.keep_outs.segment_m(ax_m, ay_m, bx_m, by_m, enough_m)
-        return max(found_m, 0.0) - self.body_radius_m
+        reach_m = enough_m + self.body_radius_m
+        found_m = self.site.keep_outs.segment_m(ax_m, ay_m, bx_m, by_m, reach_m)
+        # What is enough is enough, whatever rounding says.
+        return enough_m if found_m >= reach_m else max(found_m, 0.0) - self.body_radius_m
 
     def roomy_cells(self, fence_m: float, clearance_m: float) -> NDArray[np.bool_]:
         low_x, low_y, high_x, high_y = self.bounds
