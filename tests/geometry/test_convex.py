@@ -49,9 +49,8 @@ def test_pieces_are_convex_and_cover_their_polygon_once(stream: random.Random) -
 
 def test_distances_and_legs_are_those_of_shapely(stream: random.Random) -> None:
     kept_out = rings(stream)
-    pieces, union = (
-        Pieces([piece for ring in kept_out for piece in pieces_of(ring)]), shapely.union_all([shapely.Polygon(ring) for ring in kept_out]),
-    )  # fmt: skip
+    pieces = Pieces([piece for ring in kept_out for piece in pieces_of(ring)])
+    union = shapely.union_all([shapely.Polygon(ring) for ring in kept_out])
     for _ in range(PLACES):
         here, there = ((stream.uniform(-340.0, -260.0), stream.uniform(1160.0, 1240.0)) for _ in range(2))
         true_m, found_m = union.distance(shapely.Point(here)), pieces.distance_m(*here)
