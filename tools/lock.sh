@@ -34,14 +34,14 @@ PYTHON
 compile pybullet "$scratch/pybullet.in"
 
 # The largest first, so that the others take its versions and can share an environment.
-compile check pyproject.toml --extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --group test --group browser --group lint
+compile check pyproject.toml --extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --extra worlds --group test --group browser --group lint
 for name in core demo test ros2; do
     case $name in
         core) arguments=() ;;
-        demo) arguments=(--extra ompl --extra report) ;;
-        test) arguments=(--extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --group test --group browser) ;;
+        demo) arguments=(--extra ompl --extra report --extra worlds) ;;
+        test) arguments=(--extra ompl --extra report --extra mavlink --extra foxglove --extra zenoh --extra sign --extra campaign --extra cluster --extra worlds --group test --group browser) ;;
         # For an environment of its own, see tools/env.sh.
-        ros2) arguments=(--extra ompl --extra ros2 --extra zenoh --extra campaign --group test) ;;
+        ros2) arguments=(--extra ompl --extra ros2 --extra zenoh --extra campaign --extra worlds --group test) ;;
     esac
     compile "$name" pyproject.toml --constraints requirements/check.txt "${arguments[@]}"
 done

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 
-import shapely
+import shapely  # type: ignore[import-untyped]
 
 from soter.geometry.draft import Draft, Outline, Spot, circle
 

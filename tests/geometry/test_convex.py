@@ -6,7 +6,7 @@ import math
 import random
 
 import pytest
-import shapely
+import shapely  # type: ignore[import-untyped]
 
 from soter.geometry.convex import Pieces, Ring
 from soter.geometry.decompose import anticlockwise, pieces_around, pieces_of

@@ -100,8 +100,8 @@ def refusal(path: Path, text: str | dict[str, Any]) -> str:
 
 @pytest.mark.parametrize("name", ["a.geojson", "a.plan", "a.kml"])
 def test_places_on_earth_are_where_they_are_in_every_format(name: str, tmp_path: Path) -> None:
-    text: str | dict[str, Any] = {"a.geojson": geojson(), "a.plan": plan(), "a.kml": kml()}[name]
-    made = read(tmp_path / name, text)
+    texts: dict[str, str | dict[str, Any]] = {"a.geojson": geojson(), "a.plan": plan(), "a.kml": kml()}
+    made = read(tmp_path / name, texts[name])
     assert made.plan.fence is not None
     assert made.plan.origin is not None
     # A file without an origin has its own: distances are the same.
@@ -116,7 +116,7 @@ def test_places_on_earth_are_where_they_are_in_every_format(name: str, tmp_path:
 
 
 def test_the_error_of_the_plane_is_bounded() -> None:
-    from pymap3d.vincenty import vdist
+    from pymap3d.vincenty import vdist  # type: ignore[import-untyped]
 
     project = Projection(ORIGIN, "test")
     for far_m, bound_m in ((1_000.0, 1e-4), (10_000.0, 5e-3), (28_000.0, ERROR_M)):

@@ -6,7 +6,7 @@ import math
 import pickle
 
 import pytest
-import shapely
+import shapely  # type: ignore[import-untyped]
 from pydantic import TypeAdapter
 
 from soter.errors import ConfigError

@@ -6,7 +6,7 @@ import math
 import random
 
 import pytest
-import shapely
+import shapely  # type: ignore[import-untyped]
 
 from soter.geometry.draft import site_of
 from soter_sim.fences import fence_of

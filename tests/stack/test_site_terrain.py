@@ -7,7 +7,7 @@ import random
 from itertools import pairwise
 
 import pytest
-import shapely
+import shapely  # type: ignore[import-untyped]
 
 from soter.errors import ConfigError
 from soter.geometry.draft import Draft, Outline, Spot, site_of
