@@ -15,24 +15,24 @@ if TYPE_CHECKING:
     from soter.config import load_mission
     from soter.controllers import Controller, Velocity, VelocityController
     from soter.errors import ConfigError, IllFormedModule, SoterError
-    from soter.machine import Event, Goto, Machine, Runtime, State, Stay
     from soter.missions import Mission, Robot
     from soter.registry import load_backend
     from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Timing, Topic
     from soter.runner import Run, RunResult, run_mission
     from soter.sdk import Backend, Capabilities, Waypoint
+    from soter.stack.module_kit import ModuleKit
     from soter.stack.static_rules import Fence
 
 _HOMES = {
     "soter.config": ("load_mission",),
     "soter.controllers": ("Controller", "Velocity", "VelocityController"),
     "soter.errors": ("ConfigError", "IllFormedModule", "SoterError"),
-    "soter.machine": ("Event", "Goto", "Machine", "Runtime", "State", "Stay"),
     "soter.missions": ("Mission", "Robot"),
     "soter.registry": ("load_backend",),
     "soter.rta": ("Node", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
     "soter.runner": ("Run", "RunResult", "run_mission"),
     "soter.sdk": ("Backend", "Capabilities", "Waypoint"),
+    "soter.stack.module_kit": ("ModuleKit",),
     "soter.stack.static_rules": ("Fence",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
@@ -42,24 +42,19 @@ __all__ = [
     "Capabilities",
     "ConfigError",
     "Controller",
-    "Event",
     "Fence",
-    "Goto",
     "IllFormedModule",
-    "Machine",
     "Mission",
+    "ModuleKit",
     "Node",
     "RTAModule",
     "Region",
     "Robot",
     "Run",
     "RunResult",
-    "Runtime",
     "Situation",
     "SoterError",
     "SpeedBound",
-    "State",
-    "Stay",
     "Timing",
     "Topic",
     "Velocity",

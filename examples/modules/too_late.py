@@ -1,9 +1,9 @@
 """A module that is wrong: it looks one Delta ahead where two have to be looked at. `soter check` finds out."""
 
+from soter import ModuleKit
 from soter.rta import Node, RTAModule, Situation
 from soter.sdk import Waypoint
 from soter.stack.static_rules import Fence
-from soter.stack.user_modules import ModuleKit
 
 DELTA_S = 0.5
 ROOM = Fence(1.0, 5.0, 1.0, 5.0)

@@ -5,9 +5,9 @@ from math import hypot
 
 from pydantic import BaseModel
 
+from soter import ModuleKit
 from soter.geometry.workspace import Box
 from soter.rta import Region, RTAModule, Situation
-from soter.stack.user_modules import ModuleKit
 
 
 class Options(BaseModel, extra="forbid", frozen=True):

@@ -19,8 +19,9 @@ from soter.rta import Port, Region, Situation, Topic
 from soter.sdk import Backend, BackendConfig, Capabilities
 from soter.specs import asked, promises
 from soter.stack.actuator import PortForwarder
-from soter.stack.declaration import Declared, Peers, declare, terrains_of
+from soter.stack.declaration import Declared, declare, terrains_of
 from soter.stack.infrastructure import standing
+from soter.stack.peers import Peers
 from soter.stack.right_of_way import BATTERY, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 

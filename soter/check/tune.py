@@ -250,7 +250,7 @@ class _Search:
             way = choice.phi_safer - module.edge_margin() if choice.module == BATTERY else 0.0
             costs.append((reach, usual + asked - reach, asked + way))
             try:
-                made.check_module(module, self._mission.base_tick_s)
+                module.check(made.timing, self._mission.base_tick_s)
             except IllFormedModule as failure:
                 why_not = why_not or _reason(failure)
         reach, usual, needed = (max(each) for each in zip(*costs, strict=True))

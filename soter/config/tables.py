@@ -166,10 +166,14 @@ class PathTable(DistanceTable):
 
 
 def _as_target(text: str) -> str:
+    if re.fullmatch(r"[a-z][a-z0-9_-]*", text):
+        return text  # one that a distribution has registered
     where, _, function = text.rpartition(":")
     is_module = all(part.isidentifier() for part in where.split("."))
     if not (function.isidentifier() and (is_module or where.endswith(".py"))):
-        raise not_allowed("a function as 'package.module:function' or 'file.py:function'")
+        raise not_allowed(
+            "a function as 'package.module:function' or 'file.py:function', or a registered module's name"
+        )
     return text
 
 
@@ -177,7 +181,8 @@ class UserModuleTable(Table):
     """A safety module of the user's own, `[rta.module.NAME]`; see docs/writing-a-module.md.
 
     Attributes:
-        declare: the function that declares it, as `file.py:function` or `package.module:function`.
+        declare: the function that declares it, as `file.py:function` or `package.module:function`, or the name that a
+            distribution has registered it by.
         before: the module before which it may drive: a shipped one, or one of the user's that stands above it. Its
             own motions are certified against the shipped rules, but those of the shipped modules know nothing of its
             rule; hence it comes first unless told otherwise.

@@ -132,6 +132,7 @@ class RTAModule:
             the robot for no longer. Infinite for one that does what they need by itself.
         peers_within_m: how far away a peer may be and still matter to the rule; a module never misses one that is
             nearer. Everybody by default, which costs the square of the number of robots; 0 for a rule without peers.
+        premise: checks what else has to hold on a robot, and raises `IllFormedModule` where it does not.
     """
 
     name: str
@@ -146,6 +147,7 @@ class RTAModule:
     keep: float = 0.0
     lets_go_s: float = math.inf
     peers_within_m: float = math.inf
+    premise: Callable[[RTAModule, Timing], None] | None = None
 
     @property
     def of_pairs(self) -> bool:
@@ -163,7 +165,7 @@ class RTAModule:
         return self.phi_safe.edge_margin(self.phi_safer)
 
     def check(self, timing: Timing, base_tick_s: float) -> None:
-        """Check P1 and P3 against the numbers of a real robot.
+        """Check P1 and P3, and what else the module rests on, against the numbers of a real robot.
 
         Args:
             timing: the robot's latency, sample age, jitter and noise.
@@ -176,6 +178,8 @@ class RTAModule:
         self._check_periods(base_tick_s)
         if self.phi_safe is not None and self.model is not None:
             self._check_reach(self.phi_safe, self.model, timing, base_tick_s)
+        if self.premise is not None:
+            self.premise(self, timing)
 
     def _check_declaration(self) -> None:
         if not 0.0 < self.delta_s < math.inf:

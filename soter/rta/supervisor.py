@@ -82,6 +82,8 @@ class RobotSupervisor:
         timing: the robot's declared timing.
         watches: told of switches.
         heard_within_s: a robot whose sample is older is not driven on: its lease is left to run out.
+        without_ac: the name of the module that drives for good once the AC has failed, while no other one asks to; the
+            first in the order where it is none of them.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class RobotSupervisor:
         timing: Timing,
         watches: Sequence[Watch] = (),
         heard_within_s: float = math.inf,
+        without_ac: str = "",
     ) -> None:
         self.robot_id: Final = robot_id
         self.modules: Final = tuple(modules)
@@ -102,7 +105,9 @@ class RobotSupervisor:
             module.rank = rank
         self.actuator: Final = actuator
         self.mode = Mode.SC if modules else Mode.AC
-        self.driver: DecisionModule | None = self.modules[0] if modules else None
+        first = self.modules[0] if modules else None
+        self.driver: DecisionModule | None = first
+        self._without_ac: Final = next((module for module in self.modules if module.name == without_ac), first)
         self.situation = Situation(robot_id, actuator.read(), 0.0)
         self.decide_s = 0.0
         self._ac: Final = ac
@@ -373,7 +378,7 @@ class RobotSupervisor:
         if not self.modules:
             self._drive(None)
             return None
-        return self.modules[-1] if self.ac_failure else self.modules[0]
+        return self._without_ac if self.ac_failure else self.modules[0]
 
     # --- changes of hands ------------------------------------------------------------------------------------
 

@@ -28,6 +28,7 @@ from soter.runner.result import (
 )
 from soter.sdk import Fleet
 from soter.stack.events import Outcome, Place
+from soter.stack.right_of_way import BATTERY
 
 STALL_S: Final = 300.0
 """A robot that has been without its AC for so long, and not charging, is stalled."""
@@ -268,7 +269,7 @@ class Metrics:
             if robot.driver is None:
                 self._ac_ticks += 1
                 self._busy_ticks += 1
-            elif robot.modules[-1].mode is Mode.AC or robot.modules[-1].name != "battery":
+            elif not any(module.name == BATTERY and module.mode is Mode.SC for module in robot.modules):
                 self._busy_ticks += 1
         if tick % SAMPLE_TICKS == 0:
             self._sample(now_s, robots, charging)

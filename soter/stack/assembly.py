@@ -34,8 +34,9 @@ from soter.rta import (
 from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.battery import Dock
-from soter.stack.declaration import PeerBounds, Peers, declare, terrains_of, timing_of
+from soter.stack.declaration import declare, terrains_of, timing_of
 from soter.stack.monitors import ChargeMonitor, ContractMonitor
+from soter.stack.peers import PeerBounds, Peers
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
@@ -157,6 +158,8 @@ def assemble(
                 declared.timing,
                 watches,
                 PEER_SILENT_S if apart and len(promises) > 1 else math.inf,
+                # The way home comes last, where it is kept.
+                mission.rta.order[-1] if mission.rta.order else "",
             )
         )
         ports[robot.id], recoveries[robot.id], docks[robot.id] = port, declared.recovery, declared.dock

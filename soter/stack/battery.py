@@ -9,7 +9,7 @@ from typing import Final
 from soter.geometry.workspace import Box
 from soter.rta import Region, Situation, Topic
 from soter.sdk import Waypoint
-from soter.stack.recovery import RecoveryPlanner
+from soter.stack.recovery import Leg, RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
 from soter.stack.safe_controller import SafeController
 from soter.stack.site_routes import Rectangle
@@ -140,10 +140,10 @@ class GoHome(SafeController):
         if not self._detouring:
             self._legs = []
 
-    def motion(self, situation: Situation) -> Waypoint | None:
+    def motion(self, situation: Situation) -> Leg | None:
         return self.recovery.hold(situation) if self._dock.begins else self.leg_home(situation)
 
-    def leg_home(self, situation: Situation) -> Waypoint | None:
+    def leg_home(self, situation: Situation) -> Leg | None:
         """Return the next certified leg of the return path, or None to hold; whoever drives may ask for it."""
         own = situation.own
         x, y = own.x_m, own.y_m

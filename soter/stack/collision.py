@@ -10,7 +10,7 @@ from soter.errors import IllFormedModule
 from soter.rta import PairBound, Region, RTAModule, Situation, SpeedAccelerationBound, SpeedBound, Threat, Timing, Topic
 from soter.sdk import Waypoint
 from soter.stack.battery import Dock, GoHome
-from soter.stack.recovery import RecoveryPlanner
+from soter.stack.recovery import Leg, RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import PATIENT_S, Retreat
 from soter.stack.right_of_way import Path, RightOfWay
@@ -177,7 +177,7 @@ class BackAway(Retreat):
         )  # fmt: skip
         self._right_of_way: Final = right_of_way
 
-    def motion(self, situation: Situation) -> Waypoint | None:
+    def motion(self, situation: Situation) -> Leg | None:
         rule = self._right_of_way
         if self._dock.charging(situation):
             return self._home.leg_home(situation)
@@ -196,7 +196,7 @@ class BackAway(Retreat):
     def blocked(self, situation: Situation) -> bool:
         return not self._right_of_way.path_is_clear(situation.robot_id)
 
-    def _leave(self, situation: Situation, path: Path) -> Waypoint | None:
+    def _leave(self, situation: Situation, path: Path) -> Leg | None:
         """Return the next leg out of a path that another robot needs; home, if that leads away from it."""
         own = situation.own
         if self._dock.wants_charge:
@@ -209,7 +209,7 @@ class BackAway(Retreat):
     def way(self, situation: Situation) -> list[Point]:
         return self._refuges.way(situation, self._peer_m)
 
-    def without_refuge(self, situation: Situation) -> Waypoint | None:
+    def without_refuge(self, situation: Situation) -> Leg | None:
         own = situation.own
         nearest = min(situation.peers, key=lambda p: (p.x_m - own.x_m) ** 2 + (p.y_m - own.y_m) ** 2, default=None)
         if nearest is None:

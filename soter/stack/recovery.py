@@ -72,6 +72,12 @@ def _leg_m(v_max_m_s: float, blind_s: float, stop_m: float) -> float:
     return max(v_max_m_s * blind_s + stop_m, LEAST_LEG_M)
 
 
+class Leg(Waypoint):
+    """A waypoint that the recovery planner made; safe controllers drive to no others."""
+
+    __slots__ = ()
+
+
 class RecoveryPlanner:
     """Certifies motions for one robot, and makes the next leg towards a place.
 
@@ -230,7 +236,7 @@ class RecoveryPlanner:
 
     # --- motions ---------------------------------------------------------------------------------------------
 
-    def towards(self, situation: Situation, legs: Sequence[Point]) -> Waypoint | None:
+    def towards(self, situation: Situation, legs: Sequence[Point]) -> Leg | None:
         """Return the next certified leg along a way, or None to brake and hold.
 
         The way's first corner is where to go next. The leg is only as long as the robot may be blind, stopping
@@ -266,7 +272,7 @@ class RecoveryPlanner:
 
     def away(
         self, situation: Situation, score_x: float, score_y: float, leads_back: Callable[[float, float], bool]
-    ) -> Waypoint | None:
+    ) -> Leg | None:
         """Return the certified leg that gets farthest along a direction, or None to hold.
 
         Args:
@@ -287,7 +293,7 @@ class RecoveryPlanner:
                 best, chosen = score, (ux, uy)
         return self._go(situation, chosen, length)
 
-    def climb(self, situation: Situation) -> Waypoint | None:
+    def climb(self, situation: Situation) -> Leg | None:
         """Return the certified leg at whose end the least static margin is largest, or None to hold at the top."""
         own, terrain = situation.own, self.terrain
         length = self.leg_m(situation.age_s)
@@ -302,6 +308,10 @@ class RecoveryPlanner:
             if height(bx, by) > best and self.certify(situation, bx, by) >= 0.0:
                 best, chosen = height(bx, by), (ux, uy)
         return self._go(situation, chosen, length)
+
+    def moves(self, own: Sample) -> bool:
+        """Return whether a robot moves, as far as its reported speed can tell."""
+        return own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > self.moving_m_s * self.moving_m_s
 
     def sees(self, situation: Situation, bx_m: float, by_m: float, clearance_m: float) -> bool:
         """Return whether a straight way to b keeps `clearance_m` from boxes, or as much as the robot has now.
@@ -325,7 +335,7 @@ class RecoveryPlanner:
             return False
         return not self.rules.boxes or terrain.segment_clearance_m(ax_m, ay_m, bx_m, by_m, needed) >= needed
 
-    def _go(self, situation: Situation, direction: Point | None, length_m: float) -> Waypoint | None:
+    def _go(self, situation: Situation, direction: Point | None, length_m: float) -> Leg | None:
         if direction is None:
             return self.hold(situation)
         own = situation.own
@@ -345,7 +355,7 @@ class RecoveryPlanner:
         aside_m = abs(vx * uy - vy * ux) * (self._blind_s + speed * self._braking_s_per_m_s)
         return (vx * ux + vy * uy) < _ALIGNED_COS * speed or aside_m > self._tracking_m
 
-    def hold(self, situation: Situation) -> Waypoint | None:
+    def hold(self, situation: Situation) -> Leg | None:
         """Hold; where even that breaks a rule, take the motion with the largest worst margin, and count it."""
         best = self.hold_margin(situation)
         if best >= 0.0:
@@ -353,7 +363,7 @@ class RecoveryPlanner:
         self.no_certified_motion += 1
         own = situation.own
         length = self.v_max_m_s * self._blind_s + self._stop_m
-        chosen: Waypoint | None = None
+        chosen: Leg | None = None
         for ux, uy in _DIRECTIONS:
             bx, by = own.x_m + ux * length, own.y_m + uy * length
             margin = self.certify(situation, bx, by)
@@ -361,10 +371,10 @@ class RecoveryPlanner:
                 best, chosen = margin, self._leg(own, bx, by, ux, uy)
         return chosen
 
-    def _leg(self, own: Sample, bx: float, by: float, ux: float, uy: float) -> Waypoint:
+    def _leg(self, own: Sample, bx: float, by: float, ux: float, uy: float) -> Leg:
         bearing = math.atan2(uy, ux)
         heading: float | None = None
         if self._reverses:
             backwards = math.cos(bearing - own.heading_rad) < 0.0
             heading = math.remainder(bearing + math.pi, math.tau) if backwards else bearing
-        return Waypoint(bx, by, 0.0, heading, None, 0.005, 30.0)
+        return Leg(bx, by, 0.0, heading, None, 0.005, 30.0)

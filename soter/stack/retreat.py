@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from soter.rta import Sample, Situation, Topic
+from soter.rta import Situation, Topic
 from soter.sdk import Waypoint
 from soter.stack.battery import Dock, GoHome
-from soter.stack.recovery import RecoveryPlanner
+from soter.stack.recovery import Leg, RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.right_of_way import Path
 from soter.stack.safe_controller import AT_CORNER_M, SafeController
@@ -83,11 +83,11 @@ class Retreat(SafeController):
         self._drove_home_s, self._aside_until_s = situation.now_s, -math.inf
         self._home.start_anew()
 
-    def motion(self, situation: Situation) -> Waypoint | None:
+    def motion(self, situation: Situation) -> Leg | None:
         if not self._dock.wants_charge or (situation.now_s < self._aside_until_s and self.blocked(situation)):
             return self.retreat(situation)
         leg = self._leg_home(situation)
-        if leg is not None or _moving(situation.own) or self._dock.docked(situation):
+        if leg is not None or self.recovery.moves(situation.own) or self._dock.docked(situation):
             self._drove_home_s = situation.now_s
         elif situation.now_s - self._drove_home_s > self.patience_s(situation):
             self._aside_until_s = situation.now_s + ASIDE_S
@@ -103,7 +103,7 @@ class Retreat(SafeController):
         """Return whether what has blocked the return path is likely to be there still."""
         return True
 
-    def retreat(self, situation: Situation) -> Waypoint | None:
+    def retreat(self, situation: Situation) -> Leg | None:
         """Return the next certified leg to a refuge."""
         # All safe controllers of a robot share the finder.
         self._refuges.leave, self._refuges.aside = self.leave, self.aside
@@ -119,25 +119,25 @@ class Retreat(SafeController):
             return self.follow(situation, self._legs)
         if self._homewards:
             leg = self._leg_home(situation)
-            if leg is not None or _moving(situation.own):
+            if leg is not None or self.recovery.moves(situation.own):
                 self._drove_home_s = situation.now_s
             if situation.now_s - self._drove_home_s <= self.patience_s(situation):
                 return leg
             # Nothing leads on along the return path: away from whatever is in the way, and back on it from elsewhere.
             self._homewards = False
         leg = self.without_refuge(situation)
-        return leg if leg is not None or _moving(situation.own) else self._leg_home(situation)
+        return leg if leg is not None or self.recovery.moves(situation.own) else self._leg_home(situation)
 
     def way(self, situation: Situation) -> list[Point]:
         """Return the way to a refuge: where peers leave none that is far from them, to one where they can be passed."""
         refuges = self._refuges
         return refuges.way(situation, self._peer_m) or refuges.way(situation, self.recovery.apart_m(situation.age_s))
 
-    def without_refuge(self, situation: Situation) -> Waypoint | None:
+    def without_refuge(self, situation: Situation) -> Leg | None:
         """Return what to do where no refuge is in reach: get away from fence and boxes as far as that goes."""
         return self.recovery.climb(situation)
 
-    def _leg_home(self, situation: Situation) -> Waypoint | None:
+    def _leg_home(self, situation: Situation) -> Leg | None:
         if not self._homewards:
             self._homewards = True
             self._drove_home_s = situation.now_s
@@ -148,7 +148,7 @@ class Retreat(SafeController):
         """Whether the robot has been on its way for long without moving: its legs are not certified."""
         own = situation.own
         there = bool(self._legs) and math.dist(self._legs[-1], (own.x_m, own.y_m)) < AT_CORNER_M
-        if there or not self._legs or _moving(own) or math.isinf(self._moved_s):
+        if there or not self._legs or self.recovery.moves(own) or math.isinf(self._moved_s):
             self._moved_s = situation.now_s
         return situation.now_s - self._moved_s > STUCK_S
 
@@ -157,8 +157,7 @@ class Retreat(SafeController):
         if not self._legs or not self._refuges.good(situation, self._legs[-1], self._peer_m):
             return False
         own = situation.own
-        return _moving(own) or math.hypot(self._legs[-1][0] - own.x_m, self._legs[-1][1] - own.y_m) < AT_CORNER_M
-
-
-def _moving(own: Sample) -> bool:
-    return own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > 1e-4
+        return (
+            self.recovery.moves(own)
+            or math.hypot(self._legs[-1][0] - own.x_m, self._legs[-1][1] - own.y_m) < AT_CORNER_M
+        )

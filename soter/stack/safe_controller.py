@@ -8,7 +8,7 @@ from typing import Final
 
 from soter.rta import Node, Situation, Topic
 from soter.sdk import Waypoint
-from soter.stack.recovery import CORNER_M, RecoveryPlanner
+from soter.stack.recovery import CORNER_M, Leg, RecoveryPlanner
 from soter.stack.terrain import Point
 
 WAYPOINT: Final = "waypoint"
@@ -17,13 +17,17 @@ AT_CORNER_M: Final = 0.03
 
 
 class SafeController(Node):
-    """A node that drives by certified legs only.
+    """A node that drives by certified legs only: it chooses among those that the recovery planner makes.
 
     Args:
         name: for recordings.
         period_s: how often it looks (T_sc).
         waypoint: where it publishes; None published means: brake and hold.
         recovery: makes and certifies its legs.
+
+    Attributes:
+        recovery: see above.
+        waypoint: see above; whoever declares its module sets it to the robot's.
     """
 
     publishes = (WAYPOINT,)
@@ -33,7 +37,7 @@ class SafeController(Node):
         self.name = name
         self.period_s = period_s
         self.recovery: Final = recovery
-        self._waypoint: Final = waypoint
+        self.waypoint = waypoint
         self._holding = False
 
     def engage(self, situation: Situation) -> None:
@@ -42,17 +46,21 @@ class SafeController(Node):
     def step(self, situation: Situation) -> None:
         leg = self.motion(situation)
         if leg is not None:
+            if not isinstance(leg, Leg):
+                raise TypeError(
+                    f"the safe controller '{self.name}' chose a {type(leg).__name__}, which is no certified leg"
+                )
             self._holding = False
-            self._waypoint.publish(leg)
+            self.waypoint.publish(Waypoint(*leg))
         elif not self._holding:
             self._holding = True
-            self._waypoint.publish(None)
+            self.waypoint.publish(None)
 
     @abstractmethod
-    def motion(self, situation: Situation) -> Waypoint | None:
+    def motion(self, situation: Situation) -> Leg | None:
         """Return the next certified leg, or None to hold."""
 
-    def follow(self, situation: Situation, legs: list[Point]) -> Waypoint | None:
+    def follow(self, situation: Situation, legs: list[Point]) -> Leg | None:
         """Go along a path; corners that are passed are taken off it."""
         x, y = situation.own.x_m, situation.own.y_m
         while len(legs) > 1:

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Topic
 from soter.sdk import Waypoint
-from soter.stack.user_modules import ModuleKit
+from soter.stack.module_kit import ModuleKit
 
 DELTA_S = 0.5
 V_M_S = 0.22

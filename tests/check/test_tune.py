@@ -62,7 +62,7 @@ def well_formed(choice: Choice, promised: Mapping[int, Capabilities]) -> bool:
     try:
         for made in declare_all(changed(MISSION, [choice]), WORKSPACE, promised).values():
             module = next(module for module in made.modules if module.name == choice.module)
-            made.check_module(module, MISSION.base_tick_s)
+            module.check(made.timing, MISSION.base_tick_s)
     except IllFormedModule:
         return False
     return True

@@ -12,9 +12,10 @@ import z3
 
 from soter.errors import IllFormedModule
 from soter.rta import DischargeBound, Situation
-from soter.stack import declaration, recovery, site_terrain, terrain
+from soter.stack import recovery, site_terrain, terrain
 from soter.stack.battery import ChargeForTheWayHome
 from soter.stack.collision import check_halves
+from soter.stack.modules import obstacle
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.return_path import ReturnPath, _Anchor
 from soter.stack.static_rules import Clearance
@@ -50,11 +51,11 @@ def lemma_1(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterator[Oblig
 def kept_for_paths(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterator[Obligation]:
     """A robot that the obstacle module, or another one, has stopped is where paths fit."""
     robot, seen = Robot(), z3.Real("seen")
-    table: Any = SimpleNamespace(rta=SimpleNamespace(obstacle=SimpleNamespace(delta_s=robot.delta, model="speed")))
+    table: Any = SimpleNamespace(delta_s=robot.delta, model="speed")
 
     def look() -> Any:
         planner = robot.recovery()
-        keep = declaration._keep_m(table, planner, robot.timing)
+        keep = obstacle.keep_m(table, planner, robot.timing)
         fires = robot.decision(robot.module(Line(seen), Line(seen), keep=keep))._in_danger(robot.situation())
         return fires, planner.path_m
 

@@ -10,8 +10,9 @@ import pytest
 
 from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing
 from soter.rta.decision import DecisionModule
-from soter.stack import declaration, recovery, return_path
+from soter.stack import recovery, return_path
 from soter.stack.collision import Separation, check_halves
+from soter.stack.modules import obstacle
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.static_rules import Clearance
 from tests.proofs import lemmas, robots
@@ -110,7 +111,7 @@ MUTATIONS: dict[tuple[str, str], Mutation] = {
     ("lemma_1", "keep left out"): attribute(DecisionModule, "_leaves_room", lambda *_: True),
     ("kept_for_paths", "keep left out"): attribute(DecisionModule, "_leaves_room", lambda *_: True),
     ("kept_for_paths", "more counted as unused than is"): attribute(
-        declaration, "_keep_m", lambda mission, planner, timing: keeps(planner, timing, mission.rta.obstacle.delta_s)
+        obstacle, "keep_m", lambda table, planner, timing: keeps(planner, timing, table.delta_s)
     ),
     ("beside_one_box", "nobody looks for other boxes"): attribute(Clearance, "leaves_room", lambda *_: True),
     ("p3", "not checked"): attribute(RTAModule, "_check_reach", lambda *_: None),

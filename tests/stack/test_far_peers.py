@@ -17,7 +17,7 @@ from soter.rta import PEER_SILENT_S, Mode, PairBound, RTAModule, SpeedBound, Tim
 from soter.sdk import Capabilities, RobotSpec
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.collision import Separation
-from soter.stack.user_modules import ModuleKit
+from soter.stack.module_kit import ModuleKit
 from tests.rta.doubles import module
 from tests.sdk.fake import FakeRobot, capabilities
 from tests.stack.loop import MISSION, TICK_S

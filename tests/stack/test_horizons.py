@@ -15,7 +15,8 @@ from soter.check.admission import declare_all
 from soter.config import load_mission
 from soter.rta import DecisionModule, SpeedBound, Timing
 from soter.stack import assembly, declaration
-from soter.stack.declaration import PeerBounds, timing_of
+from soter.stack.declaration import timing_of
+from soter.stack.peers import PeerBounds
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, module
 

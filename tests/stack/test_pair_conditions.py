@@ -14,7 +14,7 @@ from soter.errors import IllFormedModule
 from soter.rta import PairBound, RTAModule, SpeedBound, Timing
 from soter.sdk import Capabilities
 from soter.stack.collision import Separation, check_halves
-from soter.stack.declaration import PeerBounds
+from soter.stack.peers import PeerBounds
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from tests.rta.doubles import FakeNode
 from tests.sdk.fake import CAPABILITIES

@@ -14,7 +14,7 @@ from soter.config import load_mission
 from soter.rta import PairBound, PairsBound, Situation, SpeedBound
 from soter.specs import asked, read_options
 from soter.stack.collision import Separation
-from soter.stack.declaration import Peers
+from soter.stack.peers import Peers
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, At
 

@@ -21,8 +21,9 @@ from soter.rta import Node, Region, RTAModule, Situation, Topic
 from soter.runner import RunResult, run_mission
 from soter.sdk import TruthReport, Waypoint
 from soter.stack.battery import GoHome
+from soter.stack.certified_controller import CertifiedController
+from soter.stack.module_kit import GoTo, ModuleKit
 from soter.stack.own_rules import OwnRule
-from soter.stack.user_modules import CertifiedController, GoTo, ModuleKit
 from tests.project.source import ROOT
 from tests.rta.doubles import At, FakeNode, module
 from tests.stack.ground import dock, planner, seen
@@ -392,7 +393,7 @@ def test_a_speed_that_nobody_can_drive_at_is_refused_before_anything_moves(tmp_p
 def test_a_place_is_chosen_anew_once_the_robot_has_stood_for_a_while() -> None:
     places = [(0.0, 0.0), (3.0, 3.0), (4.0, 4.0)]
     out: Topic[Any] = Topic("wish")
-    kit = SimpleNamespace(tick_s=0.05, waypoint=out, capabilities=SimpleNamespace(moving_m_s=0.02))
+    kit = SimpleNamespace(tick_s=0.05, waypoint=out, recovery=planner())
     node = GoTo(cast("ModuleKit", kit), lambda _: places.pop(0), None)
     node.engage(seen(At(1.0, 1.0)))
     wanted = []

@@ -12,7 +12,7 @@ from soter.controllers.adversaries import Adversary, AdversaryOptions
 from soter.rta import Region, RTAModule, Situation, SpeedBound
 from soter.rta.models import PairBound
 from soter.sdk import Waypoint
-from soter.stack.user_modules import ModuleKit
+from soter.stack.module_kit import ModuleKit
 
 _THERE_M: Final = 0.03
 _AGAIN_TICKS: Final = 5

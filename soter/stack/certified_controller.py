@@ -1,0 +1,121 @@
+"""The safe controller of a module that does not drive by certified legs itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from soter.rta import RTAModule, Situation, Topic
+from soter.sdk import Waypoint
+from soter.stack.module_kit import BLOCKED_S, ModuleKit
+from soter.stack.recovery import Leg
+from soter.stack.safe_controller import SafeController
+
+RETREAT_M: Final = 0.75
+TURN_S: Final = 20.0
+"""Robots under a rule about pairs take turns in giving way when it has had them for so long."""
+
+
+class CertifiedController(SafeController):
+    """Drives where another node wants to go, but only by legs that keep every rule of the mission's modules.
+
+    Whoever writes a safe controller thinks of one rule. The recovery planner thinks of all: a leg that would break one,
+    the module's own included, is shortened or not driven, so that a mistake costs time only. It lets go as its contract
+    says: where the robot stands, or the battery's module needs to drive, the return path is driven after `lets_go_s`.
+
+    Args:
+        made: the user's declaration.
+        kit: what it was made from.
+        wanted: where its node publishes.
+        waypoint: where the robot's controllers publish.
+    """
+
+    def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> None:
+        inner = made.sc
+        super().__init__(inner.name, inner.period_s, waypoint, kit.recovery)
+        self._of_pairs: Final = made.of_pairs
+        self._lets_go_s: Final = made.lets_go_s
+        self._dock: Final = kit.dock
+        self._home: Final = kit.home
+        self._kept_since_s = 0.0
+        self._homewards = self._kept_from_charging = False
+        self.publishes = inner.publishes  # type: ignore[assignment]  # a user's node may publish anything: P1b says so
+        self.inner: Final = inner
+        self._wanted: Final = wanted
+        self._engaged = False
+        self._engaged_s = self._moved_s = 0.0
+        self._yields = False
+
+    def engage(self, situation: Situation) -> None:
+        super().engage(situation)
+        # What the inner node wanted when it was last in charge is no concern of now.
+        self._wanted.value = None
+        self._engaged = True
+        self._engaged_s = self._moved_s = situation.now_s
+        self._yields = self._homewards = False
+        if not (self._kept_from_charging and self._dock.wants_charge):
+            # A robot that goes to and fro between the battery's module and this one is kept all the time.
+            self._kept_since_s = situation.now_s
+        self._kept_from_charging = self._dock.wants_charge
+        self.inner.engage(situation)
+
+    def motion(self, situation: Situation) -> Leg | None:
+        if not self._engaged:
+            # Whoever drives first at the start of a run takes charge of nobody.
+            self.engage(situation)
+        self.inner.step(situation)
+        wanted = self._wanted.value
+        speed_m_s = wanted.speed_m_s if isinstance(wanted, Waypoint) else None
+        leg = self._out_of_the_way(situation)
+        if leg is None and self._has_to_let_go(situation):
+            leg = self._home.leg_home(situation)
+        if leg is not None:
+            return leg._replace(speed_m_s=speed_m_s)
+        if wanted is None:
+            return self.recovery.hold(situation)
+        if not isinstance(wanted, Waypoint):
+            raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
+        wanted.check()
+        leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
+        return None if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
+
+    def _has_to_let_go(self, situation: Situation) -> bool:
+        """Whether the robot has stood, or the battery's module has waited, for as long as the contract allows."""
+        now_s, moves = situation.now_s, self.recovery.moves(situation.own)
+        self._kept_from_charging = self._dock.wants_charge
+        if not self._homewards and moves and not self._dock.wants_charge:
+            self._kept_since_s = now_s
+        # Whoever is given way to does not follow, unless it has to charge: the rule would never be content.
+        waits = self._of_pairs and now_s - self._engaged_s >= TURN_S and not self._dock.wants_charge
+        if waits or now_s - self._kept_since_s <= self._lets_go_s:
+            return False
+        if not self._homewards:
+            self._homewards = True
+            self._home.start_anew()
+        return True
+
+    def _out_of_the_way(self, situation: Situation) -> Leg | None:
+        """Return a leg away from the nearest peer, if this robot has to give way to it; None otherwise.
+
+        Two robots whose ways are blocked by each other would stand there for ever, or go to and fro. So one of them
+        gives way, the one with the higher id first; safety does not rest on it, since the leg is certified like any
+        other. Where the rule is about pairs they take turns, until it is content and the AC gets them back.
+        """
+        own, now_s = situation.own, situation.now_s
+        if self.recovery.moves(situation.own):
+            self._moved_s = now_s
+        near = min(situation.peers, key=lambda p: math.hypot(p.x_m - own.x_m, p.y_m - own.y_m), default=None)
+        if near is None or self._dock.charging(situation):
+            return None
+        away_x, away_y = own.x_m - near.x_m, own.y_m - near.y_m
+        if self._of_pairs:
+            turn = int((now_s - self._engaged_s) / TURN_S)
+            # Whoever has to charge lets the others try first.
+            self._yields = turn > (2 if self._dock.wants_charge else 0) and (own.robot_id > near.robot_id) == (
+                turn % 2 == 1
+            )
+        elif near.robot_id > own.robot_id or math.hypot(away_x, away_y) > RETREAT_M:
+            self._yields = False
+        elif now_s - self._moved_s > BLOCKED_S:
+            self._yields = True
+        return self.recovery.away(situation, away_x, away_y, self._dock.path.leads_back) if self._yields else None

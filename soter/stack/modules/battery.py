@@ -1,0 +1,46 @@
+"""Battery: the charge always pays for the way home."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from soter.config.tables import BatteryModuleTable
+from soter.rta import DischargeBound, RTAModule
+from soter.stack.battery import Charged, ChargeForTheWayHome
+from soter.stack.module_kit import ModuleKit
+from soter.stack.right_of_way import TURN_S
+
+WAITING: Final = 2.0
+"""Waiting costs so many times what standing does, but no more than driving: who waits makes room for others."""
+
+
+def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
+    """Declare the module of one robot.
+
+    Args:
+        kit: the robot and its world.
+        table: `[rta.battery]`.
+    """
+    dock, v_max_m_s = kit.dock, kit.capabilities.v_max_m_s
+    tube = 2.0 * kit.recovery.path_m * dock.cost_per_m
+    return RTAModule(
+        kit.name,
+        kit.ac,
+        kit.home,
+        table.delta_s,
+        ChargeForTheWayHome(dock),
+        Charged(table.phi_safer),
+        DischargeBound(1.0 / kit.battery.drive_s, v_max_m_s, dock.cost_per_m, tube),
+        dwell_s=table.dwell_s,
+        keep=_reserve(kit, table),
+    )
+
+
+def _reserve(kit: ModuleKit, table: BatteryModuleTable) -> float:
+    """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts."""
+    battery, dock = kit.battery, kit.dock
+    others = kit.peers.speeds if kit.recovery.rules.pairs else {}
+    others_s = sum(count * (dock.longest_m / v_max_m_s + TURN_S) for v_max_m_s, count in others.items())
+    # Whoever waits also has to make room now and then.
+    waiting = WAITING * others_s / min(battery.idle_s, WAITING * battery.drive_s)
+    return table.reserve_factor * dock.longest_m * dock.cost_per_m + waiting + kit.contracts_s / battery.drive_s
