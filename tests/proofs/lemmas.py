@@ -71,7 +71,7 @@ def beside_one_box(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterato
     (fence, near, far, path, fall), facts = positive("fence near far path fall")
     ground: Any = SimpleNamespace(
         fence_m=lambda *_: fence, clearance_m=lambda *_: near, inside=lambda *_: (0, 0),
-        walls=lambda *_: [(near, 1, 0), (far, 0, 1)],
+        walls=lambda *_: [(near, 1, 0), (far, 0, 1)], convex=True,
     )  # fmt: skip
     region = Clearance(ground, 0, path, fenced=True)
     look = Situation(1, At(), 0.0)
