@@ -74,9 +74,10 @@ def describe(
 
 def files(mission: MissionFile, workspace: Workspace) -> dict[str, bytes]:
     """Return the mission file and the workspace file as they are now; what cannot be read is left out."""
+    polygons = isinstance(workspace, Site)
     found = {SITE_JSON: msgspec.json.encode(workspace.plan)} if isinstance(workspace, Site) else {}
     for name, path in ((MISSION_TOML, mission.source), (WORKSPACE_XML, mission.workspace)):
-        if path is None or (found and name == WORKSPACE_XML):
+        if path is None or (polygons and name == WORKSPACE_XML):
             continue
         try:
             with Path(path).open("rb") as stream:
