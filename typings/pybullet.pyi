@@ -21,6 +21,7 @@ JointInfo: TypeAlias = tuple[
 
 DIRECT: int
 GEOM_BOX: int
+GEOM_MESH: int
 GEOM_CYLINDER: int
 GEOM_PLANE: int
 GEOM_SPHERE: int
@@ -73,6 +74,7 @@ def createCollisionShape(
     halfExtents: Sequence[float] = ...,
     height: float = ...,
     planeNormal: Sequence[float] = ...,
+    vertices: Sequence[Sequence[float]] = ...,
     physicsClientId: int = 0,
 ) -> int: ...
 def createMultiBody(
@@ -96,6 +98,7 @@ def changeDynamics(
     linearDamping: float = ...,
     angularDamping: float = ...,
     contactStiffness: float = ...,
+    collisionMargin: float = ...,
     contactDamping: float = ...,
     ccdSweptSphereRadius: float = ...,
     activationState: int = ...,

@@ -6,7 +6,7 @@ from math import inf
 
 from soter_sim.bodies import Bodies
 from soter_sim.judge import Judge, Stops
-from soter_sim.sweep import enter_disc, meet_box
+from soter_sim.sweep import enter_disc
 
 
 class Contacts:
@@ -41,7 +41,7 @@ class Contacts:
                 dx, dy = to_x[i] - x[i], to_y[i] - y[i]
                 if dx != 0.0 or dy != 0.0:
                     at = min(
-                        (meet_box(x[i], y[i], dx, dy, box, radius[i]) for box in judge.boxes.near(x[i], y[i])),
+                        (judge.boxes.meet(x[i], y[i], dx, dy, box, radius[i]) for box in judge.boxes.near(x[i], y[i])),
                         default=inf,
                     )
                     if at <= 1.0:

@@ -8,16 +8,14 @@ sides. Until then there is nothing to see, so nothing is missed and most steps c
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import Final
+from typing import Any, Final
 
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RuleLimits
 from soter_sim.bodies import Bodies
-from soter_sim.boxes import NEAR_M, Boxes
+from soter_sim.boxes import NEAR_M, Boxes, obstacles_of
+from soter_sim.fences import fence_of
 from soter_sim.sweep import (
-    BoxEdges,
-    chord_to_box,
-    cross_rectangle,
     inside_disc,
     nearest_to_origin,
     point_to_box,
@@ -80,8 +78,8 @@ class Judge:
         # Centres keep so far from boxes, and bodies so far.
         self._keep = [radius_m + limits.clearance_m for radius_m in bodies.radius]
         self._clear = [keep_m - radius_m for keep_m, radius_m in zip(self._keep, bodies.radius, strict=True)]
-        self._fence = (0.0, 0.0, workspace.width_m, workspace.depth_m)
-        self.boxes = Boxes(workspace.boxes)
+        self._fence = fence_of(workspace, FENCE_TOLERANCE_M)
+        self.boxes = obstacles_of(workspace)
         self._chargers = Boxes(place.charger for place in workspace.robots)
         self._touches_box = [False] * self._count
         self._touching: set[tuple[int, int]] = set()
@@ -151,8 +149,7 @@ class Judge:
         x0, y0 = self._x[index], self._y[index]
         reach, keep_m = self._reach_m, self._keep[index]
         least = self.record.min_margin
-        _, _, width, depth = self._fence
-        margin = min(x1, width - x1, y1, depth - y1)
+        margin = self._fence.margin(x0, y0, x1, y1)
         if margin < least["geofence"]:
             least["geofence"] = margin
         if margin < -FENCE_TOLERANCE_M or (self.record.open and ("geofence", (self._ids[index],)) in self.record.open):
@@ -164,7 +161,7 @@ class Judge:
         boxes = self.boxes.all if care + keep_m + reach > NEAR_M else self.boxes.near(x1, y1)
         near = inf if boxes is self.boxes.all else NEAR_M
         for box in boxes:
-            gap = point_to_box(x1, y1, box)
+            gap = self.boxes.point_to(x1, y1, box)
             if gap < near:
                 near = gap
         clearance = near - keep_m
@@ -187,27 +184,22 @@ class Judge:
         self._static_due[index] = min(step + 1 + int(slack / reach), self.box_due[index])
 
     def _look_at_fence(self, index: int, step: int, x0: float, y0: float, x1: float, y1: float, stop: float) -> None:
-        _, _, width, depth = self._fence
-        edge = FENCE_TOLERANCE_M
-        grown = (-edge, -edge, width + edge, depth + edge)
-        first, last = cross_rectangle(x0, y0, x1 - x0, y1 - y0, grown)
         robots = (self._ids[index],)
-        at_s, step_s = step * self._step_s, self._step_s
         # A robot that was stopped drove its chord within the first part of the step.
-        if first > 1.0 or last < 0.0 or first > last:
-            self.record.begin("geofence", robots, at_s)
-            return
-        if first > 0.0:
-            self.record.begin("geofence", robots, at_s)
-        self.record.end("geofence", robots, at_s + max(first, 0.0) * stop * step_s)
-        if last < 1.0:
-            self.record.begin("geofence", robots, at_s + last * stop * step_s)
+        at_s, lasts_s = step * self._step_s, stop * self._step_s
+        parts = self._fence.outside(x0, y0, x1 - x0, y1 - y0)
+        if not parts or parts[0][0] > 0.0:
+            self.record.end("geofence", robots, at_s)
+        for first, last in parts:
+            self.record.begin("geofence", robots, at_s + first * lasts_s)
+            if last < 1.0:
+                self.record.end("geofence", robots, at_s + last * lasts_s)
 
     def _look_at_boxes(
         self, index: int, step: int, x0: float, y0: float, dx: float, dy: float,
-        boxes: tuple[BoxEdges, ...], clearance: float,
+        boxes: tuple[Any, ...], clearance: float,
     ) -> None:  # fmt: skip
-        swept = min((chord_to_box(x0, y0, dx, dy, box) for box in boxes), default=inf) - self._keep[index]
+        swept = min((self.boxes.chord_to(x0, y0, dx, dy, box) for box in boxes), default=inf) - self._keep[index]
         clear_m = self._clear[index]
         least, robots = self.record.min_margin, (self._ids[index],)
         if swept < least["obstacle"]:
@@ -308,16 +300,18 @@ class Judge:
     def _begin(self, bodies: Bodies) -> None:
         """Judge where the robots stand before anything moves."""
         x, y, least = bodies.x, bodies.y, self.record.min_margin
-        _, _, width, depth = self._fence
         for index in range(self._count):
             here_x, here_y = x[index], y[index]
             robots = (self._ids[index],)
-            margin = min(here_x, width - here_x, here_y, depth - here_y)
+            margin = self._fence.margin(here_x, here_y, here_x, here_y)
             least["geofence"] = min(least["geofence"], margin)
             if margin < -FENCE_TOLERANCE_M:
                 self.record.begin("geofence", robots, 0.0)
             clear_m = self._clear[index]
-            near = min((point_to_box(here_x, here_y, box) for box in self.boxes.all), default=inf) - self._keep[index]
+            near = (
+                min((self.boxes.point_to(here_x, here_y, box) for box in self.boxes.all), default=inf)
+                - self._keep[index]
+            )
             least["obstacle"] = min(least["obstacle"], near)
             if near + clear_m < -PENETRATION_M:
                 self.hit_box(index, 0.0)

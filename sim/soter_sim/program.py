@@ -13,6 +13,7 @@ from typing import Final
 
 from pydantic import TypeAdapter
 
+from soter.geometry.site import SitePlan, from_plain
 from soter.geometry.workspace import Workspace
 from soter.onboard.program import Ending
 from soter.sdk.values import RobotSpec, RuleLimits
@@ -50,7 +51,10 @@ def read_namespaces(text: str) -> dict[int, str]:
 
 def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
     """Read the world that comes on standard input, and what its mission promises."""
-    return TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...], RuleLimits]).validate_json(sys.stdin.buffer.read())
+    made_of, robots, limits = TypeAdapter(tuple[Workspace | SitePlan, tuple[RobotSpec, ...], RuleLimits]).validate_json(
+        sys.stdin.buffer.read()
+    )
+    return from_plain(made_of), robots, limits
 
 
 def serve(face: RealTimeWorld, ended: Ending, **told: object) -> None:

@@ -14,6 +14,7 @@ from math import atan2, cos, sin
 from typing import Final
 
 from soter.errors import BackendError
+from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
@@ -145,6 +146,10 @@ class PyBulletEngine:
         shape = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=client)
         ground = bullet.createMultiBody(0.0, shape, physicsClientId=client)
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
+        if isinstance(workspace, Site):
+            return frozenset(
+                self._put_piece(ring, area.height_m) for area in workspace.plan.areas for ring in area.pieces
+            )
         boxes = set()
         for box in workspace.boxes:
             x, y = box.centre
@@ -154,6 +159,18 @@ class PyBulletEngine:
             bullet.changeDynamics(body, -1, restitution=0.0, physicsClientId=client)
             boxes.add(body)
         return frozenset(boxes)
+
+    def _put_piece(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
+        """Put a convex polygon on the ground as a prism; return its body's id."""
+        client = self._client
+        # Around its own middle, as the library calculates in single precision.
+        middle_x, middle_y = sum(x for x, _ in ring) / len(ring), sum(y for _, y in ring) / len(ring)
+        vertices = [(x - middle_x, y - middle_y, z) for x, y in ring for z in (0.0, height_m)]
+        shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=vertices, physicsClientId=client)
+        body = bullet.createMultiBody(0.0, shape, basePosition=(middle_x, middle_y, 0.0), physicsClientId=client)
+        # Without a margin: otherwise the library makes the hull a millimetre larger on every side.
+        bullet.changeDynamics(body, -1, restitution=0.0, collisionMargin=0.0, physicsClientId=client)
+        return body
 
     def _put(self, spec: RobotSpec, scale: float) -> int:
         """Put a robot on the ground, its motors braked; return its body's id."""

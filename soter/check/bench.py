@@ -181,7 +181,8 @@ class ModuleBench:
                 x_m = specs[0].x_m + away_m * math.cos(math.tau * first)
                 y_m = specs[0].y_m + away_m * math.sin(math.tau * first)
             else:
-                x_m, y_m = first * self.workspace.width_m, second * self.workspace.depth_m
+                low_x, low_y, high_x, high_y = self.workspace.bounds
+                x_m, y_m = low_x + first * (high_x - low_x), low_y + second * (high_y - low_y)
             charge = vector[index * self._per_robot + 3] if self._charges else 1.0
             specs.append(
                 RobotSpec(

@@ -104,9 +104,12 @@ def _forbidden(mission: MissionFile, declared: Mapping[int, Declared]) -> list[F
 
 def _crossed(name: str, rule: Region, robot_id: int, made: Declared) -> list[Finding]:
     terrain, path = made.recovery.terrain, made.dock.path
+    low_x, low_y, high_x, high_y = terrain.bounds
     for column, row in product(range(_LOOKS), range(_LOOKS)):
-        place = terrain.width_m * (column + 0.5) / _LOOKS, terrain.depth_m * (row + 0.5) / _LOOKS
-        stands = terrain.clearance_m(*place) >= 0.0 and not broken_on(rule, robot_id, [place, place])
+        place = low_x + (high_x - low_x) * (column + 0.5) / _LOOKS, low_y + (high_y - low_y) * (row + 0.5) / _LOOKS
+        stands = min(terrain.clearance_m(*place), terrain.fence_m(*place)) >= 0.0 and not broken_on(
+            rule, robot_id, [place, place]
+        )
         if not stands or not path.leads_back(*place):
             continue
         if where := broken_on(rule, robot_id, [place, *path.legs(*place)]):

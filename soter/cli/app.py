@@ -26,6 +26,7 @@ from soter.cli import (
     sim,
     tune,
     verify,
+    workspace,
     zenoh,
     zenoh_router,
 )
@@ -45,7 +46,7 @@ _WIRES = "Programs beside robots"
 _ROBOTS = "Robots and their adapters"
 
 for _panel, _modules in {
-    "Missions": (run, check, tune, ablate),
+    "Missions": (run, check, tune, ablate, workspace),
     "Recordings": (report, compare, info, verify, replay),
     _ROBOTS: (backends, measure, conform),
 }.items():

@@ -59,7 +59,7 @@ def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[W
         ConfigError: the file is none, or has not so many robots.
     """
     from soter.config import draw_charge
-    from soter.geometry.workspace_xml import read_workspace
+    from soter.geometry.reading import read_workspace
     from soter.sdk.values import RobotSpec
 
     room = read_workspace(path)

@@ -40,8 +40,9 @@ from soter.config.tables import (
     wrong,
 )
 from soter.errors import ConfigError, nearest
+from soter.geometry.reading import read_workspace
+from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
-from soter.geometry.workspace_xml import read_workspace
 from soter.loading import file_of, seen_from
 from soter.problems import (
     MAX_NESTING,
@@ -182,8 +183,13 @@ class MissionFile(Table):
                     said = f"it is {value:g}, but " if isinstance(value, float) else ""
                     message = f"{said}{self.workspace} has no robot {robot_id}; allowed: {_listed(ids)}"
                     problems.append(self._problem(f"{key}.{robot_id}", message))
-        inset_m, least_m = self.rta.geofence.phi_safer_inset_m, min(workspace.width_m, workspace.depth_m)
-        if 2.0 * inset_m >= least_m:
+        low_x, low_y, high_x, high_y = workspace.bounds
+        inset_m, least_m = self.rta.geofence.phi_safer_inset_m, min(high_x - low_x, high_y - low_y)
+        if isinstance(workspace, Site) and workspace.plan.fence is None:
+            if "geofence" in self.rta.order:
+                message = f"{self.workspace} has no outer boundary that the geofence module could keep"
+                problems.append(self._problem("rta.modules", f"{message}; give it one, or leave the module out"))
+        elif 2.0 * inset_m >= least_m:
             message = f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide"
             allowed = f"allowed: below {least_m / 2.0:g}"
             problems.append(self._problem("rta.geofence.phi_safer_inset_m", f"{message}; {allowed}"))

@@ -9,6 +9,8 @@ from itertools import product
 
 from soter.errors import ConfigError
 
+Point = tuple[float, float]
+
 _ROUNDING_M = 1e-9
 """A point constructed to lie on an edge counts as on it."""
 
@@ -73,13 +75,35 @@ class Workspace:
     boxes: tuple[Box, ...]
     robots: tuple[RobotPlace, ...]
 
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The least rectangle along the axes that holds the workspace: low x, low y, high x, high y in metres."""
+        return 0.0, 0.0, self.width_m, self.depth_m
+
+    def outlines(self) -> tuple[tuple[Point, ...] | None, list[tuple[Point, ...]]]:
+        """Return the corners of the fence, or None without one, and those of everything that is kept out."""
+        fence = ((0.0, 0.0), (self.width_m, 0.0), (self.width_m, self.depth_m), (0.0, self.depth_m))
+        return fence, [
+            ((b.low_x_m, b.low_y_m), (b.high_x_m, b.low_y_m), (b.high_x_m, b.high_y_m), (b.low_x_m, b.high_y_m))
+            for b in self.boxes
+        ]
+
+    def inset(self, by_m: float) -> list[tuple[Point, ...]]:
+        """Return the outlines of where it is at least `by_m` to the fence, for the eye."""
+        high_x, high_y = self.width_m - by_m, self.depth_m - by_m
+        return [((by_m, by_m), (high_x, by_m), (high_x, high_y), (by_m, high_y))]
+
     def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
         """Return the distance from a round body at a point to the nearest box; negative where they overlap."""
         return min((box.distance_m(x_m, y_m) for box in self.boxes), default=math.inf) - body_radius_m
 
+    def fence_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance of a point to the fence: negative outside, infinite without one."""
+        return min(x_m, self.width_m - x_m, y_m, self.depth_m - y_m)
+
     def contains(self, x_m: float, y_m: float) -> bool:
         """Return whether a point is inside the fence or on it."""
-        return 0.0 <= x_m <= self.width_m and 0.0 <= y_m <= self.depth_m
+        return self.fence_m(x_m, y_m) >= 0.0
 
     def with_robots(self, count: int) -> Workspace:
         """Return the same workspace with only its first `count` robots and their chargers.

@@ -25,12 +25,13 @@ _APART_M: Final = 0.5
 
 
 def grid_places(workspace: Workspace, body_radius_m: float) -> list[Place]:
-    """Return the integer points, fence included, on which a body can stand: most of them lie on the fence."""
+    """Return the integer points, fence included, on which a body can stand: in small rooms most lie on the fence."""
+    low_x, low_y, high_x, high_y = workspace.bounds
     return [
         (float(x), float(y))
-        for x in range(math.floor(workspace.width_m) + 1)
-        for y in range(math.floor(workspace.depth_m) + 1)
-        if workspace.clearance_m(x, y, body_radius_m) >= 0.0
+        for x in range(math.ceil(low_x), math.floor(high_x) + 1)
+        for y in range(math.ceil(low_y), math.floor(high_y) + 1)
+        if workspace.clearance_m(x, y, body_radius_m) >= 0.0 and workspace.contains(x, y)
     ]
 
 
@@ -74,15 +75,17 @@ class Targets:
         return place
 
     def _uniform(self, stream: random.Random, radius_m: float) -> Place:
+        low_x, low_y, high_x, high_y = self._workspace.bounds
         while True:
-            x, y = stream.uniform(0.0, self._workspace.width_m), stream.uniform(0.0, self._workspace.depth_m)
-            if self._workspace.clearance_m(x, y, radius_m) >= 0.0:
+            x, y = stream.uniform(low_x, high_x), stream.uniform(low_y, high_y)
+            if self._workspace.clearance_m(x, y, radius_m) >= 0.0 and self._workspace.contains(x, y):
                 return x, y
 
     def _hostile(self, stream: random.Random, radius_m: float) -> Place:
+        low_x, low_y, high_x, high_y = self._workspace.bounds
         return (
-            stream.uniform(-OUTSIDE_M, self._workspace.width_m + OUTSIDE_M),
-            stream.uniform(-OUTSIDE_M, self._workspace.depth_m + OUTSIDE_M),
+            stream.uniform(low_x - OUTSIDE_M, high_x + OUTSIDE_M),
+            stream.uniform(low_y - OUTSIDE_M, high_y + OUTSIDE_M),
         )
 
 

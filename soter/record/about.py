@@ -11,9 +11,22 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
+import msgspec
+
 from soter.config import MissionFile
+from soter.geometry.site import Site
+from soter.geometry.workspace import Workspace
 from soter.problems import MAX_FILE_BYTES
-from soter.record.messages import MISSION_TOML, VERSION, WORKSPACE_XML, About, ModuleAbout, PeerAbout, RobotAbout
+from soter.record.messages import (
+    MISSION_TOML,
+    SITE_JSON,
+    VERSION,
+    WORKSPACE_XML,
+    About,
+    ModuleAbout,
+    PeerAbout,
+    RobotAbout,
+)
 from soter.record.samples import state_of
 from soter.rta import RobotSupervisor, RTAModule, Timing
 from soter.sdk import Capabilities, RobotState
@@ -59,11 +72,12 @@ def describe(
     )
 
 
-def files(mission: MissionFile) -> dict[str, bytes]:
+def files(mission: MissionFile, workspace: Workspace) -> dict[str, bytes]:
     """Return the mission file and the workspace file as they are now; what cannot be read is left out."""
-    found = {}
+    polygons = isinstance(workspace, Site)
+    found = {SITE_JSON: msgspec.json.encode(workspace.plan)} if isinstance(workspace, Site) else {}
     for name, path in ((MISSION_TOML, mission.source), (WORKSPACE_XML, mission.workspace)):
-        if path is None:
+        if path is None or (polygons and name == WORKSPACE_XML):
             continue
         try:
             with Path(path).open("rb") as stream:

@@ -12,6 +12,7 @@ from typing import Annotated, Final
 
 from msgspec import Meta, Struct
 
+from soter.geometry.site import Site
 from soter.geometry.workspace import Box, Workspace
 
 FRAME: Final = "workspace"
@@ -237,12 +238,21 @@ def way(time: Time, places: Sequence[tuple[float, float]]) -> PosesInFrame:
 
 def workspace_scene(workspace: Workspace) -> SceneUpdate:
     """Return the fence, the boxes and the chargers."""
-    width, depth = workspace.width_m, workspace.depth_m
-    corners = [Vector3(0.0, 0.0), Vector3(width, 0.0), Vector3(width, depth), Vector3(0.0, depth), Vector3(0.0, 0.0)]
-    fence = LinePrimitive(_LINE_STRIP, _at(0.0, 0.0, 0.0), _LINE_M, False, corners, Color(*FENCE_COLOUR))
-    cubes = [_cube(box, box.height_m, BOX_COLOUR) for box in workspace.boxes]
-    cubes += [_cube(place.charger, _FLAT_M, CHARGER_COLOUR) for place in workspace.robots]
-    return SceneUpdate([_entity(Time(0, 0), FRAME, "workspace", cubes=cubes, lines=[fence])])
+    fence, _ = workspace.outlines()
+    lines = [_line(fence, 0.0, FENCE_COLOUR)] if fence else []
+    cubes = [_cube(place.charger, _FLAT_M, CHARGER_COLOUR) for place in workspace.robots]
+    if isinstance(workspace, Site):
+        # A polygon is drawn round its foot and round its top.
+        areas = workspace.plan.areas
+        lines += [_line(area.ring, z, BOX_COLOUR) for area in areas for z in (0.0, area.height_m)]
+    else:
+        cubes = [_cube(box, box.height_m, BOX_COLOUR) for box in workspace.boxes] + cubes
+    return SceneUpdate([_entity(Time(0, 0), FRAME, "workspace", cubes=cubes, lines=lines)])
+
+
+def _line(ring: Sequence[tuple[float, float]], z: float, colour: tuple[float, float, float, float]) -> LinePrimitive:
+    corners = [Vector3(x, y, z) for x, y in (*ring, ring[0])]
+    return LinePrimitive(_LINE_STRIP, _at(0.0, 0.0, 0.0), _LINE_M, False, corners, Color(*colour))
 
 
 def robot_scene(time: Time, robot_id: int, radius_m: float, by_ac: bool) -> SceneUpdate:

@@ -412,4 +412,7 @@ class Result(Message):
 ABOUT_JSON: Final = "about.json"
 MISSION_TOML: Final = "mission.toml"
 WORKSPACE_XML: Final = "workspace.xml"
+SITE_JSON: Final = "site.json"
+"""A workspace that is made of polygons, whatever file it was read from."""
+
 RESULT_JSON: Final = "result.json"

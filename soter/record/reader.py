@@ -16,6 +16,7 @@ from msgspec import UNSET, Struct
 from zstandard import ZstdError
 
 from soter.errors import ConfigError
+from soter.geometry.site import Site, SitePlan
 from soter.geometry.workspace import Workspace
 from soter.geometry.workspace_xml import parse_workspace
 from soter.record import foxglove, messages
@@ -28,6 +29,7 @@ from soter.record.messages import (
     EVENTS,
     MISSION_TOML,
     RESULT_JSON,
+    SITE_JSON,
     WORKSPACE_XML,
     About,
     Breach,
@@ -200,16 +202,21 @@ class Recording:
             BadRecording: it is not in the recording, or is of other robots.
             ConfigError: it is there, but not allowed.
         """
-        data = self.attachments.get(WORKSPACE_XML)
-        if data is None:
-            raise BadRecording(f"{self.path}: it lacks the workspace file")
-        # What was allowed then is not judged again: the mission may have had other distances.
-        workspace = parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
-        workspace = workspace.with_robots(len(self._all_ids))
+        workspace = self._read_workspace()
+        workspace.with_robots(len(self._all_ids))
         if self._all_ids != {place.id for place in workspace.robots}:
             robots = ", ".join(map(str, sorted(self._all_ids)))
             raise BadRecording(f"{self.path}: its robots are {robots}, which are not those of its workspace file")
         return workspace
+
+    def _read_workspace(self) -> Workspace:
+        if (made_of := self.attachments.get(SITE_JSON)) is not None:
+            return Site(self._decoded(made_of, SitePlan, SITE_JSON))
+        data = self.attachments.get(WORKSPACE_XML)
+        if data is None:
+            raise BadRecording(f"{self.path}: it lacks the workspace file")
+        # What was allowed then is not judged again: the mission may have had other distances.
+        return parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
 
     @property
     def mission_file(self) -> bytes | None:
@@ -242,9 +249,11 @@ class Recording:
             )
             for each in content.switches
         ]  # fmt: skip
-        return RunTracks(workspace, content.drivers, tracks, switches, self._safer_inset_m())
+        return RunTracks(workspace, content.drivers, tracks, switches, self.safer_inset_m)
 
-    def _safer_inset_m(self) -> float | None:
+    @property
+    def safer_inset_m(self) -> float | None:
+        """How far inside the fence phi_safer of the geofence module begins; None without that module."""
         fence = (module for robot in self.about.robots for module in robot.modules if module.name == "geofence")
         return next((module.edge_margin for module in fence), None)
 

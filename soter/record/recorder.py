@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import msgspec
 
 from soter.config import MissionFile
+from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
 from soter.record.about import describe, files
 from soter.record.looks import LOOK_S, FaultStatus, Looks, StallStatus
@@ -177,8 +178,9 @@ class Recorder:
         about.accepted_unproved = tuple(accepted_unproved)
         frame = Begin(
             msgspec.json.encode(tamed(about)),
-            files(mission),
-            workspace,
+            files(mission, workspace),
+            None if isinstance(workspace, Site) else workspace,
+            workspace.plan if isinstance(workspace, Site) else None,
             {robot_id: each.body_radius_m for robot_id, each in capabilities.items()},
             [robot.robot_id for robot in robots],
             {robot.robot_id: [module.name for module in robot.modules] for robot in robots},

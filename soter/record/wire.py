@@ -13,6 +13,7 @@ from typing import Any, Final
 import msgspec
 from msgspec import Raw, Struct
 
+from soter.geometry.site import SitePlan
 from soter.geometry.workspace import Workspace
 from soter.record.messages import Event
 from soter.sdk import RobotState
@@ -62,7 +63,8 @@ class Begin(Struct, array_like=True, tag=0):
     Attributes:
         about: `About` as JSON.
         files: attachments by name.
-        workspace: for the scene.
+        workspace: for the scene, if it is a rectangle.
+        site: for the scene, if it is made of polygons.
         radii_m: bodies, by robot id.
         robots: ids, in the order of the rows.
         modules: names, by robot id.
@@ -70,7 +72,8 @@ class Begin(Struct, array_like=True, tag=0):
 
     about: bytes
     files: dict[str, bytes]
-    workspace: Workspace
+    workspace: Workspace | None
+    site: SitePlan | None
     radii_m: dict[int, float]
     robots: list[int]
     modules: dict[int, list[str]]

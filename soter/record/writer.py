@@ -18,6 +18,7 @@ from typing import IO, Final
 import msgspec
 from msgspec import Raw
 
+from soter.geometry.site import Site
 from soter.record import foxglove, messages
 from soter.record.check import seal
 from soter.record.digest import Sign
@@ -109,7 +110,9 @@ class Scribe:
         })  # fmt: skip
         for name, data in {messages.ABOUT_JSON: begin.about, **begin.files}.items():
             self._file.attach(name, data, _MEDIA_TYPES[name[name.rindex(".") :]])
-        self._file.write(foxglove.SCENE_TOPIC, foxglove.workspace_scene(begin.workspace), 0, self._host_ns)
+        workspace = begin.workspace if begin.site is None else Site(begin.site)
+        assert workspace is not None
+        self._file.write(foxglove.SCENE_TOPIC, foxglove.workspace_scene(workspace), 0, self._host_ns)
         self._file.flush()
 
     # --- ticks ---------------------------------------------------------------------------------------------

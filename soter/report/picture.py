@@ -22,6 +22,7 @@ from matplotlib.patches import Rectangle
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Broken, Caption
 from soter.report.colours import MODULES, ROBOTS, ac_colour, driver_colour
+from soter.report.ground import BOX, CHARGER, INK, OUTSIDE, SOFT, STRIP, draw_ground
 from soter.report.strokes import end_s, marks, shares, stretches, time_unit, until, ways_since_s
 
 WIDTH_PX: Final = 1600
@@ -43,8 +44,8 @@ _LINES_PX: Final = 124.0
 _MOST_PLAN_PX: Final = 1000.0
 _COLUMN_PX: Final = 108.0
 _KEY_ROW_PX: Final = 34.0
-_INK, _SOFT, _FAINT = "#22272E", "#6A717B", "#D9DCE1"
-_OUTSIDE, _STRIP, _INSIDE, _BOX, _CHARGER, _ALARM = "#E4E6EA", "#F7F1E3", "#FFFFFF", "#4A515C", "#DDF1EA", "#B3261E"
+_FAINT = "#D9DCE1"
+_ALARM = "#B3261E"
 
 
 def draw(tracks: RunTracks, caption: Caption | None, path: Path | str) -> None:
@@ -118,12 +119,12 @@ def _axes(figure: Figure, left_px: float, top_px: float, width_px: float, height
 
 
 def _note(figure: Figure, x_px: float, y_px: float, text: str, **style: Any) -> None:
-    figure.text(x_px / WIDTH_PX, 1.0 - y_px / HEIGHT_PX, text, **{"color": _SOFT, "va": "baseline", **style})
+    figure.text(x_px / WIDTH_PX, 1.0 - y_px / HEIGHT_PX, text, **{"color": SOFT, "va": "baseline", **style})
 
 
 def _head(figure: Figure, caption: Caption) -> None:
-    colour = _ALARM if caption.alarming else _INK
-    _note(figure, _LEFT_PX, 46.0, caption.title, fontsize=16, weight="bold", color=_INK)
+    colour = _ALARM if caption.alarming else INK
+    _note(figure, _LEFT_PX, 46.0, caption.title, fontsize=16, weight="bold", color=INK)
     _note(figure, _LEFT_PX, 76.0, "   ·   ".join(caption.figures), fontsize=11.5, color=colour)
     _note(figure, _RIGHT_PX, 76.0, caption.details, ha="right")
 
@@ -142,60 +143,41 @@ def _plan(axes: Axes, run: RunTracks, extent: tuple[float, float, float, float],
     workspace = run.workspace
     axes.set_xlim(extent[0], extent[2])
     axes.set_ylim(extent[1], extent[3])
-    axes.set_facecolor(_OUTSIDE)
-    axes.tick_params(length=3, colors=_SOFT, labelsize=8)
+    axes.set_facecolor(OUTSIDE)
+    axes.tick_params(length=3, colors=SOFT, labelsize=8)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    _ground(axes, run)
+    draw_ground(axes, run.workspace, run.safer_inset_m)
     _ways(axes, run, since_s)
     _marks(axes, run, since_s)
     for robot_id, track in sorted(run.tracks.items()):
         if track.time_s:
             _numbered(axes, track.x_m[0], track.y_m[0], robot_id, robot_colour(run, robot_id), filled=True)
             _numbered(axes, track.x_m[-1], track.y_m[-1], robot_id, robot_colour(run, robot_id), filled=False)
-    step = 1.0 if workspace.width_m <= 12.0 else 2.0 * math.ceil(workspace.width_m / 24.0)
-    for axis, length_m in ((axes.xaxis, workspace.width_m), (axes.yaxis, workspace.depth_m)):
-        axis.set_ticks([step * index for index in range(int(length_m / step) + 1)])
-    axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=_SOFT, fontsize=8, ha="left", va="top")
+    low_x, low_y, high_x, high_y = workspace.bounds
+    step = 1.0 if high_x - low_x <= 12.0 else 2.0 * math.ceil((high_x - low_x) / 24.0)
+    for axis, low_m, high_m in ((axes.xaxis, low_x, high_x), (axes.yaxis, low_y, high_y)):
+        axis.set_ticks([step * index for index in range(math.ceil(low_m / step), int(high_m // step) + 1)])
+    axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=SOFT, fontsize=8, ha="left", va="top")
     shown_s = end_s(run) - since_s
     if since_s > 0.0 and ends:
         axes.text(
             0.5, 0.004, f"ways of the last {shown_s / 60.0:.2g} min", transform=axes.transAxes, ha="center",
-            va="bottom", color=_SOFT, fontsize=8.5, style="italic", zorder=9,
+            va="bottom", color=SOFT, fontsize=8.5, style="italic", zorder=9,
         )  # fmt: skip
 
 
 def _extent(run: RunTracks) -> tuple[float, float, float, float]:
     """Return what the plan shows in metres: the fence with a rim, and wherever a robot went beyond."""
     workspace = run.workspace
-    rim_m = 0.05 * max(workspace.width_m, workspace.depth_m)
+    low_x, low_y, high_x, high_y = workspace.bounds
+    rim_m = 0.05 * max(high_x - low_x, high_y - low_y)
     xs_m = [x for track in run.tracks.values() for x in track.x_m]
     ys_m = [y for track in run.tracks.values() for y in track.y_m]
     return (
-        min([0.0, *xs_m]) - rim_m, min([0.0, *ys_m]) - rim_m,
-        max([workspace.width_m, *xs_m]) + rim_m, max([workspace.depth_m, *ys_m]) + rim_m,
+        min([low_x, *xs_m]) - rim_m, min([low_y, *ys_m]) - rim_m,
+        max([high_x, *xs_m]) + rim_m, max([high_y, *ys_m]) + rim_m,
     )  # fmt: skip
-
-
-def _ground(axes: Axes, run: RunTracks) -> None:
-    workspace, inset_m = run.workspace, run.safer_inset_m
-    width_m, depth_m = workspace.width_m, workspace.depth_m
-    axes.add_patch(Rectangle((0, 0), width_m, depth_m, fc=_INSIDE if inset_m is None else _STRIP, ec="none"))
-    if inset_m is not None:
-        axes.add_patch(Rectangle(
-            (inset_m, inset_m), width_m - 2 * inset_m, depth_m - 2 * inset_m, fc=_INSIDE, ec=_SOFT, lw=0.8,
-            ls=(0, (5, 4)),
-        ))  # fmt: skip
-    for place in workspace.robots:
-        charger = place.charger
-        axes.add_patch(_rectangle(charger, fc=_CHARGER, ec=MODULES["battery"], lw=1.0))
-    for box in workspace.boxes:
-        axes.add_patch(_rectangle(box, fc=_BOX, ec="none", zorder=1.5))
-    axes.add_patch(Rectangle((0, 0), width_m, depth_m, fc="none", ec=_INK, lw=1.8, zorder=1.6))
-
-
-def _rectangle(box: Any, **style: Any) -> Rectangle:
-    return Rectangle((box.low_x_m, box.low_y_m), box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m, **style)
 
 
 def _ways(axes: Axes, run: RunTracks, since_s: float) -> None:
@@ -301,26 +283,26 @@ def _key(axes: Axes, run: RunTracks, caption: Caption, width_px: float) -> None:
         _heading(axes, top, "Ground truth", width_px, dict(zip(columns, ("violated", "least margin"), strict=True)))
         for rule in caption.rules:
             top += row_px
-            axes.text(50.0, top, rule.name, color=_INK, fontsize=9.5, va="center")
+            axes.text(50.0, top, rule.name, color=INK, fontsize=9.5, va="center")
             for right, text in zip(columns, (rule.violations, rule.margin), strict=True):
-                _cell(axes, right, top, text, _ALARM if rule.broken else _INK)
+                _cell(axes, right, top, text, _ALARM if rule.broken else INK)
     top += 1.6 * row_px
     _heading(axes, top, "Marks", width_px, {})
     for text, artists in samples:
         top += row_px
         for artist in artists(top):
             axes.add_artist(artist)
-        axes.text(50.0, top, text, color=_INK, fontsize=9.5, va="center")
+        axes.text(50.0, top, text, color=INK, fontsize=9.5, va="center")
 
 
-def _cell(axes: Axes, right: float, y: float, text: str, colour: str = _INK) -> None:
+def _cell(axes: Axes, right: float, y: float, text: str, colour: str = INK) -> None:
     axes.text(right, y, text, color=colour, fontsize=9.5, ha="right", va="center")
 
 
 def _heading(axes: Axes, y: float, text: str, width_px: float, columns: dict[float, str]) -> None:
-    axes.text(0.0, y, text, color=_INK, fontsize=10, weight="bold", va="center")
+    axes.text(0.0, y, text, color=INK, fontsize=10, weight="bold", va="center")
     for right, title in columns.items():
-        axes.text(right, y, title, color=_SOFT, fontsize=8, ha="right", va="center")
+        axes.text(right, y, title, color=SOFT, fontsize=8, ha="right", va="center")
     axes.add_line(Line2D([0.0, width_px], [y + 14.0, y + 14.0], color=_FAINT, lw=0.8))
 
 
@@ -333,7 +315,7 @@ def _driver_row(axes: Axes, y: float, run: RunTracks, driver: int, share: float,
         at = y + (index - 0.5 * (len(colours) - 1)) * min(6.0, 24.0 / len(colours))
         axes.add_line(Line2D([2.0, 34.0], [at, at], color=colour, solid_capstyle="round",
                              lw=1.3 if driver == 0 else 2.6))  # fmt: skip
-    axes.text(50.0, y, "AC, by robot" if driver == 0 else name, color=_INK, fontsize=9.5, va="center")
+    axes.text(50.0, y, "AC, by robot" if driver == 0 else name, color=INK, fontsize=9.5, va="center")
     start = 174.0
     axes.add_patch(Rectangle((start, y - 7.0), bar_end - start, 14.0, fc="#F0F1F4", ec="none"))
     axes.add_patch(Rectangle((start, y - 7.0), (bar_end - start) * share, 14.0, fc=colours[0], ec="none"))
@@ -362,22 +344,22 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
             ]),
             ("given back to the AC", lambda y: [disc(18.0, y, 4, mfc="white", mec=robot, mew=0.9)]),
         ]  # fmt: skip
-    samples.append(("box", lambda y: [patch(y, fc=_BOX, ec="none")]))
-    samples.append(("charger", lambda y: [patch(y, fc=_CHARGER, ec=MODULES["battery"], lw=1.0)]))
+    samples.append(("box", lambda y: [patch(y, fc=BOX, ec="none")]))
+    samples.append(("charger", lambda y: [patch(y, fc=CHARGER, ec=MODULES["battery"], lw=1.0)]))
     if run.safer_inset_m is not None:
         samples.append(("from the fence to phi_safer of the geofence", lambda y: [
-            patch(y, fc=_STRIP, ec="none"),
-            Line2D([2.0, 34.0], [y - 10.0, y - 10.0], color=_INK, lw=1.8),
-            Line2D([2.0, 34.0], [y + 10.0, y + 10.0], color=_SOFT, lw=0.8, ls=(0, (4, 3))),
+            patch(y, fc=STRIP, ec="none"),
+            Line2D([2.0, 34.0], [y - 10.0, y - 10.0], color=INK, lw=1.8),
+            Line2D([2.0, 34.0], [y + 10.0, y + 10.0], color=SOFT, lw=0.8, ls=(0, (4, 3))),
         ]))  # fmt: skip
     else:
-        samples.append(("fence", lambda y: [Line2D([2.0, 30.0], [y, y], color=_INK, lw=1.8)]))
+        samples.append(("fence", lambda y: [Line2D([2.0, 30.0], [y, y], color=INK, lw=1.8)]))
     if caption.safer_charge is not None:
         charge = f"charge over time; given back from {100.0 * caption.safer_charge:.0f} % on"
         samples.append((charge, lambda y: [
             patch(y, fc=MODULES["battery"], ec="none", alpha=0.1),
             Line2D([2.0, 34.0], [y + 3.0, y - 4.0], color=MODULES["battery"], lw=1.3),
-            Line2D([2.0, 34.0], [y - 7.0, y - 7.0], color=_SOFT, lw=0.8, ls=(0, (4, 3))),
+            Line2D([2.0, 34.0], [y - 7.0, y - 7.0], color=SOFT, lw=0.8, ls=(0, (4, 3))),
         ]))  # fmt: skip
     return samples
 
@@ -397,15 +379,15 @@ def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, end:
     _band(axes, run, track, colour, unit_s)
     _charge(axes, track, caption, unit_s)
     axes.set_yticks([0.0, 1.0], ["0", "100 %"])
-    axes.tick_params(axis="y", length=0, labelsize=7, labelcolor=_SOFT)
-    axes.tick_params(axis="x", length=3 if last else 0, labelsize=8, labelbottom=last, colors=_SOFT)
+    axes.tick_params(axis="y", length=0, labelsize=7, labelcolor=SOFT)
+    axes.tick_params(axis="x", length=3 if last else 0, labelsize=8, labelbottom=last, colors=SOFT)
     axes.annotate(
         str(robot_id), (0.0, 0.5), (-78.0, 0.0), xycoords="axes fraction", textcoords="offset pixels",
         color="white", fontsize=8, weight="bold", ha="center", va="center_baseline",
         bbox={"boxstyle": "circle,pad=0.35", "fc": colour, "ec": "none"},
     )  # fmt: skip
     if last:
-        axes.text(1.004, 0.0, unit, transform=axes.transAxes, color=_SOFT, fontsize=8, ha="left", va="center")
+        axes.text(1.004, 0.0, unit, transform=axes.transAxes, color=SOFT, fontsize=8, ha="left", va="center")
 
 
 def _band(axes: Axes, run: RunTracks, track: Track, colour: str, unit_s: float) -> None:
@@ -423,12 +405,12 @@ def _band(axes: Axes, run: RunTracks, track: Track, colour: str, unit_s: float) 
 def _charge(axes: Axes, track: Track, caption: Caption, unit_s: float) -> None:
     times = [time / unit_s for time in track.time_s]
     if all(math.isnan(charge) for charge in track.battery):
-        axes.text(0.005, 0.3, "charge unknown", transform=axes.transAxes, color=_SOFT, fontsize=8)
+        axes.text(0.005, 0.3, "charge unknown", transform=axes.transAxes, color=SOFT, fontsize=8)
         return
     axes.fill_between(times, _known(track.battery), 0.0, color=MODULES["battery"], alpha=0.10, lw=0)
     axes.plot(times, _known(track.battery), color=MODULES["battery"], lw=1.3)
     if caption.safer_charge is not None:
-        axes.axhline(caption.safer_charge, color=_SOFT, lw=0.7, ls=(0, (5, 4)))
+        axes.axhline(caption.safer_charge, color=SOFT, lw=0.7, ls=(0, (5, 4)))
 
 
 def _known(charges: Sequence[float]) -> list[float]:

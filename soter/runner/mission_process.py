@@ -39,7 +39,7 @@ from soter.record.messages import Transition
 from soter.rta import Report
 from soter.runner.mission_host import MissionHost, OwnRoom, Scene
 from soter.stack.events import Outcome, Place
-from soter.stack.terrain import Terrain
+from soter.stack.site_terrain import terrain_of
 
 logger = logging.getLogger(__name__)
 
@@ -160,7 +160,8 @@ class _Host:
 
     def _start(self, host: MissionHost, begin: Begin) -> None:
         terrains = {
-            radius_m: Terrain(self._spec.workspace, radius_m) for radius_m in {one.body_radius_m for one in begin.rooms}
+            radius_m: terrain_of(self._spec.workspace, radius_m)
+            for radius_m in {one.body_radius_m for one in begin.rooms}
         }
         rooms = {
             robot_id: OwnRoom(terrains[room.body_radius_m], room.disc_m, room.arrival_m)

@@ -18,6 +18,7 @@ from soter.distribution.channel import Post
 from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import VERSION
 from soter.errors import ConfigError, nearest
+from soter.geometry.site import SitePlan, plain
 from soter.geometry.workspace import Workspace
 from soter.registry import load_backend
 from soter.rta import SpeedBound
@@ -155,7 +156,9 @@ def _bound(promised: Capabilities) -> tuple[SpeedBound, float]:
 def _digest(
     mission: MissionFile, workspace: Workspace, promised: Mapping[int, Capabilities], homes: Mapping[int, str]
 ) -> str:
-    room = TypeAdapter(tuple[Workspace, dict[int, Capabilities]]).dump_python((workspace, dict(promised)), mode="json")
+    room = TypeAdapter(tuple[Workspace | SitePlan, dict[int, Capabilities]]).dump_python(
+        (plain(workspace), dict(promised)), mode="json"
+    )
     settings = mission.model_dump(mode="json", include=_AGREED)
     agreed = json.dumps([VERSION, settings, room, sorted(homes.items())], sort_keys=True)
     return hashlib.sha256(agreed.encode()).hexdigest()[:_DIGEST_CHARACTERS]

@@ -14,6 +14,7 @@ from pydantic import Field, TypeAdapter
 
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
+from soter.geometry.site import SitePlan, plain
 from soter.geometry.workspace import Workspace
 from soter.sdk import program
 from soter.sdk.backend import Backend, BackendConfig, Fleet
@@ -24,8 +25,8 @@ from soter.sdk.values import RobotSpec, RuleLimits
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits) -> bytes:
     """Return a world as simulators read it, see `soter_sim.program.read_world`."""
-    return TypeAdapter(tuple[Workspace, tuple[RobotSpec, ...], RuleLimits]).dump_json(
-        (workspace, tuple(robots), limits)
+    return TypeAdapter(tuple[Workspace | SitePlan, tuple[RobotSpec, ...], RuleLimits]).dump_json(
+        (plain(workspace), tuple(robots), limits)
     )
 
 

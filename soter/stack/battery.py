@@ -11,8 +11,8 @@ from soter.rta import Region, Situation, Topic
 from soter.sdk import Waypoint
 from soter.stack.recovery import Leg, RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
-from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import SafeController
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point
 
 BLOCKED_S: Final = 15.0

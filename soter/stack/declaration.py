@@ -17,15 +17,16 @@ from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Dock, GoHome
 from soter.stack.infrastructure import check_infrastructure
 from soter.stack.module_kit import ModuleKit
-from soter.stack.modules import declare_module, obstacle
+from soter.stack.modules import declare_module, geofence, obstacle
 from soter.stack.own_rules import OwnRule, apart_m, forbidden
 from soter.stack.peers import PeerBounds, Peers
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.refuge import RefugeFinder
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
-from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import WAYPOINT
+from soter.stack.site_routes import Rectangle
+from soter.stack.site_terrain import terrain_of
 from soter.stack.terrain import Terrain, grown
 
 OBSTACLE: Final = "obstacle"
@@ -98,7 +99,9 @@ def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
 
 def terrains_of(workspace: Workspace, promised: Mapping[int, Capabilities]) -> dict[int, Terrain]:
     """Return fence and boxes for the body of each robot, by id; bodies that are alike share theirs."""
-    known = {radius_m: Terrain(workspace, radius_m) for radius_m in {each.body_radius_m for each in promised.values()}}
+    known = {
+        radius_m: terrain_of(workspace, radius_m) for radius_m in {each.body_radius_m for each in promised.values()}
+    }
     return {robot_id: known[each.body_radius_m] for robot_id, each in promised.items()}
 
 
@@ -130,7 +133,7 @@ def declare(
     rules = _rules(mission)
     # Safe controllers keep what the rule asks for beyond the body clear of boxes as if it were part of the body.
     beyond_m = rta.obstacle.phi_safe_m if rules.boxes else 0.0
-    room = Terrain(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
+    room = terrain_of(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
     recovery = RecoveryPlanner(
         room, capabilities, rules, tick_s, worst.noise_m, worst.v_max_m_s, worst.extent_m,
         {other: max(capabilities.v_max_m_s, peer.v_max_m_s) for other, peer in peers.unlike.items()},
@@ -186,13 +189,14 @@ def _refuges(
     """Return what finds refuges: places where every static rule lets go, in phi_safer, and where the AC is trusted."""
     rta, rules, unsure_m = mission.rta, recovery.rules, _unsure_m(capabilities)
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
-    inside_m = speed.bound(timing.horizon_s(rta.geofence.delta_s))
+    inside_m = speed.bound(timing.horizon_s(rta.geofence.delta_s)) + geofence.keep_m(rta.geofence, recovery, timing)
+    safer_inset_m = geofence.safer_inset_m(rta.geofence, recovery, timing, speed)
     clear_m = obstacle.safer_m(rta.obstacle, recovery, timing, speed)
     return RefugeFinder(
         room,
         recovery,
         # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
-        max(rta.geofence.phi_safer_inset_m, inside_m) + unsure_m if rules.fence else -math.inf,
+        max(safer_inset_m, inside_m) + unsure_m if rules.fence else -math.inf,
         clear_m - rta.obstacle.phi_safe_m + unsure_m if rules.boxes else clear_m,
     )
 

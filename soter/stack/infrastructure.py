@@ -73,8 +73,10 @@ def check_infrastructure(
 def _check_station(robot: RobotPlace, path: ReturnPath, recovery: RecoveryPlanner, noise_m: float) -> None:
     x_m, y_m = path.place
     terrain = recovery.terrain
+    # Beside the sides of a rectangle straight inwards is away from the fence.
+    fence_m = recovery.certified_m if terrain.convex else recovery.path_m
     for name, on, found_m, needed_m in (
-        ("the fence", recovery.rules.fence, terrain.fence_m(x_m, y_m), recovery.certified_m),
+        ("the fence", recovery.rules.fence, terrain.fence_m(x_m, y_m), fence_m),
         ("a box", recovery.rules.boxes, terrain.clearance_m(x_m, y_m), recovery.path_m),
     ):
         if on and found_m < needed_m:

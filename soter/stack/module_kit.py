@@ -116,9 +116,10 @@ class ModuleKit:
             The place, or where the robot is if there is none.
         """
         own, refuges, terrain = situation.own, self.refuges, self.recovery.terrain
+        low_x, low_y, high_x, high_y = terrain.bounds
         for turn in (side * step * math.pi / 8.0 for step in range(9) for side in (1, -1)):
             cos, sin = math.cos(own.heading_rad + turn), math.sin(own.heading_rad + turn)
-            for step in range(1, math.ceil(math.hypot(self.terrain.width_m, self.terrain.depth_m) / _STEP_M)):
+            for step in range(1, math.ceil(math.hypot(high_x - low_x, high_y - low_y) / _STEP_M)):
                 x_m, y_m = own.x_m + step * _STEP_M * cos, own.y_m + step * _STEP_M * sin
                 if (
                     fits(x_m, y_m)

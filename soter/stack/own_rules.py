@@ -13,7 +13,7 @@ import numpy.typing as npt
 from soter.geometry.workspace import Box, RobotPlace
 from soter.rta import Region, Sample, Situation
 from soter.sdk import Link, RobotState
-from soter.stack.routes import Rectangle
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain, grown
 
 _FAR_M: Final = 10.0
@@ -112,9 +112,10 @@ def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: flo
         terrain: the room.
         beside_m: how far beside its path a robot may be.
     """
-    step_m = max(terrain.width_m, terrain.depth_m) / _CELLS
-    xs = np.arange(0.0, terrain.width_m + step_m, step_m)
-    ys = np.arange(0.0, terrain.depth_m + step_m, step_m)
+    low_x, low_y, high_x, high_y = terrain.bounds
+    step_m = max(high_x - low_x, high_y - low_y) / _CELLS
+    xs = np.arange(low_x, high_x + step_m, step_m)
+    ys = np.arange(low_y, high_y + step_m, step_m)
     broken = np.array([[not _holds(region, place.id, float(x), float(y)) for x in xs] for y in ys])
     rows = np.flatnonzero(broken.any(axis=1))
     strips = np.array_split(rows, min(_STRIPS, len(rows))) if len(rows) else []

@@ -132,7 +132,8 @@ class CertifiedPath(Node):
         """The goal itself, or the nearest place around it, ring by ring, with the clearance of the ways."""
         if self._terrain.clearance_m(*goal) >= self._clearance_m:
             return goal
-        for ring in range(1, round(max(self._terrain.width_m, self._terrain.depth_m) / _SEARCH_M)):
+        low_x, low_y, high_x, high_y = self._terrain.bounds
+        for ring in range(1, round(max(high_x - low_x, high_y - low_y) / _SEARCH_M)):
             radius = ring * _SEARCH_M
             for step in range(16):
                 angle = step * math.pi / 8

@@ -172,7 +172,7 @@ class RecoveryPlanner:
         # A robot that moves while its sample ages may have done so at a slant to the leg.
         tube = self._tube + self._drift_m_s * situation.age_s
         if rules.fence:
-            worst = self._fence_spare_m(ax, ay, bx_m, by_m, tube)
+            worst = terrain.leg_fence_m(ax, ay, bx_m, by_m, tube, _ALIGNED_SIN)
         if rules.boxes:
             least = terrain.clearance_m(ax, ay) - math.hypot(bx_m - ax, by_m - ay) - tube
             if least < 0.0:
@@ -201,21 +201,6 @@ class RecoveryPlanner:
             for peer in situation.peers:
                 gap = math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) - self.rules.separation_m
                 worst = min(worst, gap)
-        return worst
-
-    def _fence_spare_m(self, ax: float, ay: float, bx: float, by: float, tube: float) -> float:
-        """Return by how much a leg keeps more than `tube` from the fence; 0 where it leads away from what is nearer."""
-        terrain = self.terrain
-        width_m, depth_m = terrain.width_m, terrain.depth_m
-        end = terrain.fence_m(bx, by)
-        if terrain.fence_m(ax, ay) >= tube:
-            # The distance is concave along a line: least at one of its ends.
-            return end - tube
-        rise = _ALIGNED_SIN * math.hypot(bx - ax, by - ay)
-        worst = math.inf
-        for start_m, end_m in ((ax, bx), (width_m - ax, width_m - bx), (ay, by), (depth_m - ay, depth_m - by)):
-            leads_away = start_m < tube and end_m - start_m >= rise > 0.0
-            worst = min(worst, 0.0 if leads_away else min(start_m, end_m) - tube)
         return worst
 
     def _pair_spare_m(self, situation: Situation, dx: float, dy: float) -> float:
@@ -329,16 +314,26 @@ class RecoveryPlanner:
         return own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > self.moving_m_s * self.moving_m_s
 
     def sees(self, situation: Situation, bx_m: float, by_m: float, clearance_m: float) -> bool:
-        """Return whether a straight way to b keeps `clearance_m` from boxes, or as much as the robot has now."""
-        own = situation.own
-        needed = min(clearance_m, self.terrain.clearance_m(own.x_m, own.y_m)) - 1e-9
-        return self.terrain.segment_clearance_m(own.x_m, own.y_m, bx_m, by_m) >= needed
+        """Return whether a straight way to b keeps `clearance_m` from boxes, or as much as the robot has now.
+
+        It does not leave a fence either that it could leave between two places inside.
+        """
+        own, terrain = situation.own, self.terrain
+        x_m, y_m = own.x_m, own.y_m
+        needed = min(clearance_m, terrain.clearance_m(x_m, y_m)) - 1e-9
+        if terrain.segment_clearance_m(x_m, y_m, bx_m, by_m, needed) < needed:
+            return False
+        if not self.rules.fence or terrain.convex:
+            return True
+        inside = min(self.path_m, terrain.fence_m(x_m, y_m)) - 1e-9
+        return terrain.fence_along_m(x_m, y_m, bx_m, by_m, inside) >= inside
 
     def free(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> bool:
-        """Return whether a straight way keeps from boxes what paths do, less what a robot may be off a corner."""
-        if not self.rules.boxes:
-            return True
-        return self.terrain.segment_clearance_m(ax_m, ay_m, bx_m, by_m) >= self.path_m - CORNER_M
+        """Return whether a straight way keeps from fence and boxes what paths do, less a corner's tolerance."""
+        needed, terrain = self.path_m - CORNER_M, self.terrain
+        if self.rules.fence and terrain.fence_along_m(ax_m, ay_m, bx_m, by_m, needed) < needed:
+            return False
+        return not self.rules.boxes or terrain.segment_clearance_m(ax_m, ay_m, bx_m, by_m, needed) >= needed
 
     def _go(self, situation: Situation, direction: Point | None, length_m: float) -> Leg | None:
         if direction is None:

@@ -49,10 +49,8 @@ class RefugeFinder:
         self.clearance_m: Final = clearance_m
         self.leave: Path | None = None
         self.aside = False
-        self.static: Final = (terrain.cell_fence >= fence_m) & (terrain.cell_clearance >= clearance_m)
-        self._standable: Final = (terrain.cell_fence >= min(fence_m, self._path_m)) & (
-            terrain.cell_clearance >= min(clearance_m, self._path_m)
-        )
+        self.static: Final = terrain.roomy_cells(fence_m, clearance_m)
+        self._standable: Final = terrain.roomy_cells(min(fence_m, self._path_m), min(clearance_m, self._path_m))
 
     @property
     def needs_m(self) -> tuple[float, float]:

@@ -15,7 +15,8 @@ from functools import cached_property
 from typing import Final
 
 from soter.stack.recovery import RecoveryPlanner
-from soter.stack.routes import Rectangle, Routes
+from soter.stack.routes import Routes
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 
 DETOUR_M: Final = 0.5
@@ -151,14 +152,7 @@ class ReturnPath:
 
     def entry(self, x_m: float, y_m: float) -> Point:
         """Return the nearest place that is as far from the fence, and from the nearest box, as paths are."""
-        terrain, inset = self._terrain, self._fence_m
-        if terrain.fence_m(x_m, y_m) < inset:
-            x_m, y_m = terrain.inside(x_m, y_m, inset)
-        if self._recovery.rules.boxes and (near_m := terrain.clearance_m(x_m, y_m)) < self._boxes_m:
-            _, ux, uy = min(terrain.walls(x_m, y_m))
-            away_m = self._boxes_m - near_m
-            x_m, y_m = terrain.inside(x_m - away_m * ux, y_m - away_m * uy, max(inset, 0.0))
-        return x_m, y_m
+        return self._terrain.beside(x_m, y_m, self._fence_m, self._boxes_m if self._recovery.rules.boxes else None)
 
     def _find(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
         """Return the anchor of a place that the last one does not see any more."""

@@ -16,9 +16,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soter.stack.site_routes import Rectangle, SiteRoadmap
+from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Point, Terrain, crosses, grown
 
-Rectangle = tuple[float, float, float, float]
 Floats = NDArray[np.float64]
 
 _CORNER_M: Final = 1e-6
@@ -38,6 +39,9 @@ class Roadmap:
         inset_m: distance that the corners of ways keep from the fence.
         extra: more rectangles to keep out of, already grown: robots that stand in the way.
     """
+
+    tried: Final = None
+    """Every corner is tried as the first of a way."""
 
     def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
         self._terrain: Final = terrain
@@ -73,6 +77,10 @@ class Roadmap:
                 enter, leave = np.maximum(enter, low), np.minimum(leave, high)
         return np.flatnonzero(~(enter < leave).any(axis=1))
 
+    def seeing(self, place: Point) -> list[int]:
+        """Return the indices of the corners that a leg leads to a place from."""
+        return [index for index, (x, y) in enumerate(self.corners) if self.sees(x, y, *place)]
+
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them.
 
@@ -105,9 +113,12 @@ class Roadmap:
 
 
 @lru_cache(maxsize=8)
-def _shared_roadmap(terrain: Terrain, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()) -> Roadmap:
+def roadmap_of(
+    terrain: Terrain, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
+) -> Roadmap | SiteRoadmap:
     """Return a roadmap; ways to several places share it."""
-    return Roadmap(terrain, clearance_m, inset_m, extra)
+    kind = SiteRoadmap if isinstance(terrain, SiteTerrain) else Roadmap
+    return kind(terrain, clearance_m, inset_m, extra)
 
 
 class Routes:
@@ -132,7 +143,7 @@ class Routes:
     ) -> None:
         self.place: Final = place
         self._terrain: Final = terrain
-        self.roadmap: Final = _shared_roadmap(terrain, clearance_m, inset_m, tuple(extra))
+        self.roadmap: Final = roadmap_of(terrain, clearance_m, inset_m, tuple(extra))
         # Index 0 is the place, the corners follow.
         self.corners: Final = (place, *self.roadmap.corners)
         self.next: Final = [0] * len(self.corners)
@@ -159,11 +170,12 @@ class Routes:
     def longest_m(self) -> float:
         """Return the length of the longest of all shortest ways, to within the spacing of the looks, rounded up."""
         terrain, longest = self._terrain, 0.0
-        step_m = max(0.5, math.sqrt(terrain.width_m * terrain.depth_m / _LOOKS))
-        columns, rows = math.ceil(terrain.width_m / step_m), math.ceil(terrain.depth_m / step_m)
+        low_x, low_y, high_x, high_y = terrain.bounds
+        step_m = max(0.5, math.sqrt((high_x - low_x) * (high_y - low_y) / _LOOKS))
+        columns, rows = math.ceil((high_x - low_x) / step_m), math.ceil((high_y - low_y) / step_m)
         for column, row in product(range(columns + 1), range(rows + 1)):
-            x, y = min(column * step_m, terrain.width_m), min(row * step_m, terrain.depth_m)
-            if terrain.clearance_m(x, y) > 0.0:
+            x, y = min(low_x + column * step_m, high_x), min(low_y + row * step_m, high_y)
+            if terrain.clearance_m(x, y) > 0.0 and (terrain.convex or terrain.fence_m(x, y) >= 0.0):
                 length = self.distance_m(x, y)
                 if longest < length < math.inf:
                     longest = length
@@ -172,7 +184,14 @@ class Routes:
     def _first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
         """Return the first corner of the shortest way, and the way's length."""
         with np.errstate(over="ignore"):
-            lengths = np.hypot(self._x - x_m, self._y - y_m) + self.to_go_m
+            away = np.hypot(self._x - x_m, self._y - y_m)
+            lengths = away + self.to_go_m
+        if (tried := self.roadmap.tried) is not None and tried < len(away):
+            # Of many corners those are looked at that are near, and the place itself.
+            near = np.argpartition(away, tried)[:tried]
+            far = np.full(len(away), math.inf)
+            far[near], far[0] = lengths[near], lengths[0]
+            lengths = far
         sees, corners = self.roadmap.sees, self.corners
         # Shortest first: the first corner in sight is the one. A stable sort, so that ties end alike everywhere.
         for index in np.argsort(lengths, kind="stable").tolist():
@@ -186,7 +205,7 @@ class Routes:
     def _distances(self) -> list[float]:
         """Dijkstra from the place over what sees each other."""
         corners, roadmap = self.corners, self.roadmap
-        sees_place = [index for index, (x, y) in enumerate(roadmap.corners, start=1) if roadmap.sees(x, y, *self.place)]
+        sees_place = [index + 1 for index in roadmap.seeing(self.place)]
         to_go = [math.inf] * len(corners)
         to_go[0] = 0.0
         queue = [(0.0, 0)]

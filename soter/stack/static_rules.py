@@ -1,11 +1,12 @@
-"""Geofence and obstacles: the robot's centre stays inside a rectangle, and its body clear of boxes."""
+"""Geofence and obstacles: the robot's centre stays inside the fence, and its body clear of what is kept out."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from soter.rta import Region, Situation, Threat
+from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Terrain
 
 
@@ -56,6 +57,52 @@ class Fence(Region):
 
 
 @dataclass(frozen=True)
+class SiteFence(Region):
+    """Positions inside a fence that is a polygon; the margin is the distance to it, negative outside.
+
+    Its parts are the distances to the convex pieces of what is outside.
+
+    Attributes:
+        terrain: of a site.
+        inset_m: how far inside the region begins.
+        look_m: parts that are so much farther than the nearest cannot become the least before the next look.
+    """
+
+    terrain: SiteTerrain
+    inset_m: float = 0.0
+    look_m: float = math.inf
+
+    def margin(self, situation: Situation) -> float:
+        return self.terrain.fence_m(situation.own.x_m, situation.own.y_m) - self.inset_m
+
+    def threats(self, situation: Situation) -> list[Threat]:
+        x, y = situation.own.x_m, situation.own.y_m
+        parts = self.terrain.site.fence_walls(x, y, self.terrain.fence_m(x, y) + self.look_m)
+        return [Threat(away - self.inset_m, ux, uy) for away, ux, uy in parts]
+
+    def edge_margin(self, safer: Region) -> float:
+        if not isinstance(safer, SiteFence):
+            raise TypeError(f"phi_safer of a site's fence is one, not {type(safer).__name__}")
+        return safer.inset_m - self.inset_m
+
+    def inset(self, by_m: float) -> SiteFence:
+        """Return the positions that are `by_m` farther inside."""
+        return replace(self, inset_m=self.inset_m + by_m)
+
+
+def fence_of(terrain: Terrain, look_m: float) -> Fence | SiteFence:
+    """Return the region inside a fence.
+
+    Args:
+        terrain: whose fence it is.
+        look_m: how far a robot gets before the next look, at most.
+    """
+    if isinstance(terrain, SiteTerrain):
+        return SiteFence(terrain, 0.0, look_m)
+    return Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
+
+
+@dataclass(frozen=True)
 class Clearance(Region):
     """Positions in which the body is at least `least_m` clear of every box.
 
@@ -64,12 +111,14 @@ class Clearance(Region):
         least_m: clearance at the edge of the region.
         path_m: clearance of return paths, and their distance from the fence.
         fenced: whether there is a fence to be kept.
+        look_m: boxes that are so much farther than the nearest cannot become it before the next look.
     """
 
     terrain: Terrain
     least_m: float = 0.0
     path_m: float = 0.0
     fenced: bool = False
+    look_m: float = math.inf
 
     def margin(self, situation: Situation) -> float:
         own = situation.own
@@ -77,6 +126,9 @@ class Clearance(Region):
 
     def leaves_room(self, situation: Situation, margin: float, keep: float, fall: float) -> bool:
         own, terrain = situation.own, self.terrain
+        if not terrain.convex:
+            # Straight inwards need not be away from all that is near, nor a box that stands alone be one piece.
+            return margin - keep >= fall
         x, y = own.x_m, own.y_m
         fence_m = terrain.fence_m(x, y) if self.fenced else math.inf
         if fence_m < self.path_m:
@@ -90,7 +142,8 @@ class Clearance(Region):
 
     def threats(self, situation: Situation) -> list[Threat]:
         own = situation.own
-        walls = self.terrain.walls(own.x_m, own.y_m)
+        reach_m = self.terrain.clearance_m(own.x_m, own.y_m) + self.look_m
+        walls = self.terrain.walls(own.x_m, own.y_m, reach_m)
         return [Threat(clearance - self.least_m, ux, uy) for clearance, ux, uy in walls]
 
     def edge_margin(self, safer: Region) -> float:

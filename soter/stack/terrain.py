@@ -33,13 +33,21 @@ class Terrain:
     Args:
         workspace: fence and boxes.
         body_radius_m: radius of the disc that holds the robot's body.
+
+    Attributes:
+        workspace: see above.
+        bounds: the least rectangle along the axes that holds the fence: low x, low y, high x, high y.
+        body_radius_m: see above.
+        cell_x: the middles of the cells among which a place to retreat to is chosen, east.
+        cell_y: the same, north.
     """
 
     def __init__(self, workspace: Workspace, body_radius_m: float) -> None:
-        self.workspace: Final = workspace
+        self.workspace = workspace
         self.width_m: Final = workspace.width_m
         self.depth_m: Final = workspace.depth_m
-        self.body_radius_m: Final = body_radius_m
+        self.bounds = workspace.bounds
+        self.body_radius_m = body_radius_m
         self.boxes: Final = workspace.boxes
         self._edges: Final = tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in workspace.boxes)
         self._near: dict[tuple[int, int], tuple[Edges, ...]] = {}
@@ -48,8 +56,8 @@ class Terrain:
         self._columns, self._rows = columns, rows
         xs = (np.arange(columns) + 0.5) * (self.width_m / columns)
         ys = (np.arange(rows) + 0.5) * (self.depth_m / rows)
-        self.cell_x: Final[NDArray[np.float64]] = np.repeat(xs[:, None], rows, axis=1)
-        self.cell_y: Final[NDArray[np.float64]] = np.repeat(ys[None, :], columns, axis=0)
+        self.cell_x: NDArray[np.float64] = np.repeat(xs[:, None], rows, axis=1)
+        self.cell_y: NDArray[np.float64] = np.repeat(ys[None, :], columns, axis=0)
         self.cell_fence: Final[NDArray[np.float64]] = np.minimum(
             np.minimum(self.cell_x, self.width_m - self.cell_x), np.minimum(self.cell_y, self.depth_m - self.cell_y)
         )
@@ -63,6 +71,59 @@ class Terrain:
     def fence_m(self, x_m: float, y_m: float) -> float:
         """Return the distance of a point to the fence; negative outside."""
         return min(x_m, self.width_m - x_m, y_m, self.depth_m - y_m)
+
+    @property
+    def convex(self) -> bool:
+        """Whether the inside of the fence is convex, so that straight inwards is away from whatever is too near."""
+        return True
+
+    def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
+        """Return how near a straight line comes to the fence between its ends; infinite where never nearer than there.
+
+        Args:
+            ax_m: one end, east.
+            ay_m: the same, north.
+            bx_m: the other end, east.
+            by_m: the same, north.
+            enough_m: of what is farther than this, this may be returned.
+        """
+        # The distance to the sides of a rectangle is concave along a line: least at one of its ends.
+        return math.inf
+
+    def leg_fence_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float) -> float:
+        """Return by how much a leg keeps more than `needed_m` from the fence; 0 where it leads away from nearer parts.
+
+        See `leg_clearance_m` for the arguments.
+        """
+        end = self.fence_m(bx_m, by_m)
+        if self.fence_m(ax_m, ay_m) >= needed_m:
+            # The distance is concave along a line: least at one of its ends.
+            return end - needed_m
+        width_m, depth_m = self.width_m, self.depth_m
+        rise = slope * math.hypot(bx_m - ax_m, by_m - ay_m)
+        worst = math.inf
+        sides = ((ax_m, bx_m), (width_m - ax_m, width_m - bx_m), (ay_m, by_m), (depth_m - ay_m, depth_m - by_m))
+        for start_m, end_m in sides:
+            leads_away = start_m < needed_m and end_m - start_m >= rise > 0.0
+            worst = min(worst, 0.0 if leads_away else min(start_m, end_m) - needed_m)
+        return worst
+
+    def beside(self, x_m: float, y_m: float, inset_m: float, clearance_m: float | None) -> Point:
+        """Return the nearest place that is `inset_m` from the fence and `clearance_m` from the nearest box.
+
+        Args:
+            x_m: beside where, east.
+            y_m: the same, north.
+            inset_m: distance from the fence; minus infinity where that does not matter.
+            clearance_m: body clearance from the nearest box; None where that does not matter.
+        """
+        if self.fence_m(x_m, y_m) < inset_m:
+            x_m, y_m = self.inside(x_m, y_m, inset_m)
+        if clearance_m is not None and (near_m := self.clearance_m(x_m, y_m)) < clearance_m:
+            _, ux, uy = min(self.walls(x_m, y_m))
+            away_m = clearance_m - near_m
+            x_m, y_m = self.inside(x_m - away_m * ux, y_m - away_m * uy, max(inset_m, 0.0))
+        return x_m, y_m
 
     def inside(self, x_m: float, y_m: float, inset_m: float) -> Point:
         """Return the nearest point that is `inset_m` inside the fence."""
@@ -85,10 +146,15 @@ class Terrain:
                 least = distance
         return least - self.body_radius_m
 
-    def walls(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
+    def walls(self, x_m: float, y_m: float, reach_m: float = math.inf) -> list[tuple[float, float, float]]:
         """Return the clearance of a body from every box, and the direction in which it falls fastest.
 
         The distance to a box is convex, inside it as well.
+
+        Args:
+            x_m: of the body's centre, east.
+            y_m: the same, north.
+            reach_m: boxes that are farther may be left out.
         """
         found = []
         for low_x, low_y, high_x, high_y in self._edges:
@@ -138,8 +204,13 @@ class Terrain:
             least = min(least, found)
         return least
 
-    def segment_clearance_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> float:
-        """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact."""
+    def segment_clearance_m(
+        self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf
+    ) -> float:
+        """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact.
+
+        Of what is farther than `enough_m`, that may be returned.
+        """
         # No less near than where the leg begins: boxes farther than that from all of the leg need no second look.
         least = max(self.clearance_m(ax_m, ay_m) + self.body_radius_m, 0.0)
         left, right = (ax_m, bx_m) if ax_m < bx_m else (bx_m, ax_m)
@@ -166,6 +237,10 @@ class Terrain:
         found = tuple(edges for apart, _, edges in looks if apart <= bound)
         self._near[column, row] = found
         return found
+
+    def roomy_cells(self, fence_m: float, clearance_m: float) -> NDArray[np.bool_]:
+        """Return which cells are at least so far from the fence, and a body in them from boxes."""
+        return (self.cell_fence >= fence_m) & (self.cell_clearance >= clearance_m)
 
     def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
         """Return the index ranges of the cells within a square of half-width `reach_m` around a point."""

@@ -148,7 +148,7 @@ LIBRARIES: dict[str, set[str] | None] = {
     "pydantic": None,
     "pydantic_core": None,  # a part of pydantic: the details of its errors
     "typing_extensions": None,
-    "defusedxml": {"soter.campaign.random.room", "soter.geometry.workspace_xml"},
+    "defusedxml": {"soter.campaign.random.room", "soter.geometry.kml", "soter.geometry.workspace_xml"},
     "msgspec": {"soter.conformance.worker", "soter.distribution", "soter.isolation", "soter.record"},
     "mcap": {"soter.record"},
     "cryptography": {"soter.record.signing"},
@@ -172,7 +172,14 @@ LIBRARIES: dict[str, set[str] | None] = {
     "pandas": {"soter.interactive"},
     "foxglove": {"soter.live"},
     "scipy": {"soter.campaign.intervals"},
-    "shapely": {"soter.campaign.random"},
+    "shapely": {
+        "soter.campaign.random",
+        # Where a workspace is read and prepared; never in a tick.
+        "soter.geometry.decompose",
+        "soter.geometry.draft",
+        "soter.stack.site_routes",
+    },
+    "pymap3d": {"soter.geometry.earth"},
     "cma": {"soter.campaign.search"},
     "distributed": {"soter.campaign.cluster"},
     "PIL": {"soter.report"},  # what matplotlib writes pictures with
@@ -194,7 +201,7 @@ VENDORS = {
     "cma",
     "distributed",
 }
-MANY_MODULES = {"soter.adapters", "soter_sim"}
+MANY_MODULES = {"soter.adapters", "soter.report", "soter_sim"}
 
 
 def below(module: str, names: set[str]) -> bool:

@@ -12,7 +12,7 @@ import z3
 
 from soter.errors import IllFormedModule
 from soter.rta import DischargeBound, Situation
-from soter.stack import recovery, terrain
+from soter.stack import recovery, site_terrain, terrain
 from soter.stack.battery import ChargeForTheWayHome
 from soter.stack.collision import check_halves
 from soter.stack.modules import obstacle
@@ -71,7 +71,7 @@ def beside_one_box(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterato
     (fence, near, far, path, fall), facts = positive("fence near far path fall")
     ground: Any = SimpleNamespace(
         fence_m=lambda *_: fence, clearance_m=lambda *_: near, inside=lambda *_: (0, 0),
-        walls=lambda *_: [(near, 1, 0), (far, 0, 1)],
+        walls=lambda *_: [(near, 1, 0), (far, 0, 1)], convex=True,
     )  # fmt: skip
     region = Clearance(ground, 0, path, fenced=True)
     look = Situation(1, At(), 0.0)
@@ -162,19 +162,34 @@ def lemma_3_boxes(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterator
         yield Obligation("away from a box", z3.Implies(branch.value >= needed, kept), branch.facts)
 
 
+def lemma_3_pieces(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterator[Obligation]:
+    """The same beside a convex piece of what is kept out of, or of what is outside of a fence."""
+    ex, ey, past = z3.Reals("ex ey past")
+    (needed, near, length), facts = positive("needed near length")
+    slope, ux, _, cone = _cone(patch, ex, ey)
+    patch.setattr(symbolic, "hypot", lambda *_: length)
+    patch.setattr(symbolic, "dist", lambda *_: 0, raising=False)
+    piece: Any = SimpleNamespace(middle=(0, 0), radius_m=0, wall=lambda *_: (near, 1, 0), segment_m=lambda *_: past)
+    pieces: Any = SimpleNamespace(within=lambda *_: [piece])
+    given = [*facts, *cone, near < FAR_M / 2, past < FAR_M / 2]
+    leg = ((0, 0), (length * ex, length * ey), needed, slope)
+    for branch in branches(lambda: site_terrain._leg_m(pieces, *leg), given, symbolic):
+        kept = z3.Or(z3.And(near >= needed, past >= needed), -ux >= 0)
+        yield Obligation("away from a piece", z3.Implies(branch.value >= needed, kept), branch.facts)
+
+
 def lemma_3_fence(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterator[Obligation]:
     """The same beside two sides of the fence; the others are alike."""
     ex, ey, ax, ay = z3.Reals("ex ey ax ay")
     (width, tube, length), facts = positive("width tube length")
-    _, ux, uy, cone = _cone(patch, ex, ey)
+    slope, ux, uy, cone = _cone(patch, ex, ey)
     bx, by = ax + length * ex, ay + length * ey
     patch.setattr(symbolic, "hypot", lambda *_: length)
     ground: Any = SimpleNamespace(width_m=width, depth_m=width)
     ground.fence_m = lambda x, y: Terrain.fence_m(ground, x, y)
-    planner = object.__new__(RecoveryPlanner)
-    patch.setattr(planner, "terrain", ground, raising=False)
     far = [width - each > tube + length for each in (ax, ay, bx, by)]
-    for branch in branches(lambda: planner._fence_spare_m(ax, ay, bx, by, tube), [*facts, *cone, *far], symbolic):
+    leg = (ax, ay, bx, by, tube, slope)
+    for branch in branches(lambda: Terrain.leg_fence_m(ground, *leg), [*facts, *cone, *far], symbolic):
         for name, start, end, rises in (("west", ax, bx, ux), ("south", ay, by, uy)):
             kept = z3.Or(z3.And(start >= tube, end >= tube), rises >= 0)
             yield Obligation(f"away from the fence, {name}", z3.Implies(branch.value >= 0, kept), branch.facts)
@@ -349,7 +364,8 @@ JUMPS = 2.0
 LEMMAS: Final[dict[str, Lemma]] = {
     each.__name__: each
     for each in (
-        lemma_1, kept_for_paths, beside_one_box, p3, legs, paths, lemma_3_boxes, lemma_3_fence, lemma_4_ac, lemma_4_sc,
+        lemma_1, kept_for_paths, beside_one_box, p3, legs, paths, lemma_3_boxes, lemma_3_pieces,
+        lemma_3_fence, lemma_4_ac, lemma_4_sc,
         lemma_4_hand_over, apart_m, return_path,
     )
 }  # fmt: skip

@@ -17,7 +17,7 @@ from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
 from tests.proofs.symbolic import Fact, SymbolicMath, greatest, least, positive
 from tests.rta.doubles import At, FakeNode
 
-MODULES: Final = ("collision", "recovery", "return_path", "static_rules", "terrain")
+MODULES: Final = ("collision", "recovery", "return_path", "site_terrain", "static_rules", "terrain")
 """Those of `soter.stack` whose arithmetic is run."""
 
 NODE: Final = FakeNode("node")

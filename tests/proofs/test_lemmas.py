@@ -128,6 +128,8 @@ MUTATIONS: dict[tuple[str, str], Mutation] = {
     ("paths", "drift left out"): attribute(recovery, "_ALIGNED_SIN", 0),
     ("lemma_3_boxes", "a leg that leads along"): attribute(lemmas, "lead_away", lambda _: 0),
     ("lemma_3_boxes", "a leg that leads nearer"): attribute(lemmas, "lead_away", lambda sin: -sin),
+    ("lemma_3_pieces", "a leg that leads along"): attribute(lemmas, "lead_away", lambda _: 0),
+    ("lemma_3_pieces", "a leg that leads nearer"): attribute(lemmas, "lead_away", lambda sin: -sin),
     ("lemma_3_fence", "a leg that leads along"): attribute(lemmas, "lead_away", lambda sin: sin / 2),
     ("lemma_4_ac", "the peer's noise left out"): attribute(Separation, "noise", Region.noise),
     ("lemma_4_ac", "the peer's share left out"): attribute(

@@ -449,8 +449,11 @@ def test_targets_outside_of_the_fence_are_on_the_plan(browser: Any, hostile: Mad
                 .map(({ xM, yM }) => [...soter.page.plan.at(xM, yM), soter.page.plan.width, soter.page.plan.height])"""
         )
         outside = page.evaluate(
-            """() => soter.run.robots.flatMap((robot) => robot.targets).filter(({ xM, yM }) =>
-                xM < 0 || yM < 0 || xM > soter.run.workspace.widthM || yM > soter.run.workspace.depthM).length"""
+            """() => {
+                const [west, south, east, north] = soter.run.workspace.bounds;
+                return soter.run.robots.flatMap((robot) => robot.targets)
+                    .filter(({ xM, yM }) => xM < west || yM < south || xM > east || yM > north).length;
+            }"""
         )
         assert outside > 0
         assert all(0.0 < right < width and 0.0 < down < height for right, down, width, height in places)

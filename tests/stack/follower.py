@@ -15,8 +15,8 @@ from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import Retreat
 from soter.stack.right_of_way import RightOfWay
-from soter.stack.routes import Rectangle
 from soter.stack.safe_controller import SafeController
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES

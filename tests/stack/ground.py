@@ -12,7 +12,7 @@ from soter.rta import Sample, Situation
 from soter.stack.battery import Dock
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.return_path import ReturnPath
-from soter.stack.routes import Rectangle
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from soter.geometry.workspace import Box, Workspace
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
-from soter.stack.routes import Rectangle
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain, grown
 from tests.stack.follower import Controllers, Follower
 from tests.stack.ground import RADIUS_M, boxes, dock, inside, planner

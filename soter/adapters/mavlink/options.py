@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.transport import Address
+from soter.geometry.site import Site
 from soter.onboard.drive import DriveLimits, tube_m
 from soter.sdk import BackendConfig, Capabilities
 
@@ -157,6 +158,21 @@ class MavlinkConfig(BackendConfig):
                     f"connection '{address}' leaves this host and nothing is signed, so that anybody there could "
                     "command the vehicles; set passphrase_file, or unsigned = true where the network itself is closed"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _knows_the_place(self) -> Self:
+        plan = self.workspace.plan if isinstance(self.workspace, Site) else None
+        if plan is not None and self.connection is None:
+            raise ValueError(
+                "the simulated vehicles know rectangles with boxes along their axes only, not a workspace with polygons"
+            )
+        if plan is not None and plan.origin is not None:
+            # Autopilots reckon places on a sphere, by up to 0.6 % other than the ellipsoid: a metre in 200.
+            raise ValueError(
+                "the workspace has places on earth, which autopilots reckon by up to 0.6 % otherwise: the fence would "
+                "lie elsewhere; give the vehicles a workspace in metres"
+            )
         return self
 
     def read_passphrase(self) -> str | None:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from soter.controllers.base import Arena, Controller, ControllerOptions
 from soter.sdk import RobotState, Waypoint
+from soter.stack.site_terrain import SiteTerrain
 
 BEYOND_M: Final = 1.0
 """How far beyond an edge an attack aims, so that the robot does not slow down before it."""
@@ -91,7 +92,11 @@ def nearest_edge(arena: Arena, own: RobotState, rule: str) -> Edge | None:
 
 
 def _fence(arena: Arena, own: RobotState) -> Edge:
-    width_m, depth_m = arena.terrain.width_m, arena.terrain.depth_m
+    terrain = arena.terrain
+    if isinstance(terrain, SiteTerrain):
+        reach_m = terrain.fence_m(own.x_m, own.y_m) + 1e-6
+        return _beyond(own, min(terrain.site.fence_walls(own.x_m, own.y_m, reach_m)))
+    width_m, depth_m = terrain.width_m, terrain.depth_m
     return min(
         Edge(own.x_m, 0.0, own.y_m),
         Edge(width_m - own.x_m, width_m, own.y_m),
@@ -100,8 +105,16 @@ def _fence(arena: Arena, own: RobotState) -> Edge:
     )
 
 
+def _beyond(own: RobotState, wall: tuple[float, float, float]) -> Edge:
+    away_m, ux, uy = wall
+    return Edge(away_m, own.x_m + away_m * ux, own.y_m + away_m * uy)
+
+
 def _box(arena: Arena, own: RobotState) -> Edge | None:
     edges = []
+    if isinstance(arena.terrain, SiteTerrain):
+        walls = arena.terrain.walls(own.x_m, own.y_m, arena.terrain.clearance_m(own.x_m, own.y_m) + 1e-6)
+        return min((_beyond(own, wall) for wall in walls), default=None)
     for box in arena.terrain.boxes:
         x_m = min(max(own.x_m, box.low_x_m), box.high_x_m)
         y_m = min(max(own.y_m, box.low_y_m), box.high_y_m)

@@ -43,9 +43,9 @@ class Flood(Adversary):
         super().begin(arena)
         self._random = arena.random("flood")
         self._goal: dict[int, Waypoint] = {}
-        terrain = arena.terrain
+        low_x, low_y, high_x, high_y = arena.terrain.bounds
         self._corners = [
-            Waypoint(x_m, y_m) for x_m in (-1.0, terrain.width_m + 1.0) for y_m in (-1.0, terrain.depth_m + 1.0)
+            Waypoint(x_m, y_m) for x_m in (low_x - 1.0, high_x + 1.0) for y_m in (low_y - 1.0, high_y + 1.0)
         ]
         self._threads = [
             threading.Thread(target=self._send, args=(index,), name=f"flood-{index}", daemon=True)
@@ -56,11 +56,12 @@ class Flood(Adversary):
 
     def act(self, now_s: float, tick: int) -> None:
         """Flood every port."""
-        random, terrain, corners = self._random, self.arena.terrain, self._corners
+        random, corners = self._random, self._corners
+        low_x, low_y, high_x, high_y = self.arena.terrain.bounds
         for robot_id, port in self.arena.ports.items():
             if tick % 100 == 0 or robot_id not in self._goal:
-                x_m = random.uniform(-1.0, terrain.width_m + 1.0)
-                self._goal[robot_id] = Waypoint(x_m, random.uniform(-1.0, terrain.depth_m + 1.0))
+                x_m = random.uniform(low_x - 1.0, high_x + 1.0)
+                self._goal[robot_id] = Waypoint(x_m, random.uniform(low_y - 1.0, high_y + 1.0))
             for count in range(self.options.commands - 1):
                 port.goto(corners[count & 3])
             port.goto(self._goal[robot_id])

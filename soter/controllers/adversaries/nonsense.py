@@ -74,11 +74,12 @@ class Nonsense(Adversary):
 
     def act(self, now_s: float, tick: int) -> None:
         """Send something to everybody, in control or not."""
-        random, terrain = self._random, self.arena.terrain
+        random = self._random
+        low_x, low_y, high_x, high_y = self.arena.terrain.bounds
         for port in self.arena.ports.values():
             if random.random() < 0.05:
-                x_m = random.uniform(-1.0, terrain.width_m + 1.0)
-                port.goto(Waypoint(x_m, random.uniform(-1.0, terrain.depth_m + 1.0)))
+                x_m = random.uniform(low_x - 1.0, high_x + 1.0)
+                port.goto(Waypoint(x_m, random.uniform(low_y - 1.0, high_y + 1.0)))
                 continue
             upcoming: Any = random.choice(((), Endless(), None, 7, (None, Waypoint(math.nan, math.inf))))
             port.goto(random.choice(self._commands), upcoming)

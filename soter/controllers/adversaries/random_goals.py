@@ -45,8 +45,9 @@ class RandomGoals(Adversary):
                 x_m, y_m = own.x_m + away_m * math.cos(angle), own.y_m + away_m * math.sin(angle)
             else:
                 beyond_m = self.options.beyond_m
-                x_m = random.uniform(-beyond_m, arena.terrain.width_m + beyond_m)
-                y_m = random.uniform(-beyond_m, arena.terrain.depth_m + beyond_m)
+                low_x, low_y, high_x, high_y = arena.terrain.bounds
+                x_m = random.uniform(low_x - beyond_m, high_x + beyond_m)
+                y_m = random.uniform(low_y - beyond_m, high_y + beyond_m)
             heading = random.uniform(-math.pi, math.pi) if random.random() < 0.5 else None
             speed = random.choice((None, None, 0.01, 0.1, 1.0, 100.0))
             radius, timeout = random.choice((1e-9, 0.1, 0.1, 1e6)), random.choice((1e-6, 1.0, 100.0, 100.0, 1e6))

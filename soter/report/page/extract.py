@@ -86,7 +86,7 @@ class Document:
             "drivers": [
                 {"name": name, "colour": ac_colour(0) if name == AC else driver_colour(name)} for name in story.drivers
             ],
-            "workspace": _workspace(recording.workspace()),
+            "workspace": _workspace(recording.workspace(), recording.safer_inset_m),
             "robots": [self._robot(robot, index) for index, robot in enumerate(story.robots)],
             "switches": self._rows(story.switches),
             "truth": _truth(recording, content, summary, goes_on=goes_on),
@@ -177,11 +177,13 @@ def _title(summary: Summary) -> str:
     return f"{name}: {robots} robot{'s' if robots != 1 else ''}, {lasted} on {summary.backend}"
 
 
-def _workspace(workspace: Workspace) -> dict[str, Any]:
+def _workspace(workspace: Workspace, inset_m: float | None) -> dict[str, Any]:
+    fence, kept_out = workspace.outlines()
     return {
-        "widthM": workspace.width_m,
-        "depthM": workspace.depth_m,
-        "boxes": [_box(box) for box in workspace.boxes],
+        "bounds": workspace.bounds,
+        "fence": fence,
+        "inner": [] if inset_m is None else workspace.inset(inset_m),
+        "keptOut": kept_out,
         "chargers": [_box(place.charger) for place in workspace.robots],
     }
 

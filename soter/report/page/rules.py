@@ -12,9 +12,8 @@ from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from soter.geometry.workspace import Box, Workspace
+from soter.geometry.workspace import Workspace
 from soter.record.content import Series
 from soter.record.messages import About, ModuleAbout, RobotAbout
 
@@ -47,12 +46,10 @@ class RuleMargins:
             for robot in (one, other):
                 np.minimum(apart[robot][:count], away, out=apart[robot][:count])
         for robot, (x, y) in places.items():
-            room = self._workspace
-            fence = np.minimum(np.minimum(x, room.width_m - x), np.minimum(y, room.depth_m - y))
-            nearest = np.full(len(x), np.inf)
-            for box in room.boxes:
-                np.minimum(nearest, _distance_m(box, x, y), out=nearest)
-            nearest -= self._radius_m[robot] + self._clearance_m
+            radius_m = self._radius_m[robot] + self._clearance_m
+            at, room = list(zip(x, y, strict=True)), self._workspace
+            nearest = [room.clearance_m(*place, radius_m) for place in at]
+            fence = [room.fence_m(*place) for place in at]
             for rule, margins in zip(RULES, (apart[robot], nearest, fence), strict=True):
                 series[robot].margins[rule] = array("d", margins)
 
@@ -71,11 +68,3 @@ def _promised_m(mission: Mapping[str, Any], module: str) -> float:
     """Return from where on the mission counts a rule as broken, with its modules or without."""
     found = mission.get("rta", {}).get(module, {}).get("phi_safe_m", 0.0)
     return float(found)
-
-
-def _distance_m(box: Box, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what `Box.distance_m` does, for many points."""
-    dx = np.maximum(box.low_x_m - x, x - box.high_x_m)
-    dy = np.maximum(box.low_y_m - y, y - box.high_y_m)
-    outside = np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0))
-    return np.where((dx > 0.0) | (dy > 0.0), outside, np.maximum(dx, dy))

@@ -3,10 +3,32 @@
 from __future__ import annotations
 
 from soter.config.tables import GeofenceTable
-from soter.rta import RTAModule
+from soter.rta import RTAModule, SpeedBound, Timing
 from soter.stack.module_kit import ModuleKit
+from soter.stack.modules.obstacle import path_left_m
 from soter.stack.reach import reach_into
-from soter.stack.static_rules import Fence
+from soter.stack.recovery import RecoveryPlanner
+from soter.stack.static_rules import fence_of
+
+
+def keep_m(table: GeofenceTable, recovery: RecoveryPlanner, timing: Timing) -> float:
+    """Return what the module keeps so that a robot that was stopped is where paths are.
+
+    In a rectangle straight inwards is away from whatever side is too near, and nothing has to be kept.
+    """
+    return 0.0 if recovery.terrain.convex else path_left_m(table, recovery, timing)
+
+
+def safer_inset_m(table: GeofenceTable, recovery: RecoveryPlanner, timing: Timing, speed: SpeedBound) -> float:
+    """Return how far inside phi_safer begins: no less than what the AC may use up and the safe controller needs.
+
+    A phi_safer that does not even leave the first is left as it is, and ill-formed.
+    """
+    trusted_m = speed.bound(timing.horizon_s(table.delta_s)) + timing.noise_m
+    if table.phi_safer_inset_m < trusted_m:
+        return table.phi_safer_inset_m
+    kept_m = keep_m(table, recovery, timing)
+    return max(table.phi_safer_inset_m, trusted_m + kept_m) if kept_m else table.phi_safer_inset_m
 
 
 def declare(kit: ModuleKit, table: GeofenceTable) -> RTAModule:
@@ -19,14 +41,15 @@ def declare(kit: ModuleKit, table: GeofenceTable) -> RTAModule:
     Raises:
         IllFormedModule: the robot does not promise what the motion model needs.
     """
-    fence = Fence(0.0, kit.terrain.width_m, 0.0, kit.terrain.depth_m)
+    fence = fence_of(kit.terrain, kit.model.bound(kit.timing.horizon_s(table.delta_s)))
     return RTAModule(
         kit.name,
         kit.ac,
         kit.retreat("move-inside"),
         table.delta_s,
         fence,
-        fence.inset(table.phi_safer_inset_m),
+        fence.inset(safer_inset_m(table, kit.recovery, kit.timing, kit.model)),
         reach_into(fence, kit.motion(table.model)),
         dwell_s=table.dwell_s,
+        keep=keep_m(table, kit.recovery, kit.timing),
     )

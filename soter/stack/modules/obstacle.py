@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
-from soter.config.tables import ObstacleTable
+from soter.config.tables import GeofenceTable, ObstacleTable
 from soter.rta import RTAModule, SpeedBound, Timing
 from soter.stack.module_kit import ModuleKit
 from soter.stack.reach import reach_into
@@ -18,8 +19,11 @@ def keep_m(table: ObstacleTable, recovery: RecoveryPlanner, timing: Timing) -> f
     A module that fires leaves what the unused part of its horizon would have cost; a model that looks at the present
     speed leaves nothing.
     """
-    if not recovery.rules.boxes:
-        return 0.0
+    return path_left_m(table, recovery, timing) if recovery.rules.boxes else 0.0
+
+
+def path_left_m(table: ObstacleTable | GeofenceTable, recovery: RecoveryPlanner, timing: Timing) -> float:
+    """Return what of the room that paths need a module does not leave by firing as early as it does."""
     unused_s = timing.ahead_s(table.delta_s) - table.delta_s if table.model == "speed" else 0.0
     return max(0.0, recovery.path_m - recovery.v_max_m_s * unused_s)
 
@@ -45,7 +49,8 @@ def declare(kit: ModuleKit, table: ObstacleTable) -> RTAModule:
     Raises:
         IllFormedModule: the robot does not promise what the motion model needs.
     """
-    clearance = Clearance(kit.terrain, table.phi_safe_m, kit.recovery.path_m, kit.recovery.rules.fence)
+    look_m = math.inf if kit.terrain.convex else kit.model.bound(kit.timing.horizon_s(table.delta_s))
+    clearance = Clearance(kit.terrain, table.phi_safe_m, kit.recovery.path_m, kit.recovery.rules.fence, look_m)
     return RTAModule(
         kit.name,
         kit.ac,

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from soter.geometry.workspace import Workspace
 from soter.stack.planners.base import Planner, PlannerOptions, PlanRequest, PlanResult, Point
+from soter.stack.planners.site_space import space_of
 from soter.stack.planners.space import FreeSpace
 
 ou.setLogLevel(ou.LOG_NONE)
@@ -87,7 +88,7 @@ class _MotionValidator(ob.MotionValidator):
 class SamplingPlanner(Planner):
     """What OMPL's planners have in common: the space, the repair of starts and goals, the count, the seed.
 
-    The planning region is the fence rectangle without the boxes grown by the body's radius and `clearance_m`, and
+    The planning region is the inside of the fence without the boxes grown by the body's radius and `clearance_m`, and
     without the request's discs. A start that is not free gets a first leg to its nearest free point. A goal that is
     not free is replaced by its nearest free point and a straight last leg to the goal itself: what is fenced off is
     for the safety modules to say. Only a goal inside a disc gets no last leg, because a robot stands there and
@@ -105,11 +106,12 @@ class SamplingPlanner(Planner):
 
     def __init__(self, workspace: Workspace, body_radius_m: float, options: PlannerOptions) -> None:
         super().__init__(workspace, body_radius_m, options)
-        self._space = FreeSpace(workspace, body_radius_m + options.clearance_m)
+        self._space = space_of(workspace, body_radius_m + options.clearance_m)
         plane = ob.RealVectorStateSpace(2)
         bounds = ob.RealVectorBounds(2)
-        for axis, high in enumerate((workspace.width_m, workspace.depth_m)):
-            bounds.setLow(axis, 0.0)
+        low_x, low_y, high_x, high_y = workspace.bounds
+        for axis, (low, high) in enumerate(((low_x, high_x), (low_y, high_y))):
+            bounds.setLow(axis, low)
             bounds.setHigh(axis, high)
         plane.setBounds(bounds)
         self._plane = plane

@@ -28,6 +28,7 @@ class FreeSpace:
 
     def __init__(self, workspace: Workspace, inflation_m: float) -> None:
         self.width_m, self.depth_m = workspace.width_m, workspace.depth_m
+        self.bounds = workspace.bounds
         self.checks = 0
         self._discs: tuple[tuple[float, float, float], ...] = ()
         grown = [
@@ -72,7 +73,7 @@ class FreeSpace:
             if _meets(ax, ay, dx, dy, (low_x, low_y, high_x, high_y)):
                 return False
         discs = self._discs
-        return not discs or all(_distance_m(cx, cy, ax, ay, dx, dy) >= r - TOUCH_M for cx, cy, r in discs)
+        return not discs or all(distance_to_line_m(cx, cy, ax, ay, dx, dy) >= r - TOUCH_M for cx, cy, r in discs)
 
     def nearest_free(self, x: float, y: float) -> Point | None:
         """Return the free point nearest to a point that is not free, or None if there is none to be reached.
@@ -137,7 +138,7 @@ class FreeSpace:
                 return False
         for cx, cy, r in self._discs:
             holds = math.hypot(x - cx, y - cy) < r - TOUCH_M
-            if not holds and _distance_m(cx, cy, from_x, from_y, dx, dy) < r - TOUCH_M:
+            if not holds and distance_to_line_m(cx, cy, from_x, from_y, dx, dy) < r - TOUCH_M:
                 return False
         return True
 
@@ -160,7 +161,7 @@ class FreeSpace:
                     half = math.sqrt(r * r - (line - cy) ** 2)
                     yield from ((cx - half, line), (cx + half, line))
             for ox, oy, other_r in self._discs[:number]:
-                yield from _circles_meet(cx, cy, r, ox, oy, other_r)
+                yield from circles_meet(cx, cy, r, ox, oy, other_r)
 
 
 def _meets(ax: float, ay: float, dx: float, dy: float, box: tuple[float, float, float, float]) -> bool:
@@ -177,7 +178,7 @@ def _meets(ax: float, ay: float, dx: float, dy: float, box: tuple[float, float, 
     return enter < leave
 
 
-def _distance_m(cx: float, cy: float, ax: float, ay: float, dx: float, dy: float) -> float:
+def distance_to_line_m(cx: float, cy: float, ax: float, ay: float, dx: float, dy: float) -> float:
     """Return the distance from c to the segment from a, by d."""
     square = dx * dx + dy * dy
     share = ((cx - ax) * dx + (cy - ay) * dy) / square if square else 0.0
@@ -185,7 +186,8 @@ def _distance_m(cx: float, cy: float, ax: float, ay: float, dx: float, dy: float
     return math.hypot(ax + share * dx - cx, ay + share * dy - cy)
 
 
-def _circles_meet(ax: float, ay: float, ar: float, bx: float, by: float, br: float) -> Iterator[Point]:
+def circles_meet(ax: float, ay: float, ar: float, bx: float, by: float, br: float) -> Iterator[Point]:
+    """Yield where two circles meet."""
     between = math.hypot(bx - ax, by - ay)
     if between <= TOUCH_M or between > ar + br or between < abs(ar - br):
         return

@@ -145,31 +145,45 @@
       ground.height = this.canvas.height;
       const context = ground.getContext("2d");
       context.scale(this.ratio, this.ratio);
-      const { widthM, depthM, boxes, chargers } = this.run.workspace;
+      const { bounds, fence, inner, keptOut, chargers } = this.run.workspace;
       const paint = this.style.colours;
       const rectangle = ([west, south, east, north]) => {
         const [left, top] = this.at(west, north);
         return [left, top, (east - west) * this.scale, (north - south) * this.scale];
       };
-      const fence = rectangle([0, 0, widthM, depthM]);
-      context.fillStyle = paint.outside;
+      const outline = (corners) => {
+        context.beginPath();
+        for (const [xM, yM] of corners) context.lineTo(...this.at(xM, yM));
+        context.closePath();
+      };
+      context.fillStyle = fence ? paint.outside : paint.inside;
       context.fillRect(0, 0, this.width, this.height);
-      const inset = edgeOf(this.run, "geofence");
-      context.fillStyle = inset === null ? paint.inside : paint.strip;
-      context.fillRect(...fence);
-      if (inset !== null) {
-        const inner = rectangle([inset, inset, widthM - inset, depthM - inset]);
+      if (fence) {
+        outline(fence);
+        context.fillStyle = inner.length ? paint.strip : paint.inside;
+        context.fill();
+      }
+      for (const corners of inner) {
+        outline(corners);
         context.fillStyle = paint.inside;
-        context.fillRect(...inner);
+        context.fill();
       }
-      this.grid(context, widthM, depthM);
-      if (inset !== null) {
-        context.strokeStyle = paint.stripLine;
-        context.lineWidth = 1;
-        context.setLineDash([6, 5]);
-        context.strokeRect(...rectangle([inset, inset, widthM - inset, depthM - inset]));
-        context.setLineDash([]);
+      context.save();
+      if (fence) {
+        outline(fence);
+        context.clip();
       }
+      this.grid(context, bounds);
+      context.restore();
+      this.bar(context, bounds);
+      context.strokeStyle = paint.stripLine;
+      context.lineWidth = 1;
+      context.setLineDash([6, 5]);
+      for (const corners of inner) {
+        outline(corners);
+        context.stroke();
+      }
+      context.setLineDash([]);
       for (const charger of chargers) {
         const [left, top, width, height] = rectangle(charger);
         context.fillStyle = paint.charger;
@@ -180,34 +194,39 @@
         bolt(context, left + width / 2, top + height / 2, Math.min(width, height) * 0.34, paint.chargerLine);
       }
       context.fillStyle = paint.box;
-      for (const box of boxes) {
-        const [left, top, width, height] = rectangle(box);
-        context.beginPath();
-        context.roundRect(left, top, width, height, 2);
+      for (const corners of keptOut) {
+        outline(corners);
         context.fill();
       }
-      context.strokeStyle = paint.fence;
-      context.lineWidth = 2;
-      context.strokeRect(...fence);
+      if (fence) {
+        context.strokeStyle = paint.fence;
+        context.lineWidth = 2;
+        outline(fence);
+        context.stroke();
+      }
       return ground;
     }
 
-    grid(context, widthM, depthM) {
-      const step = Math.max(widthM, depthM) <= 12 ? 1 : 2 * Math.ceil(Math.max(widthM, depthM) / 24);
+    grid(context, [west, south, east, north]) {
+      const step = stepOf([west, south, east, north]);
       context.strokeStyle = this.style.colours.grid;
       context.lineWidth = 1;
       context.beginPath();
-      for (let x = step; x < widthM; x += step) {
-        context.moveTo(...this.at(x, 0));
-        context.lineTo(...this.at(x, depthM));
+      for (let x = step * Math.ceil(west / step + 1e-9); x < east; x += step) {
+        context.moveTo(...this.at(x, south));
+        context.lineTo(...this.at(x, north));
       }
-      for (let y = step; y < depthM; y += step) {
-        context.moveTo(...this.at(0, y));
-        context.lineTo(...this.at(widthM, y));
+      for (let y = step * Math.ceil(south / step + 1e-9); y < north; y += step) {
+        context.moveTo(...this.at(west, y));
+        context.lineTo(...this.at(east, y));
       }
       context.stroke();
-      // A bar says how long a metre is, in the corner where nobody drives.
-      const [left, top] = this.zoom > 1 ? [10, this.height - 18] : this.at(0, 0);
+    }
+
+    // A bar says how long a metre is, in the corner where nobody drives.
+    bar(context, bounds) {
+      const step = stepOf(bounds);
+      const [left, top] = this.zoom > 1 ? [10, this.height - 18] : this.at(bounds[0], bounds[1]);
       context.fillStyle = this.style.colours.soft;
       context.font = "11px system-ui, sans-serif";
       context.textBaseline = "middle";
@@ -352,30 +371,28 @@
   }
 
   function extentOf(run) {
-    const { widthM, depthM } = run.workspace;
+    const [west, south, east, north] = run.workspace.bounds;
+    const [widthM, depthM] = [east - west, north - south];
     const rim = RIM * Math.max(widthM, depthM);
-    const extent = [0, 0, widthM, depthM];
+    const extent = [west, south, east, north];
     const hold = (xM, yM) => {
       extent[0] = Math.min(extent[0], xM);
       extent[1] = Math.min(extent[1], yM);
       extent[2] = Math.max(extent[2], xM);
       extent[3] = Math.max(extent[3], yM);
     };
-    const near = (place, side) => Math.min(Math.max(place, -FAR * side), (1 + FAR) * side);
+    const near = (place, low, side) => Math.min(Math.max(place, low - FAR * side), low + (1 + FAR) * side);
     for (const { poses, targets } of run.robots) {
       for (let at = 0; at < poses.xM.length; at += 1) hold(poses.xM[at], poses.yM[at]);
-      for (const { xM, yM } of targets) hold(near(xM, widthM), near(yM, depthM));
+      for (const { xM, yM } of targets) hold(near(xM, west, widthM), near(yM, south, depthM));
     }
     return [extent[0] - rim, extent[1] - rim, extent[2] + rim, extent[3] + rim];
   }
 
-  // The margin at the edge of phi_safer of a module, or null where nobody has it.
-  function edgeOf(run, name) {
-    for (const robot of run.robots) {
-      const module = robot.modules.find((each) => each.name === name);
-      if (module && module.edge !== null) return module.edge;
-    }
-    return null;
+  // How far apart the lines of the grid are.
+  function stepOf([west, south, east, north]) {
+    const side = Math.max(east - west, north - south);
+    return side <= 12 ? 1 : 2 * Math.ceil(side / 24);
   }
 
   // What of a way lies ahead: from the goal of the moment on, as far as it is one of the places.

@@ -1,0 +1,130 @@
+"""`soter workspace`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from soter.cli.exits import ExitCode, Force, complain, guard
+
+if TYPE_CHECKING:
+    from soter.geometry.workspace import Workspace
+
+EXAMPLES = """Examples:
+
+  soter workspace examples/surveillance.xml --picture room.png
+
+  soter workspace examples/worlds/harbour.geojson --to harbour.toml
+
+Exit codes:
+
+  0  robots can use it
+
+  1  there is a station that cannot be reached from another one
+
+  2  bad input: what is wrong is listed, by feature
+
+  3  a file could not be written
+"""
+
+_LOOKS = 60
+"""So many places along the longer side are asked whether a body fits there."""
+
+
+def workspace(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace: .xml, .toml, .geojson, .plan or .kml.")],
+    to: Annotated[
+        Path | None, typer.Option("--to", metavar="FILE", help="Write it as .toml, in metres, or as .geojson.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw it.")] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write what was found; - is standard output.")
+    ] = None,
+    radius: Annotated[float, typer.Option(metavar="METRES", min=0.0, help="Radius of the robots' bodies.")] = 0.105,
+    clearance: Annotated[
+        float, typer.Option(metavar="METRES", min=0.0, help="What ways keep from what is kept out of, and the fence.")
+    ] = 0.15,
+    force: Force = False,
+) -> None:
+    """Show a workspace, check it, convert it, draw it: where a body fits, and which stations can be reached."""
+    with guard():
+        import json as json_text
+
+        from soter.cli.console import make_console
+        from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes
+        from soter.geometry.reading import read_workspace
+
+        refuse_clashes({"--to": to, "--picture": picture, "--json": json}, (file,), force=force)
+        made = read_workspace(file)
+        files: list[tuple[Any, bytes]] = []
+        if to is not None:
+            files.append((Output(to, "--to"), _converted(made, file, to)))
+        if picture is not None:
+            from soter.report.ground import workspace_png
+
+            files.append((picture_output(picture), workspace_png(made)))
+        found = _found(made, radius, clearance)
+        if json is not None:
+            files.append((json_output(json), json_text.dumps(found, indent=2).encode() + b"\n"))
+        console = make_console(stderr=str(json) == "-")
+        for key, value in found.items():
+            console.print(f"{key:<18} {value}", soft_wrap=True, highlight=False, markup=False)
+        try:
+            for output, data in files:
+                output.write(data)
+        except OSError as failure:
+            complain(f"it could not be written: {failure}")
+            raise typer.Exit(ExitCode.RUN_FAILED) from failure
+        if found["unreachable"]:
+            raise typer.Exit(ExitCode.VIOLATION)
+
+
+def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, Any]:
+    from soter.geometry.site import Site
+    from soter.stack.routes import Routes
+    from soter.stack.site_terrain import terrain_of
+
+    low_x, low_y, high_x, high_y = made.bounds
+    step_m = max(high_x - low_x, high_y - low_y) / _LOOKS
+    columns, rows = max(1, round((high_x - low_x) / step_m)), max(1, round((high_y - low_y) / step_m))
+    inside = [
+        at
+        for column in range(columns)
+        for row in range(rows)
+        if made.contains(*(at := (low_x + (column + 0.5) * step_m, low_y + (row + 0.5) * step_m)))
+    ]
+    free = sum(made.clearance_m(*at, radius_m) >= clearance_m for at in inside)
+    fence, kept_out = made.outlines()
+    stations = {place.id: place.charger.centre for place in made.robots}
+    routes = Routes(terrain_of(made, radius_m), made.robots[0].charger.centre, clearance_m, clearance_m)
+    ways = {robot_id: routes.distance_m(*at) for robot_id, at in stations.items()}
+    origin = made.plan.origin if isinstance(made, Site) else None
+    return {
+        "shape": "polygons" if isinstance(made, Site) else "rectangle",
+        "bounds_m": [round(each, 3) for each in made.bounds],
+        "fence_corners": 0 if fence is None else len(fence),
+        "keep_outs": len(kept_out),
+        "corners": sum(map(len, kept_out)),
+        "origin": None if origin is None else {"lat_deg": origin.lat_deg, "lon_deg": origin.lon_deg},
+        "free_percent": round(100.0 * free / max(1, len(inside)), 1),
+        "stations": {robot_id: [round(x, 3), round(y, 3)] for robot_id, (x, y) in stations.items()},
+        "way_m": {robot_id: round(way, 2) for robot_id, way in ways.items() if way < float("inf")},
+        "unreachable": [robot_id for robot_id, way in ways.items() if way == float("inf")],
+    }
+
+
+def _converted(made: Workspace, file: Path, to: Path) -> bytes:
+    import json as json_text
+
+    from soter.config.toml_text import toml
+    from soter.errors import ConfigError
+    from soter.geometry.writing import as_geojson, as_tables
+
+    ending = to.suffix.lower()
+    if ending == ".toml":
+        return toml(as_tables(made)).encode()
+    if ending in (".geojson", ".json"):
+        return json_text.dumps(as_geojson(made, str(file)), indent=1).encode() + b"\n"
+    raise ConfigError(f"it ends in '{to.suffix}', allowed: .toml, .geojson", key="--to")

@@ -1,0 +1,85 @@
+"""Polygons into convex pieces: when a workspace is read, never while a mission runs."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import shapely  # type: ignore[import-untyped]
+from shapely import MultiPolygon, Polygon
+
+from soter.geometry.convex import Point, Ring
+
+_SLIVER_M2: Final = 1e-10
+
+
+def anticlockwise(ring: Ring) -> Ring:
+    """Return the same corners counter-clockwise."""
+    return ring if shapely.LinearRing(ring).is_ccw else ring[::-1]
+
+
+def pieces_of(ring: Ring) -> tuple[Ring, ...]:
+    """Return convex polygons that together are the inside of a ring."""
+    return _convex(Polygon(ring))
+
+
+def pieces_around(ring: Ring) -> tuple[Ring, ...]:
+    """Return convex polygons that together are the bounding box of a ring without its inside."""
+    return _convex(shapely.box(*Polygon(ring).bounds).difference(Polygon(ring)))
+
+
+def inset(ring: Ring, by_m: float) -> list[Ring]:
+    """Return the outlines of what of the inside of a ring is at least `by_m` away from it."""
+    inner = Polygon(ring).buffer(-by_m)
+    parts = inner.geoms if isinstance(inner, MultiPolygon) else [inner]
+    return [tuple(part.exterior.coords[:-1]) for part in parts if not part.is_empty]
+
+
+def _convex(shape: shapely.Geometry) -> tuple[Ring, ...]:
+    if isinstance(shape, MultiPolygon):
+        return tuple(piece for part in shape.geoms for piece in _convex(part))
+    if not isinstance(shape, Polygon) or shape.is_empty:
+        return ()
+    triangles = [
+        anticlockwise(tuple(each.exterior.coords[:3]))
+        for each in shapely.constrained_delaunay_triangles(shape).geoms
+        if each.area > _SLIVER_M2
+    ]
+    return _merged(triangles)
+
+
+def _merged(triangles: list[Ring]) -> tuple[Ring, ...]:
+    """Return the polygons that are left when neighbours are merged as long as the result is convex.
+
+    Hertel and Mehlhorn, "Fast triangulation of simple polygons", FCT 1983: at most four times as many as need be.
+    """
+    rings: dict[int, list[Point]] = {index: list(ring) for index, ring in enumerate(triangles)}
+    owner: dict[tuple[Point, Point], int] = {}
+    for index, ring in rings.items():
+        for edge in zip(ring, [*ring[1:], ring[0]], strict=True):
+            owner[edge] = index
+    for one, other in list(owner):
+        first, second = owner.get((one, other)), owner.get((other, one))
+        if first is None or second is None or first == second:
+            continue
+        # From the end of the shared edge to its beginning, by each of the two.
+        left, right = _from(rings[first], other), _from(rings[second], one)
+        joined = left + right[1:-1]
+        if _is_convex(joined):
+            rings[first] = joined
+            del rings[second], owner[one, other], owner[other, one]
+            for edge in zip(joined, [*joined[1:], joined[0]], strict=True):
+                owner[edge] = first
+    return tuple(tuple(ring) for ring in rings.values())
+
+
+def _from(ring: list[Point], start: Point) -> list[Point]:
+    at = ring.index(start)
+    return ring[at:] + ring[:at]
+
+
+def _is_convex(ring: list[Point]) -> bool:
+    around = [*ring, ring[0], ring[1]]
+    return all(
+        (bx - ax) * (cy - by) - (by - ay) * (cx - bx) >= 0.0
+        for (ax, ay), (bx, by), (cx, cy) in zip(around, around[1:], around[2:], strict=False)
+    )

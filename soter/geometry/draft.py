@@ -1,0 +1,316 @@
+"""What a file says of a world, whatever its format, and the site that is made of it: checked feature by feature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+from soter.errors import ConfigError
+from soter.geometry.convex import Ring
+from soter.geometry.site import Area, GeoOrigin, Site, SitePlan, as_box
+from soter.geometry.workspace import Point, RobotPlace
+from soter.geometry.workspace_xml import BODY_RADIUS_M, MAX_ROBOT_ID, MIN_STATION_M, SLACK_M
+from soter.problems import Problem, config_error
+
+MAX_COORDINATE_M: Final = 20_000.0
+MAX_CORNERS: Final = 20_000
+"""Of all features together: more take minutes to prepare."""
+
+STATION_SIDE_M: Final = 0.5
+SAGITTA_M: Final = 0.01
+"""A circle becomes a polygon that is off it by no more than this: outside of what is kept out, inside of a fence."""
+
+_LEAST_CORNERS: Final = 12
+_MOST_CORNERS: Final = 720
+_LEAST_M2: Final = 1e-4
+_SAME_M: Final = 1e-6
+_SPIKE_RAD: Final = math.radians(0.5)
+_ROUNDING_M: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A polygon as a file has it.
+
+    Attributes:
+        name: what to call it in messages, such as `keep_out 3 (pond)`.
+        ring: its corners in metres, in either sense; the first may be repeated at the end.
+        height_m: height above the ground.
+        line: where in the file it is, if that is known.
+    """
+
+    name: str
+    ring: Sequence[Point]
+    height_m: float = 1.0
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A station or a start as a file has it.
+
+    Attributes:
+        name: what to call it in messages.
+        x_m: east.
+        y_m: north.
+        robot_id: whose it is, if the file says so.
+        heading_rad: of a start.
+        side_m: of a station, which is square.
+        line: where in the file it is, if that is known.
+    """
+
+    name: str
+    x_m: float
+    y_m: float
+    robot_id: int | None = None
+    heading_rad: float = 0.0
+    side_m: float = STATION_SIDE_M
+    line: int | None = None
+
+
+@dataclass(slots=True)
+class Draft:
+    """A world as a file has it, in metres.
+
+    Attributes:
+        source: the file, for messages.
+        fences: outer boundaries; a site has one, or none.
+        keep_outs: what robots keep out of.
+        stations: where robots charge.
+        starts: where they start; without any they start on their stations.
+        origin: where on earth the point (0, 0) is, if the file has places on earth.
+        problems: what is wrong already.
+    """
+
+    source: str
+    fences: list[Outline] = field(default_factory=list)
+    keep_outs: list[Outline] = field(default_factory=list)
+    stations: list[Spot] = field(default_factory=list)
+    starts: list[Spot] = field(default_factory=list)
+    origin: GeoOrigin | None = None
+    problems: list[Problem] = field(default_factory=list)
+
+    def note(self, name: str, message: str, line: int | None = None) -> None:
+        """Note what is wrong with a feature."""
+        self.problems.append(Problem(message, name, line))
+
+
+def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
+    """Return a polygon for a circle: one that holds it, or one that it holds.
+
+    It is off the circle by `SAGITTA_M` at most, or, with very large and very small radii, by so much as the number of
+    corners allows; always to the safe side.
+
+    Args:
+        x_m: the middle, east.
+        y_m: the middle, north.
+        radius_m: the radius.
+        around: whether the polygon holds the circle.
+    """
+    wanted = math.pi / math.acos(max(1.0 - SAGITTA_M / radius_m, 0.0)) if radius_m > SAGITTA_M else 0.0
+    corners = min(max(math.ceil(wanted), _LEAST_CORNERS), _MOST_CORNERS)
+    far_m = radius_m / math.cos(math.pi / corners) if around else radius_m
+    angles = [math.tau * (each + 0.5) / corners for each in range(corners)]
+    return tuple((x_m + far_m * math.cos(angle), y_m + far_m * math.sin(angle)) for angle in angles)
+
+
+def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float) -> Site:
+    """Return the site that a draft describes.
+
+    Args:
+        draft: what a file says.
+        phi_safer_m: body clearance from which the obstacle module lets a robot work; starts and stations must have
+            more.
+        spacing_m: the least distance between the centres of two starts, and of two stations.
+
+    Raises:
+        ConfigError: something in it is not allowed; all that is wrong is listed, by feature.
+    """
+    _check_size(draft)
+    if len(draft.fences) > 1:
+        names = ", ".join(each.name for each in draft.fences)
+        draft.note("fence", f"there are {len(draft.fences)} outer boundaries ({names}), allowed: one; merge them")
+    _stop(draft)
+    # Imported here: only who reads polygons needs the library.
+    try:
+        from soter.geometry import decompose
+    except ImportError as failure:
+        raise ConfigError(
+            f"polygons need shapely, which cannot be imported ({failure}); install it with "
+            "pip install 'soter-rta[worlds]'",
+            source=draft.source,
+        ) from failure
+    fence_ring = _ring(draft, draft.fences[0]) if draft.fences else None
+    areas = [(each, ring) for each in draft.keep_outs if (ring := _ring(draft, each)) is not None]
+    _stop(draft)
+    fence = None if fence_ring is None else decompose.anticlockwise(fence_ring)
+    _check_inside(draft, fence, areas)
+    robots = _robots(draft)
+    _stop(draft)
+    plan = SitePlan(
+        fence,
+        () if fence is None else decompose.pieces_around(fence),
+        tuple(
+            Area(each.name, turned, decompose.pieces_of(turned), each.height_m)
+            for each, ring in areas
+            for turned in [decompose.anticlockwise(ring)]
+        ),
+        robots,
+        draft.origin,
+    )
+    site = Site(plan)
+    _check_places(draft, site, phi_safer_m, spacing_m)
+    _stop(draft)
+    return site
+
+
+def _stop(draft: Draft) -> None:
+    if draft.problems:
+        raise config_error(draft.problems, draft.source)
+
+
+def _check_size(draft: Draft) -> None:
+    corners = sum(len(each.ring) for each in (*draft.fences, *draft.keep_outs))
+    if corners > MAX_CORNERS:
+        most = max((*draft.fences, *draft.keep_outs), key=lambda each: len(each.ring))
+        draft.note(
+            most.name,
+            f"all polygons have {corners} corners, this one {len(most.ring)}; allowed: at most {MAX_CORNERS}; "
+            "simplify them",
+            most.line,
+        )
+    if not draft.fences and not draft.keep_outs and not draft.stations:
+        draft.note("file", "there is neither a boundary nor anything to keep out of, nor a station in it")
+
+
+def _ring(draft: Draft, outline: Outline) -> Ring | None:
+    """Return the corners of a polygon, each once; None where it is not one, which is noted."""
+    import shapely  # type: ignore[import-untyped]
+
+    name, line = outline.name, outline.line
+    corners = [(float(x), float(y)) for x, y in outline.ring]
+    if not all(math.isfinite(x) and math.isfinite(y) for x, y in corners):
+        draft.note(name, "a coordinate is not a finite number", line)
+        return None
+    far = next((at for at in corners if max(map(abs, at)) > MAX_COORDINATE_M), None)
+    if far is not None:
+        draft.note(name, f"({far[0]:g}, {far[1]:g}) is too far away, allowed: at most {MAX_COORDINATE_M:g} m", line)
+        return None
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners.pop()
+    if len(corners) < 3:
+        draft.note(name, f"it has {len(corners)} corners, allowed: at least 3", line)
+        return None
+    same = next((a for a, b in pairwise([*corners, corners[0]]) if math.dist(a, b) < _SAME_M), None)
+    if same is not None:
+        draft.note(name, f"the corner ({same[0]:g}, {same[1]:g}) stands there twice in a row", line)
+        return None
+    polygon = shapely.Polygon(corners)
+    if (spike := _spike(corners)) is not None:
+        draft.note(name, f"it has a spike at ({spike[0]:g}, {spike[1]:g}): its edges go there and back", line)
+        return None
+    if not polygon.is_valid:
+        # "Self-intersection[1 2]", with the place in brackets.
+        reason = shapely.is_valid_reason(polygon)
+        draft.note(name, f"it crosses or touches itself: {reason}", line)
+        return None
+    if polygon.area < _LEAST_M2:
+        draft.note(name, f"its area is {polygon.area:.3g} m2, allowed: at least {_LEAST_M2:g} m2", line)
+        return None
+    return tuple(corners)
+
+
+def _spike(corners: Sequence[Point]) -> Point | None:
+    around = [corners[-1], *corners, corners[0]]
+    for (ax, ay), (bx, by), (cx, cy) in zip(around, around[1:], around[2:], strict=False):
+        angle = math.atan2((cx - bx) * (ay - by) - (cy - by) * (ax - bx), (cx - bx) * (ax - bx) + (cy - by) * (ay - by))
+        if abs(angle) < _SPIKE_RAD:
+            return bx, by
+    return None
+
+
+def _check_inside(draft: Draft, fence: Ring | None, areas: Iterable[tuple[Outline, Ring]]) -> None:
+    """Note areas that lie outside of the fence altogether: most likely they are somewhere else than they are meant."""
+    if fence is None:
+        return
+    import shapely
+
+    inside = shapely.Polygon(fence)
+    for outline, ring in areas:
+        if not inside.intersects(shapely.Polygon(ring)):
+            away_m = inside.distance(shapely.Polygon(ring))
+            draft.note(outline.name, f"it lies outside of the fence, {away_m:.3g} m away from it", outline.line)
+
+
+def _robots(draft: Draft) -> tuple[RobotPlace, ...]:
+    stations, starts = draft.stations, draft.starts
+    for spot in (*stations, *starts):
+        if not (math.isfinite(spot.x_m) and math.isfinite(spot.y_m)):
+            draft.note(spot.name, "a coordinate is not a finite number", spot.line)
+        elif max(abs(spot.x_m), abs(spot.y_m)) > MAX_COORDINATE_M:
+            draft.note(
+                spot.name,
+                f"({spot.x_m:g}, {spot.y_m:g}) is too far away, allowed: at most {MAX_COORDINATE_M:g} m",
+                spot.line,
+            )
+        if not MIN_STATION_M <= spot.side_m <= MAX_COORDINATE_M:
+            draft.note(spot.name, f"it is {spot.side_m:g} m wide, allowed: at least {MIN_STATION_M:g} m", spot.line)
+    if not stations:
+        draft.note("stations", "there is no station in it, and every robot needs one to charge on")
+    elif len(starts) > len(stations):
+        draft.note(
+            "stations",
+            f"{len(stations)} stations for {len(starts)} robots; each robot needs one, in the order of the robots",
+        )
+    ids = [spot.robot_id or number for number, spot in enumerate(starts or stations, start=1)]
+    for robot_id in ids:
+        if not 1 <= robot_id <= MAX_ROBOT_ID:
+            draft.note("robots", f"id is {robot_id}, allowed: a whole number from 1 to {MAX_ROBOT_ID}")
+    if len(set(ids)) < len(ids):
+        draft.note("robots", f"the ids are {', '.join(map(str, ids))}; each robot needs its own")
+    if draft.problems:
+        return ()
+    return tuple(
+        RobotPlace(
+            robot_id, start.x_m, start.y_m, as_box(station.x_m, station.y_m, station.side_m),
+            math.remainder(start.heading_rad, math.tau),
+        )
+        for robot_id, start, station in zip(ids, starts or stations, stations, strict=False)
+    )  # fmt: skip
+
+
+def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float) -> None:
+    needed_m = phi_safer_m + SLACK_M
+    starts = [(f"start of robot {place.id}", (place.x_m, place.y_m)) for place in site.robots]
+    stations = [(f"charging station of robot {place.id}", place.charger.centre) for place in site.robots]
+    for spots in (starts, stations):
+        for index, (name, at) in enumerate(spots):
+            if not site.contains(*at):
+                draft.note(name, f"({at[0]:g}, {at[1]:g}) lies {-site.fence_m(*at):.3f} m outside of the fence")
+                continue
+            clearance_m = site.clearance_m(*at, BODY_RADIUS_M)
+            if clearance_m < needed_m - _ROUNDING_M:
+                found = site.nearest_free(*at, needed_m + BODY_RADIUS_M)
+                where = (
+                    "there is no free place" if found is None else f"a free place is ({found[0]:.2f}, {found[1]:.2f})"
+                )
+                draft.note(
+                    name,
+                    f"the body (radius {BODY_RADIUS_M:g} m) at ({at[0]:g}, {at[1]:g}) is {clearance_m:.3f} m from "
+                    f"'{_nearest_area(site, at)}'; allowed: at least {needed_m:g} m; {where}",
+                )
+            for other, there in spots[:index]:
+                if (apart_m := math.dist(at, there)) < spacing_m - _ROUNDING_M:
+                    draft.note(
+                        name,
+                        f"it is {apart_m:.3f} m from the {other}, allowed: at least {spacing_m:g} m between centres",
+                    )
+
+
+def _nearest_area(site: Site, at: Point) -> str:
+    from soter.geometry.convex import Pieces
+
+    return min(site.plan.areas, key=lambda area: Pieces(area.pieces).distance_m(*at)).name

@@ -1,0 +1,79 @@
+"""Places on earth as metres: WGS 84 to local east and north around an origin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from soter.errors import ConfigError
+from soter.geometry.site import GeoOrigin
+from soter.geometry.workspace import Point
+
+FARTHEST_M: Final = 28_300.0
+"""From the origin to the corner of the largest site."""
+
+ERROR_M: Final = 0.1
+"""By so much a distance on the tangent plane is less than on the ellipsoid, at most, as far as `FARTHEST_M`.
+
+It grows with the cube of the distance: 4 mm at 10 km, and nothing to speak of at 1 km.
+"""
+
+
+class Projection:
+    """East and north on the plane that touches the ellipsoid at an origin.
+
+    Args:
+        origin: where (0, 0) is.
+        source: names the file in errors.
+
+    Raises:
+        ConfigError: the library is not installed.
+    """
+
+    def __init__(self, origin: GeoOrigin, source: str) -> None:
+        try:
+            from pymap3d import enu2geodetic, geodetic2enu  # type: ignore[import-untyped]
+        except ImportError as failure:
+            raise ConfigError(
+                f"places on earth need pymap3d, which cannot be imported ({failure}); install it with "
+                "pip install 'soter-rta[worlds]'",
+                source=source,
+            ) from failure
+        self.origin: Final = origin
+        self._to_plane: Final = geodetic2enu
+        self._to_earth: Final = enu2geodetic
+
+    def point(self, lat_deg: float, lon_deg: float) -> Point:
+        """Return east and north in metres of a place on the ellipsoid."""
+        east, north, _ = self._to_plane(lat_deg, lon_deg, 0.0, self.origin.lat_deg, self.origin.lon_deg, 0.0)
+        return float(east), float(north)
+
+    def place(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return latitude and longitude in degrees of the place on the ellipsoid below or above a point."""
+        # The plane leaves the ellipsoid: the height of the place is not 0, so it is looked for in a few steps.
+        up_m = -(x_m * x_m + y_m * y_m) / (2.0 * 6_371_000.0)
+        lat, lon, _ = self._to_earth(x_m, y_m, up_m, self.origin.lat_deg, self.origin.lon_deg, 0.0)
+        return float(lat), float(lon)
+
+
+def check_degrees(name: str, lat_deg: object, lon_deg: object) -> str:
+    """Return what is wrong with a latitude and a longitude, or nothing."""
+    if not isinstance(lat_deg, (int, float)) or not isinstance(lon_deg, (int, float)):
+        return f"{name} is {lat_deg!r}, {lon_deg!r}, allowed: latitude and longitude as numbers of degrees"
+    if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
+        return "a coordinate is not a finite number"
+    if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
+        hint = "metres of a projection are not read" if max(abs(lat_deg), abs(lon_deg)) > 360.0 else "are they swapped?"
+        return (
+            f"latitude {lat_deg:g}, longitude {lon_deg:g}; allowed: WGS 84 in degrees, latitude within +-90 and "
+            f"longitude within +-180; {hint}"
+        )
+    return ""
+
+
+def middle_of(places: Iterable[Sequence[float]]) -> GeoOrigin:
+    """Return the middle of places, given as latitude and longitude, to the seventh decimal: a centimetre."""
+    known = list(places)
+    lats, lons = [lat for lat, _ in known], [lon for _, lon in known]
+    return GeoOrigin(round((min(lats) + max(lats)) / 2.0, 7), round((min(lons) + max(lons)) / 2.0, 7))

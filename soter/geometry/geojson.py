@@ -1,0 +1,186 @@
+"""Reads a site from GeoJSON (RFC 7946), by a property of its features."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from soter.errors import ConfigError, nearest
+from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
+from soter.geometry.earth import Projection, check_degrees, middle_of
+from soter.geometry.site import GeoOrigin
+from soter.problems import shown_value
+
+ROLE: Final = "soter"
+ROLES: Final = ("fence", "keep_out", "station", "start")
+_PROPERTIES: Final = ("name", "height_m", "radius_m", "side_m", "robot", "heading_deg")
+
+
+def read(data: bytes, source: str) -> Draft:
+    """Return what a GeoJSON file says.
+
+    Every feature has a property `soter`: `fence`, `keep_out`, `station` or `start`. The origin is the member `origin`
+    of the collection, longitude and latitude, or else the middle of all places.
+
+    Raises:
+        ConfigError: it is no GeoJSON in WGS 84.
+    """
+    collection = json_object(data, source)
+    if collection.get("type") != "FeatureCollection" or not isinstance(collection.get("features"), list):
+        kind = shown_value(collection.get("type"))
+        raise ConfigError(f"its type is {kind}, allowed: a FeatureCollection with features", source=source)
+    if (
+        "crs" in collection
+        and "CRS84" not in json.dumps(collection["crs"])
+        and "4326" not in json.dumps(collection["crs"])
+    ):
+        raise ConfigError(
+            f"its coordinates are in {shown_value(json.dumps(collection['crs']))}; convert it, allowed: WGS 84",
+            source=source,
+            key="crs",
+        )
+    draft = Draft(source)
+    features = [each for each in enumerate(collection["features"], start=1) if _looks_right(draft, *each)]
+    places = [place for number, each in features for place in _places(draft, _name(number, each), each["geometry"])]
+    origin = _origin(draft, collection.get("origin")) or (middle_of(places) if places else None)
+    if draft.problems or origin is None:
+        return draft
+    draft.origin = origin
+    project = Projection(origin, source)
+    for number, each in features:
+        _add(draft, _name(number, each), each, lambda lon, lat: project.point(lat, lon))
+    return draft
+
+
+def json_object(data: bytes, source: str) -> dict[str, Any]:
+    """Return a JSON object.
+
+    Raises:
+        ConfigError: it is none.
+    """
+
+    def refuse(number: str) -> float:
+        raise ValueError(f"{number} is not a number that JSON has")
+
+    try:
+        found = json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
+    except UnicodeDecodeError as failure:
+        raise ConfigError(f"not UTF-8, as JSON must be: {failure.reason}", source=source) from failure
+    except json.JSONDecodeError as failure:
+        raise ConfigError(f"not valid JSON: {failure.msg}", source=source, line=failure.lineno) from failure
+    except (ValueError, RecursionError) as failure:
+        raise ConfigError(f"not valid JSON: {failure}", source=source) from failure
+    if not isinstance(found, dict):
+        raise ConfigError(f"it is {shown_value(found)}, allowed: an object", source=source)
+    return found
+
+
+def _name(number: int, feature: dict[str, Any]) -> str:
+    name = (feature.get("properties") or {}).get("name")
+    return str(name) if name else f"feature {number}"
+
+
+def _looks_right(draft: Draft, number: int, feature: Any) -> bool:
+    if not isinstance(feature, dict) or not isinstance(feature.get("geometry"), dict):
+        draft.note(f"feature {number}", "it has no geometry")
+        return False
+    properties = feature.get("properties")
+    if not isinstance(properties, dict):
+        draft.note(f"feature {number}", f"it has no properties, allowed: {ROLE} = one of {', '.join(ROLES)}")
+        return False
+    name, role = _name(number, feature), properties.get(ROLE)
+    if role not in ROLES:
+        close = nearest(role, list(ROLES)) if isinstance(role, str) else ""
+        draft.note(name, f"its property {ROLE} is {shown_value(role)}{close}; allowed: {', '.join(ROLES)}")
+        return False
+    for key in ("height_m", "radius_m", "side_m", "heading_deg"):
+        value = properties.get(key, 1.0)
+        if not isinstance(value, (int, float)) or not math.isfinite(value) or (key != "heading_deg" and value <= 0.0):
+            draft.note(name, f"its property {key} is {shown_value(value)}, allowed: a number above 0")
+            return False
+    if not isinstance(properties.get("robot", 1), int):
+        draft.note(name, f"its property robot is {shown_value(properties['robot'])}, allowed: a whole number")
+        return False
+    return True
+
+
+def _positions(geometry: Any) -> Iterator[Any]:
+    """Yield all positions of nested lists."""
+    if isinstance(geometry, list) and geometry and not isinstance(geometry[0], list):
+        yield geometry
+    elif isinstance(geometry, list):
+        for each in geometry:
+            yield from _positions(each)
+
+
+def _places(draft: Draft, name: str, geometry: dict[str, Any]) -> list[tuple[float, float]]:
+    found = []
+    for position in _positions(geometry.get("coordinates")):
+        wrong = "a position has fewer than two numbers" if len(position) < 2 else check_degrees(
+            "a position", position[1], position[0]
+        )  # fmt: skip
+        if wrong:
+            draft.note(name, wrong)
+            break
+        found.append((float(position[1]), float(position[0])))
+    return found
+
+
+def _origin(draft: Draft, given: Any) -> GeoOrigin | None:
+    if given is None:
+        return None
+    if not isinstance(given, list) or len(given) != 2 or check_degrees("it", given[1], given[0]):
+        draft.note("origin", f"it is {shown_value(given)}; allowed: longitude and latitude in degrees")
+        return None
+    return GeoOrigin(float(given[1]), float(given[0]))
+
+
+def _add(
+    draft: Draft, name: str, feature: dict[str, Any], project: Callable[[float, float], tuple[float, float]]
+) -> None:
+    geometry, properties = feature["geometry"], feature["properties"]
+    role, kind = properties[ROLE], geometry.get("type")
+    height_m = float(properties.get("height_m", 1.0))
+    if kind == "Point":
+        x_m, y_m = project(*geometry["coordinates"][:2])
+        _add_point(draft, name, role, (x_m, y_m), properties, height_m)
+        return
+    if kind not in ("Polygon", "MultiPolygon") or role in ("station", "start"):
+        allowed = "Point" if role in ("station", "start") else "Polygon, MultiPolygon, or Point with radius_m"
+        draft.note(name, f"it is a {shown_value(kind)}, allowed for a {role}: {allowed}")
+        return
+    polygons = [geometry["coordinates"]] if kind == "Polygon" else geometry["coordinates"]
+    for number, rings in enumerate(polygons):
+        part = name if len(polygons) == 1 else f"{name}, part {number + 1}"
+        projected = [[project(*position[:2]) for position in ring] for ring in rings]
+        if not projected:
+            draft.note(part, "it has no corners")
+        elif role == "fence":
+            draft.fences.append(Outline(part, projected[0]))
+            draft.keep_outs += [
+                Outline(f"{part}, hole {hole}", ring, height_m) for hole, ring in enumerate(projected[1:], start=1)
+            ]
+        elif len(projected) > 1:
+            draft.note(part, "it has a hole, which robots could not get into; allowed: none in what is kept out")
+        else:
+            draft.keep_outs.append(Outline(part, projected[0], height_m))
+
+
+def _add_point(
+    draft: Draft, name: str, role: str, at: tuple[float, float], properties: dict[str, Any], height_m: float
+) -> None:
+    if role in ("fence", "keep_out"):
+        if "radius_m" not in properties:
+            draft.note(
+                name, f"it is a Point without radius_m; allowed for a {role}: a polygon, or a Point with radius_m"
+            )
+            return
+        ring = circle(*at, float(properties["radius_m"]), around=role == "keep_out")
+        (draft.fences if role == "fence" else draft.keep_outs).append(Outline(name, ring, height_m))
+        return
+    heading_rad = math.radians(properties.get("heading_deg", 0.0))
+    side_m = float(properties.get("side_m", STATION_SIDE_M))
+    spot = Spot(name, *at, properties.get("robot"), heading_rad, side_m)
+    (draft.stations if role == "station" else draft.starts).append(spot)

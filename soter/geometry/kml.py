@@ -1,0 +1,111 @@
+"""Reads a site from KML: polygons and points of its placemarks, by their names."""
+
+from __future__ import annotations
+
+from typing import Final
+from xml.etree.ElementTree import Element, ParseError
+
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+
+from soter.errors import ConfigError
+from soter.geometry.draft import Draft, Outline, Spot
+from soter.geometry.earth import Projection, check_degrees, middle_of
+from soter.problems import shown_value
+
+FENCE: Final = "fence"
+"""What the name of a placemark begins with whose polygon is the outer boundary."""
+
+
+def read(data: bytes, source: str) -> Draft:
+    """Return what a KML file says.
+
+    The polygon of the placemark whose name begins with `fence` is the boundary, other polygons are kept out of, and
+    points are stations. Heights are not read. The origin is the middle of all places.
+
+    Raises:
+        ConfigError: it is no KML.
+    """
+    try:
+        root = fromstring(data, forbid_dtd=True)
+    except ParseError as failure:
+        line = failure.position[0]
+        raise ConfigError(f"not well-formed XML: {failure}", source=source, line=line) from failure
+    except DefusedXmlException as failure:
+        raise ConfigError(
+            "a document type or an entity is declared, which is refused for safety; remove it", source=source
+        ) from failure
+    except (ValueError, LookupError) as failure:
+        raise ConfigError(f"cannot be decoded: {failure}; write it in UTF-8", source=source) from failure
+    if _tag(root) != "kml":
+        raise ConfigError(f"its outermost element is {shown_value(_tag(root))}, allowed: <kml>", source=source)
+    draft = Draft(source)
+    rings: list[tuple[str, list[tuple[float, float]], list[list[tuple[float, float]]]]] = []
+    points: list[tuple[str, tuple[float, float]]] = []
+    for number, mark in enumerate((each for each in root.iter() if _tag(each) == "Placemark"), start=1):
+        name = next((each.text for each in mark if _tag(each) == "name"), None) or f"Placemark {number}"
+        name = name.strip()
+        for shape in mark.iter():
+            if _tag(shape) == "Polygon":
+                outer = [_corners(draft, name, each) for each in shape if _tag(each) == "outerBoundaryIs"]
+                inner = [_corners(draft, name, each) for each in shape if _tag(each) == "innerBoundaryIs"]
+                if len(outer) != 1:
+                    draft.note(name, f"its polygon has {len(outer)} outer boundaries, allowed: one")
+                else:
+                    rings.append((name, outer[0], inner))
+            elif _tag(shape) == "Point":
+                found = _corners(draft, name, shape)
+                if len(found) != 1:
+                    draft.note(name, f"its point has {len(found)} places, allowed: one")
+                else:
+                    points.append((name, found[0]))
+    places = [at for _, ring, _ in rings for at in ring] + [at for _, at in points]
+    if draft.problems or not places:
+        return draft
+    if rings and not any(_is_fence(name) for name, _, _ in rings):
+        names = ", ".join(shown_value(name) for name, _, _ in rings[:5])
+        draft.note(
+            "Placemark", f"none with a polygon has a name that begins with '{FENCE}' ({names}); name the boundary so"
+        )
+        return draft
+    draft.origin = middle_of(places)
+    project = Projection(draft.origin, source).point
+    for name, ring, holes in rings:
+        outline = Outline(name, [project(*at) for at in ring])
+        if _is_fence(name):
+            draft.fences.append(outline)
+            draft.keep_outs += [
+                Outline(f"{name}, hole {number}", [project(*at) for at in hole])
+                for number, hole in enumerate(holes, start=1)
+            ]
+        elif holes:
+            draft.note(name, "it has a hole, which robots could not get into; allowed: none in what is kept out")
+        else:
+            draft.keep_outs.append(outline)
+    draft.stations += [Spot(name, *project(*at)) for name, at in points]
+    return draft
+
+
+def _is_fence(name: str) -> bool:
+    return name.lower().startswith(FENCE)
+
+
+def _tag(element: Element) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _corners(draft: Draft, name: str, element: Element) -> list[tuple[float, float]]:
+    """Return latitudes and longitudes; KML has longitude, latitude and maybe a height."""
+    text = next((each.text for each in element.iter() if _tag(each) == "coordinates"), None) or ""
+    found: list[tuple[float, float]] = []
+    for word in text.split():
+        try:
+            lon, lat = (float(part) for part in word.split(",")[:2])
+        except ValueError:
+            draft.note(name, f"{shown_value(word)} are no coordinates; allowed: longitude,latitude in degrees")
+            return []
+        if wrong := check_degrees("it", lat, lon):
+            draft.note(name, wrong)
+            return []
+        found.append((lat, lon))
+    return found

@@ -1,0 +1,276 @@
+"""A workspace of any shape: an outer boundary and keep-out areas that are polygons, anywhere. Metres, ENU."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final, NoReturn
+
+from soter.errors import ConfigError
+from soter.geometry.convex import Pieces, Ring
+from soter.geometry.workspace import Box, Point, RobotPlace, Workspace
+
+_ROUNDING_M: Final = 1e-9
+_FAR_M: Final = 10.0
+"""Where there is no fence, the ground so far around everything else is looked at."""
+
+_CELLS: Final = 2000
+"""What is near is looked up in cells of a metre; a large site has larger ones, so many along its longer side."""
+
+_DIRECTIONS: Final = tuple((math.cos(k * math.pi / 16), math.sin(k * math.pi / 16)) for k in range(32))
+
+
+class NotRectangular(ConfigError):
+    """Something that knows rectangles with boxes along their axes only was given a workspace of another shape."""
+
+
+def refuse(what: str) -> NoReturn:
+    """Refuse to say of a site what only rectangles have.
+
+    Raises:
+        NotRectangular: always.
+    """
+    raise NotRectangular(
+        f"it was asked for the {what} of a rectangle with boxes along its axes, which a workspace with polygons does "
+        "not have; this part of SOTER works in rectangles only",
+        key="workspace",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """An area that robots keep out of.
+
+    Attributes:
+        name: what its file calls it, for messages and pictures.
+        ring: its corners.
+        pieces: convex polygons that together are the area.
+        height_m: height above the ground.
+    """
+
+    name: str
+    ring: Ring
+    pieces: tuple[Ring, ...]
+    height_m: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class GeoOrigin:
+    """Where on earth the point (0, 0) of a site is.
+
+    Attributes:
+        lat_deg: latitude, WGS 84.
+        lon_deg: longitude, WGS 84.
+    """
+
+    lat_deg: float
+    lon_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class SitePlan:
+    """What a site is made of, as plain values that go from process to process.
+
+    Attributes:
+        fence: corners of the outer boundary; None where there is none.
+        around: convex polygons that together are the fence's bounding box without its inside.
+        areas: what robots keep out of.
+        robots: where robots start and charge.
+        origin: where on earth the site is, if that is known.
+    """
+
+    fence: Ring | None
+    around: tuple[Ring, ...]
+    areas: tuple[Area, ...]
+    robots: tuple[RobotPlace, ...]
+    origin: GeoOrigin | None = None
+
+
+class Site(Workspace):
+    """A workspace that is made of polygons.
+
+    It can be used wherever a workspace can: who asks it for what only rectangles with boxes have is refused.
+
+    Args:
+        plan: what it is made of.
+    """
+
+    __slots__ = ("__dict__", "plan")
+
+    plan: SitePlan
+
+    def __init__(self, plan: SitePlan) -> None:
+        object.__setattr__(self, "plan", plan)
+        object.__setattr__(self, "robots", plan.robots)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Site, (self.plan,)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Site) and self.plan == other.plan
+
+    def __hash__(self) -> int:
+        return hash(self.plan)
+
+    def __repr__(self) -> str:
+        return f"Site({self.plan!r})"
+
+    # A part of SOTER that has not been taught polygons must not take a site for its bounding box.
+    @property
+    def width_m(self) -> NoReturn:
+        refuse("width")
+
+    @property
+    def depth_m(self) -> NoReturn:
+        refuse("depth")
+
+    @property
+    def boxes(self) -> NoReturn:
+        refuse("boxes")
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[float, float, float, float]:
+        points = [*self.plan.fence] if self.plan.fence is not None else self._points()
+        xs, ys = [x for x, _ in points], [y for _, y in points]
+        rim_m = 0.0 if self.plan.fence is not None else _FAR_M
+        return min(xs) - rim_m, min(ys) - rim_m, max(xs) + rim_m, max(ys) + rim_m
+
+    def _points(self) -> list[Point]:
+        places = [point for place in self.robots for point in ((place.x_m, place.y_m), place.charger.centre)]
+        return [
+            *(point for area in self.plan.areas for point in area.ring),
+            *places,
+            *(() if places else ((0.0, 0.0),)),
+        ]
+
+    @property
+    def cell_m(self) -> float:
+        """Side of the cells in which what is near is looked up."""
+        low_x, low_y, high_x, high_y = self.bounds
+        return max(1.0, max(high_x - low_x, high_y - low_y) / _CELLS)
+
+    @cached_property
+    def keep_outs(self) -> Pieces:
+        """The areas that robots keep out of."""
+        return Pieces([ring for area in self.plan.areas for ring in area.pieces], self.cell_m)
+
+    @cached_property
+    def outside(self) -> Pieces:
+        """The fence's bounding box without its inside; nothing where there is no fence."""
+        return Pieces(self.plan.around, self.cell_m)
+
+    def fence_m(self, x_m: float, y_m: float) -> float:
+        if self.plan.fence is None:
+            return math.inf
+        low_x, low_y, high_x, high_y = self._bounds
+        beside = min(x_m - low_x, high_x - x_m, y_m - low_y, high_y - y_m)
+        return min(beside, self.outside.distance_m(x_m, y_m)) if self.plan.around else beside
+
+    def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
+        """Return the least distance to the fence along a straight line that begins inside; at most 0 where it leaves.
+
+        Args:
+            ax_m: one end, east.
+            ay_m: the same, north.
+            bx_m: the other end, east.
+            by_m: the same, north.
+            enough_m: of what is farther than this, this is returned.
+        """
+        least = min(self.fence_m(ax_m, ay_m), self.fence_m(bx_m, by_m))
+        if least <= 0.0 or not self.plan.around:
+            return least
+        return min(least, self.outside.segment_m(ax_m, ay_m, bx_m, by_m, min(least, enough_m)))
+
+    def outlines(self) -> tuple[Ring | None, list[Ring]]:
+        return self.plan.fence, [area.ring for area in self.plan.areas]
+
+    def inset(self, by_m: float) -> list[Ring]:
+        if self.plan.fence is None:
+            return []
+        from soter.geometry import decompose
+
+        return decompose.inset(self.plan.fence, by_m)
+
+    def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
+        return self.keep_outs.distance_m(x_m, y_m) - body_radius_m
+
+    def with_robots(self, count: int) -> Site:
+        Workspace(1.0, 1.0, (), self.robots).with_robots(count)
+        return Site(replace(self.plan, robots=self.robots[:count]))
+
+    def freed(self, x_m: float, y_m: float, inset_m: float, clearance_m: float) -> Point:
+        """Return a point beside a place that is `inset_m` inside the fence and `clearance_m` from what is kept out.
+
+        It is found by leaving whatever is too near, again and again; in narrow places it may not be as far as that.
+        """
+        for _ in range(_STEPS):
+            walls = [
+                *((away - clearance_m, ux, uy) for away, ux, uy in self.keep_outs.walls(x_m, y_m, clearance_m)),
+                *((away - inset_m, ux, uy) for away, ux, uy in self.fence_walls(x_m, y_m, inset_m)),
+            ]
+            worst, ux, uy = min(walls, default=(0.0, 0.0, 0.0))
+            if worst >= -_ROUNDING_M:
+                break
+            x_m, y_m = x_m + ux * worst, y_m + uy * worst
+        return x_m, y_m
+
+    def fence_walls(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[float, float, float]]:
+        """Return the distance to each part of what is outside that is no farther than `reach_m`, and where it falls."""
+        if self.plan.fence is None:
+            return []
+        low_x, low_y, high_x, high_y = self._bounds
+        sides = ((x_m - low_x, -1.0, 0.0), (high_x - x_m, 1.0, 0.0), (y_m - low_y, 0.0, -1.0), (high_y - y_m, 0.0, 1.0))
+        return [*(side for side in sides if side[0] <= reach_m), *self.outside.walls(x_m, y_m, reach_m)]
+
+    def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> tuple[float, float] | None:
+        """Return a point inside the fence at least `clearance_m` from every area: the nearest one to within a tenth.
+
+        Returns:
+            x and y in metres, the point itself if it is free; None if none is found.
+        """
+
+        def free(at: Point) -> bool:
+            return self.contains(*at) and self.keep_outs.distance_m(*at) >= clearance_m - _ROUNDING_M
+
+        if free((x_m, y_m)):
+            return x_m, y_m
+        low_x, low_y, high_x, high_y = self.bounds
+        far_m = 2.0 * math.hypot(high_x - low_x, high_y - low_y) + math.dist((x_m, y_m), (low_x, low_y))
+        reach_m = 0.005
+        while reach_m < far_m:
+            ring = [(x_m + reach_m * ux, y_m + reach_m * uy) for ux, uy in _DIRECTIONS]
+            found = [at for at in ring if free(at)]
+            if found:
+                return found[0]
+            pushed = [at for at in (self.freed(*at, 0.0, clearance_m) for at in ring) if free(at)]
+            if pushed:
+                return min(pushed, key=lambda at: (math.dist(at, (x_m, y_m)), at))
+            reach_m *= 1.1
+        return None
+
+
+_STEPS: Final = 40
+
+
+def plain(workspace: Workspace) -> Workspace | SitePlan:
+    """Return a workspace as what can be written down value by value; `from_plain` makes it a workspace again."""
+    return workspace.plan if isinstance(workspace, Site) else workspace
+
+
+def from_plain(made_of: Workspace | SitePlan) -> Workspace:
+    """Return the workspace that `plain` wrote down."""
+    return Site(made_of) if isinstance(made_of, SitePlan) else made_of
+
+
+def as_box(x_m: float, y_m: float, side_m: float) -> Box:
+    """Return a station: a square around a place."""
+    half_m = side_m / 2.0
+    return Box(x_m - half_m, y_m - half_m, x_m + half_m, y_m + half_m, 0.0)
+
+
+__all__ = ["Area", "GeoOrigin", "NotRectangular", "Site", "SitePlan", "as_box", "from_plain", "plain"]

@@ -1,0 +1,183 @@
+"""A site with polygons as safe controllers see it: the same questions as to a rectangle, answered by convex pieces."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soter.geometry.convex import Pieces
+from soter.geometry.site import Site, refuse
+from soter.geometry.workspace import Workspace
+from soter.stack.terrain import CELL_M, Point, Terrain
+
+_OF_RECTANGLES: Final = frozenset({"width_m", "depth_m", "boxes", "cell_fence", "cell_clearance"})
+_CELLS: Final = 1_000_000
+"""A large site has larger cells to retreat to, so that there are no more of them."""
+
+
+def terrain_of(workspace: Workspace, body_radius_m: float) -> Terrain:
+    """Return distances to what does not move in a workspace of any shape, for bodies of a radius in metres."""
+    return SiteTerrain(workspace, body_radius_m) if isinstance(workspace, Site) else Terrain(workspace, body_radius_m)
+
+
+class SiteTerrain(Terrain):
+    """Distances to the fence and the areas of a site.
+
+    What is outside of the fence is treated as what is kept out: as convex pieces, of which the distance to each is
+    convex along a line. The distance to a fence that is a polygon is not concave, as that to a rectangle's sides is;
+    so a line is looked at all along.
+
+    Args:
+        site: fence and areas.
+        body_radius_m: radius of the disc that holds the robot's body.
+    """
+
+    def __init__(self, site: Site, body_radius_m: float) -> None:
+        self.site: Final = site
+        self.workspace = site
+        self.body_radius_m = body_radius_m
+        low_x, low_y, high_x, high_y = self.bounds = site.bounds
+        wide_m, deep_m = high_x - low_x, high_y - low_y
+        cell_m = max(CELL_M, math.sqrt(wide_m * deep_m / _CELLS))
+        self._columns, self._rows = max(1, round(wide_m / cell_m)), max(1, round(deep_m / cell_m))
+        xs = low_x + (np.arange(self._columns) + 0.5) * (wide_m / self._columns)
+        ys = low_y + (np.arange(self._rows) + 0.5) * (deep_m / self._rows)
+        self.cell_x = np.repeat(xs[:, None], self._rows, axis=1)
+        self.cell_y = np.repeat(ys[None, :], self._columns, axis=0)
+
+    def __getattr__(self, name: str) -> Any:
+        # Whoever knows rectangles only must not take a site for its bounding box.
+        if name in _OF_RECTANGLES:
+            refuse(name)
+        raise AttributeError(f"a site's terrain has no '{name}'")
+
+    @property
+    def convex(self) -> bool:
+        return False
+
+    def fence_m(self, x_m: float, y_m: float) -> float:
+        return self.site.fence_m(x_m, y_m)
+
+    def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
+        return self.site.fence_along_m(ax_m, ay_m, bx_m, by_m, enough_m)
+
+    def leg_fence_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float) -> float:
+        length = math.hypot(bx_m - ax_m, by_m - ay_m)
+        least = self.site.fence_m(ax_m, ay_m) - length
+        if least >= needed_m:
+            return least - needed_m
+        low_x, low_y, high_x, high_y = self.bounds
+        rise, worst = slope * length, math.inf
+        if self.site.plan.fence is not None:
+            for start_m, end_m in (
+                (ax_m - low_x, bx_m - low_x), (high_x - ax_m, high_x - bx_m),
+                (ay_m - low_y, by_m - low_y), (high_y - ay_m, high_y - by_m),
+            ):  # fmt: skip
+                leads_away = start_m < needed_m and end_m - start_m >= rise > 0.0
+                worst = min(worst, needed_m if leads_away else min(start_m, end_m))
+        found = _leg_m(self.site.outside, (ax_m, ay_m), (bx_m, by_m), needed_m, slope)
+        return min(worst, found) - needed_m
+
+    def inside(self, x_m: float, y_m: float, inset_m: float) -> Point:
+        return self.site.freed(x_m, y_m, inset_m, -math.inf) if inset_m > -math.inf else (x_m, y_m)
+
+    def beside(self, x_m: float, y_m: float, inset_m: float, clearance_m: float | None) -> Point:
+        away_m = -math.inf if clearance_m is None else clearance_m + self.body_radius_m
+        return self.site.freed(x_m, y_m, inset_m, away_m)
+
+    def clearance_m(self, x_m: float, y_m: float) -> float:
+        return self.site.keep_outs.distance_m(x_m, y_m) - self.body_radius_m
+
+    def walls(self, x_m: float, y_m: float, reach_m: float = math.inf) -> list[tuple[float, float, float]]:
+        reach_m = min(reach_m, _ALL_M) + self.body_radius_m
+        return [
+            (away_m - self.body_radius_m, ux, uy) for away_m, ux, uy in self.site.keep_outs.walls(x_m, y_m, reach_m)
+        ]
+
+    def leg_clearance_m(
+        self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float
+    ) -> float:
+        needed_m, radius_m = needed_m + self.body_radius_m, self.body_radius_m
+        return _leg_m(self.site.keep_outs, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - radius_m
+
+    def segment_clearance_m(
+        self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf
+    ) -> float:
+        reach_m = enough_m + self.body_radius_m
+        found_m = self.site.keep_outs.segment_m(ax_m, ay_m, bx_m, by_m, reach_m)
+        # What is enough is enough, whatever rounding says.
+        return enough_m if found_m >= reach_m else max(found_m, 0.0) - self.body_radius_m
+
+    def roomy_cells(self, fence_m: float, clearance_m: float) -> NDArray[np.bool_]:
+        low_x, low_y, high_x, high_y = self.bounds
+        x, y = self.cell_x, self.cell_y
+        if self.site.plan.fence is None:
+            fits = np.ones(x.shape, dtype=np.bool_)
+        else:
+            fits = np.minimum(np.minimum(x - low_x, high_x - x), np.minimum(y - low_y, high_y - y)) >= fence_m
+            if fence_m > -math.inf:
+                self._strike(fits, self.site.outside, fence_m)
+        self._strike(fits, self.site.keep_outs, clearance_m + self.body_radius_m)
+        return fits
+
+    def _strike(self, fits: NDArray[np.bool_], pieces: Pieces, needed_m: float) -> None:
+        """Take out the cells that are nearer to a piece than they may be."""
+        for piece in pieces.all:
+            low_x, low_y, high_x, high_y = piece.bounds
+            columns, rows = self.window(low_x, low_y, max(needed_m, 0.0))
+            last_columns, last_rows = self.window(high_x, high_y, max(needed_m, 0.0))
+            part = slice(columns.start, last_columns.stop), slice(rows.start, last_rows.stop)
+            fits[part] &= _away(piece.ring, self.cell_x[part], self.cell_y[part]) >= needed_m
+
+    def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
+        low_x, low_y, high_x, high_y = self.bounds
+        per_x, per_y = self._columns / (high_x - low_x), self._rows / (high_y - low_y)
+        x_m = min(max(x_m, low_x - reach_m), high_x + reach_m) - low_x
+        y_m = min(max(y_m, low_y - reach_m), high_y + reach_m) - low_y
+        left = min(max(int((x_m - reach_m) * per_x), 0), self._columns - 1)
+        right = min(max(int((x_m + reach_m) * per_x) + 1, left + 1), self._columns)
+        low = min(max(int((y_m - reach_m) * per_y), 0), self._rows - 1)
+        high = min(max(int((y_m + reach_m) * per_y) + 1, low + 1), self._rows)
+        return slice(left, right), slice(low, high)
+
+
+_ALL_M: Final = 1e6
+
+
+def _leg_m(pieces: Pieces, a: Point, b: Point, needed_m: float, slope: float) -> float:
+    """Return the least distance along a leg to any piece, but for pieces that it leads away from.
+
+    Of a piece that is nearer than `needed_m` at the beginning, `needed_m` is returned if every direction that the robot
+    may really move in leads away from it, and less if not: the distance to a convex set rises all the way along a line
+    if it does at the beginning.
+    """
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length = math.hypot(dx, dy)
+    least = math.inf
+    for piece in pieces.within(*a, needed_m + length):
+        if math.dist(a, piece.middle) - piece.radius_m - length >= min(least, needed_m):
+            continue
+        distance_m, ux, uy = piece.wall(*a)
+        if distance_m < needed_m:
+            away = -(ux * dx + uy * dy) >= slope * length and length > 0.0
+            found = needed_m if away else min(distance_m, piece.segment_m(*a, *b))
+        else:
+            found = piece.segment_m(*a, *b)
+        least = min(least, found)
+    return least
+
+
+def _away(ring: tuple[Point, ...], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the signed distances of many points to a convex polygon."""
+    off = np.full(x.shape, -math.inf)
+    away = np.full(x.shape, math.inf)
+    for (ax, ay), (bx, by) in zip(ring, (*ring[1:], ring[0]), strict=True):
+        length = math.hypot(bx - ax, by - ay)
+        ux, uy = (bx - ax) / length, (by - ay) / length
+        np.maximum(off, uy * (x - ax) - ux * (y - ay), out=off)
+        along = np.clip(ux * (x - ax) + uy * (y - ay), 0.0, length)
+        np.minimum(away, np.hypot(x - ax - ux * along, y - ay - uy * along), out=away)
+    return np.where(off > 0.0, away, off)

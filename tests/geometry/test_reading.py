@@ -1,0 +1,219 @@
+"""Workspaces from TOML, GeoJSON, KML and QGroundControl's plans: the same world in all of them, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from soter.config.toml_text import toml
+from soter.errors import ConfigError
+from soter.geometry.earth import ERROR_M, Projection
+from soter.geometry.reading import read_workspace
+from soter.geometry.site import GeoOrigin, Site
+from soter.geometry.writing import as_geojson, as_tables
+
+pytest.importorskip("pymap3d")
+
+WORLDS = sorted(
+    path for path in (Path(__file__).parents[2] / "examples" / "worlds").iterdir() if path.name != "patrol.toml"
+)
+ORIGIN = GeoOrigin(47.6187, 9.4402)
+FENCE = [(-20.0, -15.0), (20.0, -15.0), (20.0, 15.0), (2.0, 15.0), (0.0, 2.0), (-20.0, 10.0)]
+SHED = [(5.0, -8.0), (9.0, -8.0), (9.0, -2.0)]
+STATIONS = [(-15.0, -10.0), (15.0, 10.0)]
+
+
+def earth(at: tuple[float, float]) -> tuple[float, float]:
+    """Return latitude and longitude."""
+    return Projection(ORIGIN, "test").place(*at)
+
+
+def geojson() -> dict[str, Any]:
+    def lonlat(ring: list[tuple[float, float]]) -> list[list[float]]:
+        return [list(reversed(earth(at))) for at in ring]
+
+    def feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+        return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+
+    return {
+        "type": "FeatureCollection",
+        "origin": [ORIGIN.lon_deg, ORIGIN.lat_deg],
+        "features": [
+            feature("Polygon", [lonlat([*FENCE, FENCE[0]])], soter="fence"),
+            feature("Polygon", [lonlat([*SHED, SHED[0]])], soter="keep_out", name="shed"),
+            *(feature("Point", lonlat([at])[0], soter="station") for at in STATIONS),
+        ],
+    }
+
+
+def plan() -> dict[str, Any]:
+    def latlon(ring: list[tuple[float, float]]) -> list[list[float]]:
+        return [list(earth(at)) for at in ring]
+
+    return {
+        "fileType": "Plan",
+        "mission": {"plannedHomePosition": [ORIGIN.lat_deg, ORIGIN.lon_deg, 400.0]},
+        "geoFence": {
+            "polygons": [
+                {"inclusion": True, "polygon": latlon(FENCE)},
+                {"inclusion": False, "polygon": latlon(SHED)},
+            ],
+            "circles": [],
+        },
+        "rallyPoints": {"points": [[*at, 50.0] for at in latlon(STATIONS)]},
+    }
+
+
+def kml(*, fence: str = "fence") -> str:
+    def text(ring: list[tuple[float, float]]) -> str:
+        return " ".join(f"{lon:.9f},{lat:.9f},0" for lat, lon in map(earth, ring))
+
+    def area(name: str, ring: list[tuple[float, float]]) -> str:
+        inner = f"<LinearRing><coordinates>{text([*ring, ring[0]])}</coordinates></LinearRing>"
+        polygon = f"<Polygon><outerBoundaryIs>{inner}</outerBoundaryIs></Polygon>"
+        return f"<Placemark><name>{name}</name>{polygon}</Placemark>"
+
+    points = "".join(
+        f"<Placemark><Point><coordinates>{text([at])}</coordinates></Point></Placemark>" for at in STATIONS
+    )
+    inside = area(fence, FENCE) + area("shed", SHED) + points
+    return f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{inside}</Document></kml>'
+
+
+def read(path: Path, text: str | dict[str, Any]) -> Site:
+    path.write_text(text if isinstance(text, str) else json.dumps(text), encoding="utf-8")
+    found = read_workspace(path)
+    assert isinstance(found, Site)
+    return found
+
+
+def refusal(path: Path, text: str | dict[str, Any]) -> str:
+    with pytest.raises(ConfigError) as failure:
+        read(path, text)
+    assert str(path) in str(failure.value)
+    return str(failure.value)
+
+
+@pytest.mark.parametrize("name", ["a.geojson", "a.plan", "a.kml"])
+def test_places_on_earth_are_where_they_are_in_every_format(name: str, tmp_path: Path) -> None:
+    texts: dict[str, str | dict[str, Any]] = {"a.geojson": geojson(), "a.plan": plan(), "a.kml": kml()}
+    made = read(tmp_path / name, texts[name])
+    assert made.plan.fence is not None
+    assert made.plan.origin is not None
+    # A file without an origin has its own: distances are the same.
+    east, north = Projection(made.plan.origin, "test").point(*earth((0.0, 0.0)))
+    for (x, y), (found_x, found_y) in zip(FENCE, made.plan.fence, strict=True):
+        assert (found_x - east, found_y - north) == pytest.approx((x, y), abs=1e-3)
+    (shed,) = made.plan.areas
+    assert len(shed.ring) == len(SHED)
+    for (x, y), place in zip(STATIONS, made.robots, strict=True):
+        assert (place.x_m - east, place.y_m - north) == pytest.approx((x, y), abs=1e-3)
+        assert place.charger.centre == pytest.approx((place.x_m, place.y_m))
+
+
+def test_the_error_of_the_plane_is_bounded() -> None:
+    from pymap3d.vincenty import vdist  # type: ignore[import-untyped]
+
+    project = Projection(ORIGIN, "test")
+    for far_m, bound_m in ((1_000.0, 1e-4), (10_000.0, 5e-3), (28_000.0, ERROR_M)):
+        for turn in range(8):
+            at = far_m * math.cos(turn), far_m * math.sin(turn)
+            lat, lon = project.place(*at)
+            assert project.point(lat, lon) == pytest.approx(at, abs=1e-3 + bound_m)
+            true_m, _ = vdist(ORIGIN.lat_deg, ORIGIN.lon_deg, lat, lon)
+            assert abs(float(true_m) - far_m) <= bound_m + 1e-3
+
+
+@pytest.mark.parametrize("path", WORLDS, ids=lambda path: path.name)
+def test_the_shipped_worlds_are_read_and_written(path: Path, tmp_path: Path) -> None:
+    made = read_workspace(path)
+    assert isinstance(made, Site)
+    again = read(tmp_path / "again.toml", toml(as_tables(made)))
+    assert again.plan.fence == made.plan.fence
+    assert [area.ring for area in again.plan.areas] == [area.ring for area in made.plan.areas]
+    assert again.robots == made.robots
+    if made.plan.origin is not None:
+        there = read(tmp_path / "there.geojson", as_geojson(made, str(path)))
+        assert there.plan.fence is not None
+        assert made.plan.fence is not None
+        for one, other in zip(there.plan.fence, made.plan.fence, strict=True):
+            assert one == pytest.approx(other, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda each: each.update(type="Feature"), "FeatureCollection"),
+        (lambda each: each.update(crs={"type": "name", "properties": {"name": "EPSG:25832"}}), "WGS 84"),
+        (lambda each: each["features"][1]["properties"].pop("soter"), "shed"),
+        (lambda each: each["features"][1]["properties"].update(soter="keepout"), "keep_out"),
+        (lambda each: each["features"][1]["geometry"].update(type="LineString"), "shed"),
+        (lambda each: each["features"][1]["geometry"]["coordinates"][0].append([500000.0, 5300000.0]), "shed"),
+        (lambda each: each["features"][1]["geometry"]["coordinates"][0].insert(1, [9.44, -47.6]), "shed"),
+        (lambda each: each["features"][1]["geometry"]["coordinates"][0].insert(1, ["a", 1]), "shed"),
+        (lambda each: each["features"][1]["geometry"]["coordinates"].append([[9.4, 47.6]]), "hole"),
+        (lambda each: each["features"][1].pop("geometry"), "feature 2"),
+        (lambda each: each["features"].append(each["features"][0]), "outer boundaries"),
+        (lambda each: each.update(origin=[200.0, 1.0]), "origin"),
+        (lambda each: each.update(features=[]), "neither"),
+        (lambda each: each.update(features=each["features"][:2]), "station"),
+    ],
+)
+def test_bad_geojson_is_refused_by_feature(change: Any, said: str, tmp_path: Path) -> None:
+    bad = geojson()
+    change(bad)
+    assert said in refusal(tmp_path / "bad.geojson", bad)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda each: each.update(fileType="Mission"), "fileType"),
+        (lambda each: each["geoFence"]["polygons"][1].update(inclusion="no"), "polygon 2"),
+        (lambda each: each["geoFence"]["polygons"][0]["polygon"].insert(0, [147.0, 9.0]), "polygon 1"),
+        (lambda each: each["geoFence"].update(circles=[{"inclusion": False, "circle": {"center": [47.6187, 9.4402], "radius": -1}}]), "circle 1"),  # noqa: E501
+        (lambda each: each.update(geoFence=[]), "geoFence"),
+        (lambda each: each.update(rallyPoints={"points": []}), "station"),
+    ],
+)  # fmt: skip
+def test_bad_plans_are_refused_by_feature(change: Any, said: str, tmp_path: Path) -> None:
+    bad = plan()
+    change(bad)
+    assert said in refusal(tmp_path / "bad.plan", bad)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<kml><Document>", "well-formed"),
+        ("<gpx/>", "kml"),
+        ('<!DOCTYPE kml [<!ENTITY a "b">]><kml/>', "refused"),
+        (kml(fence="yard"), "fence"),
+        (kml().replace("9.4", "a9.4", 1), "fence"),
+    ],
+)
+def test_bad_kml_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    assert said in refusal(tmp_path / "bad.kml", text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[fence", "TOML"),
+        ("[fence]\npolygon = [[0, 0], [1, 0]]\ncircle = {x_m = 0.0, y_m = 0.0, radius_m = 1.0}", "one of"),
+        ("[fence]\ncircle = {x_m = 0.0, y_m = nan, radius_m = 1.0}", "finite"),
+        ("[fence]\ncircle = {x_m = 0.0, y_m = 0.0, radius = 1.0}", "radius_m"),
+        ("[[keep_out]]\npolygon = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]", "keep_out 1"),
+        ("[fence]\npolygon = [[0.0, 0.0], [30000.0, 0.0], [0.0, 1.0]]", "20000"),
+    ],
+)
+def test_bad_toml_is_refused_by_key(text: str, said: str, tmp_path: Path) -> None:
+    assert said in refusal(tmp_path / "bad.toml", text)
+
+
+def test_maps_are_refused_as_long_as_nobody_reads_them(tmp_path: Path) -> None:
+    assert "not read yet" in refusal(tmp_path / "map.yaml", "image: map.pgm")
