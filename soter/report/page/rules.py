@@ -47,11 +47,11 @@ class RuleMargins:
                 np.minimum(apart[robot][:count], away, out=apart[robot][:count])
         for robot, (x, y) in places.items():
             radius_m = self._radius_m[robot] + self._clearance_m
-            at, room = list(zip(x, y, strict=True)), self._workspace
+            at, room = list(zip(x.tolist(), y.tolist(), strict=True)), self._workspace
             nearest = [room.clearance_m(*place, radius_m) for place in at]
             fence = [room.fence_m(*place) for place in at]
             for rule, margins in zip(RULES, (apart[robot], nearest, fence), strict=True):
-                series[robot].margins[rule] = array("d", margins)
+                series[robot].margins[rule] = array("d", list(margins))
 
 
 def modules_of(robot: RobotAbout) -> tuple[ModuleAbout, ...]:
