@@ -50,8 +50,8 @@ class RuleMargins:
             at, room = list(zip(x.tolist(), y.tolist(), strict=True)), self._workspace
             nearest = [room.clearance_m(*place, radius_m) for place in at]
             fence = [room.fence_m(*place) for place in at]
-            for rule, margins in zip(RULES, (apart[robot], nearest, fence), strict=True):
-                series[robot].margins[rule] = array("d", list(margins))
+            for rule, margins in zip(RULES, (apart[robot].tolist(), nearest, fence), strict=True):
+                series[robot].margins[rule] = array("d", margins)
 
 
 def modules_of(robot: RobotAbout) -> tuple[ModuleAbout, ...]:
