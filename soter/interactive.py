@@ -6,14 +6,12 @@ It stands above the runner, the recordings and the report, and does nothing that
 from __future__ import annotations
 
 import math
-import shutil
-import tempfile
 import weakref
 from collections.abc import Mapping
+from contextlib import closing
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from soter.config import load_mission
@@ -26,6 +24,7 @@ from soter.registry import install_hint
 from soter.report.caption import Caption, Rule
 from soter.report.page.html import make_page
 from soter.runner import RunResult, run_mission
+from soter.scratch import Scratch
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,18 +39,18 @@ class FinishedRun:
     Args:
         result: its figures.
         recording: what was run, known, decided and done.
-        scratch: a folder that goes when this goes, or None.
+        scratch: where the recording is, which goes when this goes, or None.
 
     Attributes:
         result: see there.
         recording: see there.
     """
 
-    def __init__(self, result: RunResult, recording: Recording, scratch: Path | None = None) -> None:
+    def __init__(self, result: RunResult, recording: Recording, scratch: Scratch | None = None) -> None:
         self.result: Final = result
         self.recording: Final = recording
         if scratch is not None:
-            weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
+            weakref.finalize(self, scratch.close)
 
     @cached_property
     def frames(self) -> Mapping[str, pd.DataFrame]:
@@ -67,8 +66,8 @@ class FinishedRun:
             import pandas as pd
         except ImportError as failure:
             raise SoterError(f"data frames need pandas; install it with: {install_hint('pandas')}") from failure
-        with TemporaryDirectory() as folder:
-            return {path.stem: pd.read_csv(path) for path in export_csv(self.recording, Path(folder))}
+        with closing(Scratch("frames")) as scratch:
+            return {path.stem: pd.read_csv(path) for path in export_csv(self.recording, scratch.path / "csv")}
 
     def draw(self, path: Path | str) -> None:
         """Draw the run into a PNG file, which is replaced.
@@ -135,8 +134,8 @@ def run(
     loaded = load_mission(mission, overrides)
     scratch = None
     if record is None:
-        scratch = Path(tempfile.mkdtemp(prefix="soter-"))
-        path = scratch / "run.mcap"
+        scratch = Scratch("run")
+        path = scratch.path / "run.mcap"
     elif (path := Path(record)).exists():
         Recording(path)  # what is no recording is not replaced by one
     try:
@@ -147,7 +146,7 @@ def run(
         return FinishedRun(done.result, Recording(path), scratch)
     except BaseException:
         if scratch is not None:
-            shutil.rmtree(scratch, ignore_errors=True)
+            scratch.close()
         raise
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -185,12 +186,12 @@ def test_there_is_no_other_text(monkeypatch: pytest.MonkeyPatch) -> None:
     made: set[tuple[str, int]] = set()
     original = IllFormedModule.__init__
 
-    def note(self: IllFormedModule, module: str, condition: str, message: str) -> None:
+    def note(self: IllFormedModule, module: str, condition: str, message: str, *more: Any, **named: Any) -> None:
         caller = sys._getframe(1)
         # Where the call begins, whichever of its lines is being run.
         file = str(Path(caller.f_code.co_filename))
         made.add((file, max((line for path, line in places() if path == file and line <= caller.f_lineno), default=0)))
-        original(self, module, condition, message)
+        original(self, module, condition, message, *more, **named)
 
     monkeypatch.setattr(IllFormedModule, "__init__", note)
     for _, declared in DECLARED.values():

@@ -115,6 +115,8 @@ CALLS: dict[str, list[list[str]]] = {
     "info": [["spoilt.mcap"], ["plain.mcap"], ["bad.mcap"], ["plain.mcap", "--json"]],
     "replay": [["spoilt.mcap"], ["plain.mcap"], ["bad.mcap"]],
     "tune": [["bad.toml"], ["good.toml", "--set", f"{HOSTILE}={HOSTILE}"]],
+    "measure": [["bad.toml", "--room", "2"], ["good.toml", "--room", "2", "--set", f"{HOSTILE}={HOSTILE}"]],
+    "workspace": [["bad.xml"], [HOSTILE], ["bad.xml", "--to", f"{HOSTILE}.toml"]],
     "verify": [["spoilt.mcap"], ["plain.mcap"], ["bad.mcap"]],
     "report": [["bad.mcap"], ["plain.mcap", "-o", f"{HOSTILE}.html"]],
     "backends": [[HOSTILE]],

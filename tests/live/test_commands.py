@@ -91,7 +91,7 @@ def test_without_its_library_the_app_is_refused_with_what_to_do(monkeypatch: pyt
     done = ran("--foxglove", "--no-record")
     assert done.exit_code == 2
     assert (
-        'command line: --foxglove: it needs foxglove-sdk, which is not installed; install it with: pip install "'
+        "command line: --foxglove: it needs foxglove-sdk, which is not installed; install it with: pip install "
         in done.stderr
     )
     assert "[foxglove]" in done.stderr

@@ -213,7 +213,7 @@ class Rig:
         self.modules = {each.name: DecisionModule(each, timing, TICK_S) for each in declared}
         self.robot = RobotSupervisor(
             robot_id, self.actuator, list(self.modules.values()), self.ac, self.topic, models, timing, [self.watch],
-            heard_within_s,
+            heard_within_s, names[-1] if names else "",
         )  # fmt: skip
         self.ticks = 0
         self.fresh = True

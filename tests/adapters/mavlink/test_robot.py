@@ -534,7 +534,7 @@ def test_an_ekf_that_begins_anew_elsewhere_is_heard_again_once_its_origin_is_kno
     puppet.origin_lat = 473977420 + 1000
     puppet.tell_origin()
     assert "made ready again" in tick(puppet, robot)[0]
-    tick(puppet, robot, 60)
+    tick(puppet, robot, 120)
     assert robot.read_state().y_m == pytest.approx(11.13, abs=0.01)
 
 

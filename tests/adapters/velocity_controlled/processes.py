@@ -13,7 +13,7 @@ from typing import Final
 
 from tests.waiting import gone, wait_until
 
-EXAMPLES: Final = Path(__file__).parents[2] / "examples"
+EXAMPLES: Final = Path(__file__).parents[3] / "examples"
 
 
 def soter(*arguments: str) -> subprocess.Popen[str]:
