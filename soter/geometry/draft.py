@@ -139,8 +139,7 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float) -> Site:
         from soter.geometry import decompose
     except ImportError as failure:
         raise ConfigError(
-            f"polygons need shapely, which cannot be imported ({failure}); install it with "
-            "pip install 'soter-rta[worlds]'",
+            f"polygons need shapely, which cannot be imported ({failure}); install it with pip install shapely",
             source=draft.source,
         ) from failure
     fence_ring = _ring(draft, draft.fences[0]) if draft.fences else None

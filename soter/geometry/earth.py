@@ -37,7 +37,7 @@ class Projection:
         except ImportError as failure:
             raise ConfigError(
                 f"places on earth need pymap3d, which cannot be imported ({failure}); install it with "
-                "pip install 'soter-rta[worlds]'",
+                "pip install pymap3d",
                 source=source,
             ) from failure
         self.origin: Final = origin

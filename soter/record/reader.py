@@ -202,8 +202,7 @@ class Recording:
             BadRecording: it is not in the recording, or is of other robots.
             ConfigError: it is there, but not allowed.
         """
-        workspace = self._read_workspace()
-        workspace.with_robots(len(self._all_ids))
+        workspace = self._read_workspace().with_robots(len(self._all_ids))
         if self._all_ids != {place.id for place in workspace.robots}:
             robots = ", ".join(map(str, sorted(self._all_ids)))
             raise BadRecording(f"{self.path}: its robots are {robots}, which are not those of its workspace file")

@@ -57,9 +57,14 @@ class Client:
             self.times_ns.append(struct.unpack_from("<Q", message, 1)[0])
 
     def hear_all(self) -> None:
-        """Take everything until the server says that this was all."""
-        while not self.words:
-            self.hear()
+        """Take everything until the server closes the connection."""
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            while True:
+                self.hear()
+        except ConnectionClosed:
+            return
 
     def _control(self, message: dict[str, Any]) -> None:
         if message["op"] == "advertise":
@@ -98,6 +103,7 @@ def test_a_client_follows_the_robots_of_a_run_that_goes_on(whole: Path, tmp_path
                 heard.hear()
             first_ns = heard.heard[-1][1]
             growing.to(1.0)
+            view.close()
             heard.hear_all()
     assert heard.words == ["The run has ended."]
     assert heard.times_ns == sorted(heard.times_ns)

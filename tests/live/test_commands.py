@@ -12,6 +12,7 @@ import subprocess
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
+from typing import Final
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -24,6 +25,7 @@ from tests.record.helpers import SURVEILLANCE, mission
 from tests.report.unpacked import Unpacked, of_page
 from tests.waiting import wait_until
 
+RECORDING: Final = 'id="recording"'
 QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "20")
 
 
@@ -120,7 +122,7 @@ def test_a_finished_run_stays_on_the_page_from_its_beginning_until_ctrl_c(tmp_pa
             assert process.stdout.readline() == f"the page stays until Ctrl-C: {address}\n"
             wait_until(lambda: seen.exists() and seen.read_text(encoding="utf-8").strip() == address)
             # Its process may not have read all of the recording yet.
-            wait_until(lambda: not page_at(address).document["goesOn"])
+            wait_until(lambda: RECORDING in text_at(address) and not page_at(address).document["goesOn"])
             data = page_at(address)
             times = data.column(data.document["robots"][0]["poses"]["timeS"])
             assert (times[0], times[-1]) == pytest.approx((0.0, 20.0), abs=0.06)
@@ -132,11 +134,16 @@ def test_a_finished_run_stays_on_the_page_from_its_beginning_until_ctrl_c(tmp_pa
 
 def page_at(address: str) -> Unpacked:
     """The data of the page that a server has now."""
+    return of_page(text_at(address))
+
+
+def text_at(address: str) -> str:
+    """The page that a server has now; one that asks again in a second while nothing has been recorded."""
     connection = http.client.HTTPConnection(address.removeprefix("http://").rstrip("/"), timeout=20.0)
     connection.request("GET", "/")
     text = connection.getresponse().read().decode()
     connection.close()
-    return of_page(text)
+    return text
 
 
 def test_a_pace_holds_virtual_time_to_the_clock_and_makes_up_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
