@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Collection, Mapping
 from typing import Final
 
@@ -12,7 +11,7 @@ from soter.config import MissionFile, validate_options
 from soter.config.tables import SURVEILLANCE
 from soter.controllers.base import Controller
 from soter.errors import ConfigError, nearest
-from soter.loading import described, file_of, load_named
+from soter.loading import described, file_of, known_target, load_class
 
 MISSION: Final = "mission"
 """What a mission's `ac` says when its own machines are the ACs."""
@@ -49,19 +48,8 @@ def controller_class(mission: MissionFile) -> type[Controller]:
     given = {key[0] for key in mission.overridden}
     if does != SURVEILLANCE and not ("ac" in given and "mission" not in given):
         raise refused(f"it is '{name}', but mission '{does}' commands the robots itself; allowed with it: '{MISSION}'")
-    target = ADVERSARIES.get(name.removeprefix(PREFIX), "") if name.startswith(PREFIX) else name
-    if ":" not in target and file_of(target) is None:
-        known = [MISSION, *(PREFIX + each for each in ADVERSARIES)]
-        listed = (
-            f"{nearest(name, known)}; known are {', '.join(known)}, or a class as 'file.py:Class' or 'module:Class'"
-        )
-        raise refused(f"unknown AC '{name}'{listed}")
-    found = load_named(target, refused, Controller)
-    if not (isinstance(found, type) and issubclass(found, Controller)):
-        raise refused(f"it is '{name}', which is {found!r}, allowed: a subclass of soter.Controller")
-    if inspect.isabstract(found):
-        missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
-        raise refused(f"it is '{name}', which does not define {missing}")
+    known = {PREFIX + each: target for each, target in ADVERSARIES.items()}
+    found = load_class(name, known_target(name, {MISSION: "", **known}, "AC", refused, files=True), Controller, refused)
     if found.step is Controller.step and found.act is Controller.act:
         raise refused(f"it is '{name}', which defines neither step nor act")
     model: object = found.Options
@@ -98,7 +86,9 @@ def build(mission: MissionFile, robot_ids: Collection[int]) -> dict[tuple[int, .
     parts = [tuple(robot_ids)] if found.fleet else [(robot_id,) for robot_id in robot_ids]
     try:
         return {part: found(options) for part in parts}
-    except Exception as failure:  # foreign code
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code
         cause = described(failure, file_of(name))
         raise mission.refusal("ac", f"it is '{name}', which cannot be made: {cause}") from failure
 

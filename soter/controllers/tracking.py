@@ -68,13 +68,7 @@ class VelocityTracker:
         return speed_m_s * (self._tick_s + self.delay_s) + speed_m_s**2 / (2.0 * self._robot.brake_m_s2) + _AHEAD_M
 
     def goal(self, own: RobotState, asked: Velocity, now_s: float) -> Waypoint:
-        """Return where to send the robot now, with a cap on its speed.
-
-        Args:
-            own: its latest sample.
-            asked: finite.
-            now_s: fleet time of the tick.
-        """
+        """Return where to send the robot now, with a cap on its speed; what is asked is finite."""
         robot = self._robot
         speed_m_s = max(-robot.v_max_m_s if robot.reverses else 0.0, min(robot.v_max_m_s, asked.forward_m_s))
         turn_rad_s = max(-robot.yaw_rate_max_rad_s, min(robot.yaw_rate_max_rad_s, asked.turn_rad_s))

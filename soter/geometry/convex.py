@@ -14,27 +14,23 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soter.geometry.edges import Edge, Edges, EdgesSeen, Floats, Indices
+
 Point = tuple[float, float]
 Ring = tuple[Point, ...]
 """Corners in order, counter-clockwise, the first not repeated."""
 
 _FEW: Final = 3
+_floor, _sqrt = math.floor, math.sqrt
+_SEVERAL: Final = 16
+_LINES: Final = 64
+"""Of many lines so many are looked at at once: those next to each other are near the same pieces."""
 
 
 class Piece:
-    """A convex polygon.
+    """A convex polygon, counter-clockwise, within its bounds (low x, low y, high x, high y) and within a disc."""
 
-    Args:
-        ring: its corners, counter-clockwise.
-
-    Attributes:
-        ring: see above.
-        bounds: low x, low y, high x, high y.
-        middle: centre of a disc that holds it.
-        radius_m: radius of that disc.
-    """
-
-    __slots__ = ("_edges", "bounds", "middle", "radius_m", "ring")
+    __slots__ = ("bounds", "edges", "middle", "radius_m", "ring")
 
     def __init__(self, ring: Ring) -> None:
         xs, ys = [x for x, _ in ring], [y for _, y in ring]
@@ -46,20 +42,19 @@ class Piece:
         edges = []
         for (ax, ay), (bx, by) in zip(ring, (*ring[1:], ring[0]), strict=True):
             length = math.hypot(bx - ax, by - ay)
-            along_x, along_y = (bx - ax) / length, (by - ay) / length
-            # The outward normal of a counter-clockwise edge points to its right.
-            edges.append((ax, ay, along_y, -along_x, length))
-        self._edges: Final = tuple(edges)
+            edges.append((ax, ay, (bx - ax) / length, (by - ay) / length, length))
+        self.edges: Final[tuple[Edge, ...]] = tuple(edges)
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point: negative inside, by the depth."""
         most, beyond = -math.inf, True
-        for ax, ay, nx, ny, length in self._edges:
+        for ax, ay, ux, uy, length in self.edges:
             dx, dy = x_m - ax, y_m - ay
-            off = nx * dx + ny * dy
+            # The outward normal of a counter-clockwise edge points to its right.
+            off = uy * dx - ux * dy
             if off > most:
                 most = off
-                along = ny * -dx + nx * dy
+                along = ux * dx + uy * dy
                 beyond = along < 0.0 or along > length
         if most <= 0.0 or not beyond:
             return most
@@ -69,12 +64,12 @@ class Piece:
         """Return the signed distance from a point, and the unit vector in which it falls fastest."""
         most, nearest = -math.inf, (0.0, 0.0)
         beyond = True
-        for ax, ay, nx, ny, length in self._edges:
+        for ax, ay, ux, uy, length in self.edges:
             dx, dy = x_m - ax, y_m - ay
-            off = nx * dx + ny * dy
+            off = uy * dx - ux * dy
             if off > most:
-                most, nearest = off, (-nx, -ny)
-                along = ny * -dx + nx * dy
+                most, nearest = off, (-uy, ux)
+                along = ux * dx + uy * dy
                 beyond = along < 0.0 or along > length
         if most <= 0.0 or not beyond:
             return most, *nearest
@@ -86,8 +81,8 @@ class Piece:
         """Return the least distance from the points of a straight line; 0 where it meets the inside."""
         dx, dy = bx_m - ax_m, by_m - ay_m
         enter, leave = 0.0, 1.0
-        for ax, ay, nx, ny, _ in self._edges:
-            off, towards = nx * (ax_m - ax) + ny * (ay_m - ay), nx * dx + ny * dy
+        for ax, ay, ux, uy, _ in self.edges:
+            off, towards = uy * (ax_m - ax) - ux * (ay_m - ay), uy * dx - ux * dy
             if towards == 0.0:
                 if off >= 0.0:
                     enter = math.inf
@@ -112,46 +107,66 @@ class Piece:
 
     def _near(self, x_m: float, y_m: float) -> Iterable[Point]:
         """Yield, for every edge that the point is outside of, the point of that edge that is nearest to it."""
-        for ax, ay, nx, ny, length in self._edges:
+        for ax, ay, ux, uy, length in self.edges:
             dx, dy = x_m - ax, y_m - ay
-            if nx * dx + ny * dy >= 0.0:
-                along = min(max(ny * -dx + nx * dy, 0.0), length)
-                yield ax - ny * along, ay + nx * along
+            if uy * dx - ux * dy >= 0.0:
+                along = min(max(ux * dx + uy * dy, 0.0), length)
+                yield ax + ux * along, ay + uy * along
 
 
 class Pieces:
     """A fixed set of convex polygons.
 
     What is near is looked up in cells, each of which is worked out when it is first asked for and then kept; so what
-    a question costs depends on how many pieces are near, not on how many there are.
+    a question costs depends on how much is near, not on how many pieces there are.
 
     Args:
         rings: the polygons.
-        cell_m: side of the cells.
+        cell_m: side of the smallest cells.
     """
 
-    def __init__(self, rings: Sequence[Ring], cell_m: float = 1.0) -> None:
+    def __init__(self, rings: Sequence[Ring], cell_m: float = 0.5) -> None:
         self.all: Final = tuple(map(Piece, rings))
         self._cell_m: Final = cell_m
-        self._half_m: Final = cell_m * math.sqrt(0.5)
+        self._per_m: Final = 1.0 / cell_m
         bounds = np.array([each.bounds for each in self.all], dtype=np.float64).reshape(-1, 4)
         self._low, self._high = bounds[:, :2], bounds[:, 2:]
-        self._nearest: dict[tuple[int, int], tuple[tuple[float, float, float, Piece], ...]] = {}
+        self._middle: Final = np.array([each.middle for each in self.all], dtype=np.float64).reshape(-1, 2)
+        self._radius_m: Final = np.array([each.radius_m for each in self.all])
+        self._edges: Final = Edges([each.edges for each in self.all])
+        extent_m = float((self._high.max(axis=0) - self._low.min(axis=0)).max()) if self.all else 0.0
+        self._top: Final = max(0, math.ceil(math.log2(max(extent_m / cell_m, 1.0)))) if len(self.all) > _FEW else 0
+        self._every: Final = np.arange(len(self.all))
+        self._cells: dict[tuple[int, int], tuple[tuple[Edge, ...], tuple[Piece, ...]]] = {}
+        self._nearest: dict[tuple[int, int, int], Indices] = {}
         self._within: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the nearest piece; infinite without any."""
-        cell = (math.floor(x_m / self._cell_m), math.floor(y_m / self._cell_m))
-        near = self._nearest.get(cell)
+        column, row = _floor(x_m * self._per_m), _floor(y_m * self._per_m)
+        near = self._cells.get((column, row))
         if near is None:
-            near = self._nearest[cell] = self._nearest_in(cell)
+            near = self._cells[column, row] = self._worked_out(column, row)
+        edges, pieces = near
         least = math.inf
-        for middle_x, middle_y, radius, piece in near:
-            dx, dy, reach = x_m - middle_x, y_m - middle_y, least + radius
-            if reach > 0.0 and dx * dx + dy * dy < reach * reach:
-                distance = piece.distance_m(x_m, y_m)
-                if distance < least:
-                    least = distance
+        for ax, ay, ux, uy, length in edges:
+            dx, dy = x_m - ax, y_m - ay
+            along = ux * dx + uy * dy
+            if along <= 0.0:
+                square = dx * dx + dy * dy
+            elif along < length:
+                off = ux * dy - uy * dx
+                square = off * off
+            else:
+                dx, dy = dx - ux * length, dy - uy * length
+                square = dx * dx + dy * dy
+            if square < least:
+                least = square
+        least = _sqrt(least)
+        for piece in pieces:
+            distance = piece.distance_m(x_m, y_m)
+            if distance < least:
+                least = distance
         return least
 
     def within(self, x_m: float, y_m: float, reach_m: float) -> tuple[Piece, ...]:
@@ -181,64 +196,101 @@ class Pieces:
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return the least distance from the points of a straight line to any piece; at most 0 where they meet.
 
-        Args:
-            ax_m: one end, east.
-            ay_m: the same, north.
-            bx_m: the other end, east.
-            by_m: the same, north.
-            enough_m: of what is farther than this, this is returned.
+        Of what is farther than `enough_m`, that is returned.
         """
         here_m = self.distance_m(ax_m, ay_m)
         least, length, at_m = min(here_m, enough_m), math.hypot(bx_m - ax_m, by_m - ay_m), 0.0
         if least <= 0.0 or least == math.inf:
             return least
+        if length > 8.0 * self._cell_m and len(self.all) > _SEVERAL:
+            # Cells that are looked at once would be worked out in vain.
+            _, away = self._near_lines(np.array(((ax_m, ay_m),)), np.array(((bx_m, by_m),)), least)
+            return min(least, float(away.min(initial=math.inf)))
         ux, uy = ((bx_m - ax_m) / length, (by_m - ay_m) / length) if length > 0.0 else (0.0, 0.0)
         while True:
             # The distance changes by a metre a metre at most: until there nothing is nearer than what was found.
             at_m += here_m - least
             if at_m >= length:
                 return least
+            fx, fy = ax_m + ux * at_m, ay_m + uy * at_m
+            here_m = self.distance_m(fx, fy)
+            if here_m - least > self._cell_m:
+                continue
             # What counts is nearer than `least`; longer pieces of the line where that is much.
-            part_m = min(max(self._cell_m, 0.5 * least), length - at_m)
-            fx, fy, tx, ty = self._part(ax_m, ay_m, bx_m, by_m, ux, uy, at_m, part_m, length)
+            part_m = max(2.0 * self._cell_m, 0.5 * least)
+            at_m += part_m
+            tx, ty = (bx_m, by_m) if at_m >= length else (ax_m + ux * at_m, ay_m + uy * at_m)
             for piece in self.within((fx + tx) / 2.0, (fy + ty) / 2.0, least + 0.5 * part_m):
                 away_m = math.hypot((fx + tx) / 2.0 - piece.middle[0], (fy + ty) / 2.0 - piece.middle[1])
                 if away_m < least + 0.5 * part_m + piece.radius_m:
                     least = min(least, piece.segment_m(fx, fy, tx, ty))
                     if least <= 0.0:
                         return 0.0
-            at_m += part_m
             if at_m >= length:
                 return least
             here_m = max(self.distance_m(tx, ty), least)
 
-    @staticmethod
-    def _part(
-        ax: float, ay: float, bx: float, by: float, ux: float, uy: float, at_m: float, part_m: float, length: float
-    ) -> tuple[float, float, float, float]:
-        end = (bx, by) if at_m + part_m >= length else (ax + ux * (at_m + part_m), ay + uy * (at_m + part_m))
-        return ax + ux * at_m, ay + uy * at_m, *end
+    def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
+        """Return which of many straight lines keep their distance from all pieces.
 
-    def _boxes_m(self, x_m: float, y_m: float) -> NDArray[np.float64]:
+        Args:
+            a: where they begin, one place a row; or one place for all.
+            b: where they end.
+            needed_m: the distance; all lines keep 0 or less.
+        """
+        a, b = np.broadcast_arrays(a, b)
+        keep = np.ones(len(a), dtype=np.bool_)
+        if needed_m <= 0.0:
+            return keep
+        for start in range(0, len(a), _LINES):
+            part = slice(start, start + _LINES)
+            line, away = self._near_lines(a[part], b[part], needed_m)
+            keep[line[away < needed_m] + start] = False
+        return keep
+
+    def _near_lines(self, a: Floats, b: Floats, reach_m: float) -> tuple[Indices, Floats]:
+        """Return the pairs of lines and pieces that may be no farther apart: which line it is, and how far."""
+        low, high = np.minimum(a, b).min(axis=0) - reach_m, np.maximum(a, b).max(axis=0) + reach_m
+        near = np.flatnonzero((self._low < high).all(axis=1) & (self._high > low).all(axis=1))
+        # By the discs that hold the pieces first: of most pairs that is all that need be known.
+        dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+        from_x, from_y = self._middle[near, 0] - a[:, :1], self._middle[near, 1] - a[:, 1:]
+        along = (from_x.T * dx + from_y.T * dy) / np.maximum(dx * dx + dy * dy, 1e-300)
+        along = np.minimum(np.maximum(along, 0.0), 1.0)
+        from_x, from_y = from_x.T - along * dx, from_y.T - along * dy
+        reach = self._radius_m[near, None] + reach_m
+        piece, line = np.nonzero(from_x * from_x + from_y * from_y <= reach * reach)
+        if not line.size:
+            return line, np.zeros(0)
+        return line, self._edges.lines_m(near[piece], a[line], b[line])
+
+    def _boxes_m(self, x_m: float, y_m: float) -> Floats:
         at = np.array((x_m, y_m))
         apart = np.maximum(np.maximum(self._low - at, at - self._high), 0.0)
-        away: NDArray[np.float64] = np.hypot(apart[:, 0], apart[:, 1])
+        away: Floats = np.hypot(apart[:, 0], apart[:, 1])
         return away
 
-    def _nearest_in(self, cell: tuple[int, int]) -> tuple[tuple[float, float, float, Piece], ...]:
-        """Return the pieces of which one is the nearest to any point of a cell, the likeliest first."""
+    def _nearest_in(self, column: int, row: int, level: int) -> Indices:
+        """Return the pieces of which one is the nearest to any point of a cell; cells of a level are twice as large."""
+        found = self._nearest.get((column, row, level))
+        if found is None:
+            above, away, reach_m, _ = self._look(column, row, level)
+            found = self._nearest[column, row, level] = above[away <= reach_m]
+        return found
+
+    def _look(self, column: int, row: int, level: int) -> tuple[Indices, Floats, float, EdgesSeen]:
+        """Return what pieces a cell has to choose from, how far its middle is from them, how far the nearest may be."""
+        above = self._every if level >= self._top else self._nearest_in(column >> 1, row >> 1, level + 1)
+        side = self._cell_m * 2.0**level
+        away, edges = self._edges.look(above, (column + 0.5) * side, (row + 0.5) * side)
+        # Anywhere in the cell the nearest is no farther than this.
+        return above, away, (max(float(away.min()), 0.0) + side * math.sqrt(2.0)) * (1.0 + 1e-9), edges
+
+    def _worked_out(self, column: int, row: int) -> tuple[tuple[Edge, ...], tuple[Piece, ...]]:
+        """Return what may be nearest to a point of a cell: edges of pieces that are outside of it, and other pieces."""
         if not self.all:
-            return ()
-        x_m, y_m = (cell[0] + 0.5) * self._cell_m, (cell[1] + 0.5) * self._cell_m
-        away = self._boxes_m(x_m, y_m)
-        order = np.argsort(away, kind="stable")
-        least = math.inf
-        for index in order.tolist():
-            if away[index] > least:
-                break
-            least = min(least, max(self.all[index].distance_m(x_m, y_m), 0.0))
-        # Anywhere in the cell the nearest is no farther than this, and no other nearer than its box.
-        reach = (least + 2.0 * self._half_m) * (1.0 + 1e-9)
-        chosen = [self.all[index] for index in order.tolist() if away[index] <= reach]
-        exact = [each for each in chosen if each.distance_m(x_m, y_m) <= reach]
-        return tuple((*each.middle, each.radius_m, each) for each in exact)
+            return (), ()
+        half_m = self._cell_m / 2.0
+        above, away, reach_m, edges = self._look(column, row, 0)
+        beside = away > half_m * math.sqrt(2.0) * (1.0 + 1e-9)
+        return edges.facing(beside, reach_m, half_m), tuple(self.all[index] for index in above[~beside].tolist())

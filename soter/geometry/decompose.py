@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 import shapely  # type: ignore[import-untyped]
 from shapely import MultiPolygon, Polygon
+from shapely import Point as Point_
 
 from soter.geometry.convex import Point, Ring
 
 _SLIVER_M2: Final = 1e-10
+_ANYWHERE_M: Final = 50_000.0
+_ROUND: Final = 1.01
 
 
 def anticlockwise(ring: Ring) -> Ring:
@@ -32,6 +36,18 @@ def inset(ring: Ring, by_m: float) -> list[Ring]:
     inner = Polygon(ring).buffer(-by_m)
     parts = inner.geoms if isinstance(inner, MultiPolygon) else [inner]
     return [tuple(part.exterior.coords[:-1]) for part in parts if not part.is_empty]
+
+
+def free_near(fence: Ring | None, rings: Iterable[Ring], at: Point, away_m: float) -> Point | None:
+    """Return the nearest place inside a fence that is so far from all rings, or a hair more; None if there is none."""
+    inside = Point_(at).buffer(_ANYWHERE_M) if fence is None else Polygon(fence)
+    # A buffer has corners where it ought to be round: a little larger it holds what is round.
+    kept = shapely.union_all([Polygon(ring).buffer(_ROUND * away_m) for ring in rings])
+    free = inside.difference(kept)
+    if free.is_empty:
+        return None
+    found = shapely.shortest_line(free, Point_(at)).coords[0]
+    return float(found[0]), float(found[1])
 
 
 def _convex(shape: shapely.Geometry) -> tuple[Ring, ...]:

@@ -10,6 +10,7 @@ from typing import Final
 
 from soter.errors import ConfigError
 from soter.geometry.convex import Ring
+from soter.geometry.grid import GridMap
 from soter.geometry.site import Area, GeoOrigin, Site, SitePlan, as_box
 from soter.geometry.workspace import Point, RobotPlace
 from soter.geometry.workspace_xml import BODY_RADIUS_M, MAX_ROBOT_ID, MIN_STATION_M, SLACK_M
@@ -82,6 +83,7 @@ class Draft:
         stations: where robots charge.
         starts: where they start; without any they start on their stations.
         origin: where on earth the point (0, 0) is, if the file has places on earth.
+        map: what robots keep out of, where that is a map.
         problems: what is wrong already.
     """
 
@@ -91,11 +93,23 @@ class Draft:
     stations: list[Spot] = field(default_factory=list)
     starts: list[Spot] = field(default_factory=list)
     origin: GeoOrigin | None = None
+    map: GridMap | None = None
     problems: list[Problem] = field(default_factory=list)
 
     def note(self, name: str, message: str, line: int | None = None) -> None:
         """Note what is wrong with a feature."""
         self.problems.append(Problem(message, name, line))
+
+    def add(self, outline: Outline, holes: Sequence[Sequence[Point]], *, fence: bool) -> None:
+        """Add an outer boundary, whose holes are kept out of as well, or what is kept out, which has none."""
+        if fence:
+            self.fences.append(outline)
+            named = enumerate(holes, start=1)
+            self.keep_outs += [Outline(f"{outline.name}, hole {n}", hole, outline.height_m) for n, hole in named]
+        elif holes:
+            self.note(outline.name, "it has a hole, which robots could not get into; allowed: none in what is kept out")
+        else:
+            self.keep_outs.append(outline)
 
 
 def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
@@ -117,7 +131,7 @@ def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
     return tuple((x_m + far_m * math.cos(angle), y_m + far_m * math.sin(angle)) for angle in angles)
 
 
-def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float) -> Site:
+def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float, inhabited: bool = True) -> Site:
     """Return the site that a draft describes.
 
     Args:
@@ -125,6 +139,7 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float) -> Site:
         phi_safer_m: body clearance from which the obstacle module lets a robot work; starts and stations must have
             more.
         spacing_m: the least distance between the centres of two starts, and of two stations.
+        inhabited: whether there must be a station.
 
     Raises:
         ConfigError: something in it is not allowed; all that is wrong is listed, by feature.
@@ -147,7 +162,7 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float) -> Site:
     _stop(draft)
     fence = None if fence_ring is None else decompose.anticlockwise(fence_ring)
     _check_inside(draft, fence, areas)
-    robots = _robots(draft)
+    robots = _robots(draft, inhabited=inhabited)
     _stop(draft)
     plan = SitePlan(
         fence,
@@ -159,6 +174,7 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float) -> Site:
         ),
         robots,
         draft.origin,
+        draft.map,
     )
     site = Site(plan)
     _check_places(draft, site, phi_safer_m, spacing_m)
@@ -244,7 +260,7 @@ def _check_inside(draft: Draft, fence: Ring | None, areas: Iterable[tuple[Outlin
             draft.note(outline.name, f"it lies outside of the fence, {away_m:.3g} m away from it", outline.line)
 
 
-def _robots(draft: Draft) -> tuple[RobotPlace, ...]:
+def _robots(draft: Draft, *, inhabited: bool) -> tuple[RobotPlace, ...]:
     stations, starts = draft.stations, draft.starts
     for spot in (*stations, *starts):
         if not (math.isfinite(spot.x_m) and math.isfinite(spot.y_m)):
@@ -257,8 +273,11 @@ def _robots(draft: Draft) -> tuple[RobotPlace, ...]:
             )
         if not MIN_STATION_M <= spot.side_m <= MAX_COORDINATE_M:
             draft.note(spot.name, f"it is {spot.side_m:g} m wide, allowed: at least {MIN_STATION_M:g} m", spot.line)
-    if not stations:
-        draft.note("stations", "there is no station in it, and every robot needs one to charge on")
+    if not stations and inhabited:
+        draft.note(
+            "stations",
+            "there is no station in it, and every robot needs one to charge on; a mission may give them, [[station]]",
+        )
     elif len(starts) > len(stations):
         draft.note(
             "stations",
@@ -292,7 +311,7 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
                 continue
             clearance_m = site.clearance_m(*at, BODY_RADIUS_M)
             if clearance_m < needed_m - _ROUNDING_M:
-                found = site.nearest_free(*at, needed_m + BODY_RADIUS_M)
+                found = _free_near(site, at, needed_m + BODY_RADIUS_M)
                 where = (
                     "there is no free place" if found is None else f"a free place is ({found[0]:.2f}, {found[1]:.2f})"
                 )
@@ -309,7 +328,17 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
                     )
 
 
+def _free_near(site: Site, at: Point, away_m: float) -> Point | None:
+    from soter.geometry import decompose
+
+    if site.field is not None:
+        return site.field.nearest_free(*at, away_m)
+    return decompose.free_near(site.plan.fence, [area.ring for area in site.plan.areas], at, away_m)
+
+
 def _nearest_area(site: Site, at: Point) -> str:
     from soter.geometry.convex import Pieces
 
+    if site.plan.map is not None:
+        return "what is occupied in the map"
     return min(site.plan.areas, key=lambda area: Pieces(area.pieces).distance_m(*at)).name

@@ -23,10 +23,6 @@ It grows with the cube of the distance: 4 mm at 10 km, and nothing to speak of a
 class Projection:
     """East and north on the plane that touches the ellipsoid at an origin.
 
-    Args:
-        origin: where (0, 0) is.
-        source: names the file in errors.
-
     Raises:
         ConfigError: the library is not installed.
     """
@@ -46,6 +42,8 @@ class Projection:
 
     def point(self, lat_deg: float, lon_deg: float) -> Point:
         """Return east and north in metres of a place on the ellipsoid."""
+        # Of whole numbers the library would take the smallest kind of float that holds them.
+        lat_deg, lon_deg = float(lat_deg), float(lon_deg)
         east, north, _ = self._to_plane(lat_deg, lon_deg, 0.0, self.origin.lat_deg, self.origin.lon_deg, 0.0)
         return float(east), float(north)
 

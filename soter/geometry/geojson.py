@@ -11,11 +11,12 @@ from soter.errors import ConfigError, nearest
 from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
 from soter.geometry.earth import Projection, check_degrees, middle_of
 from soter.geometry.site import GeoOrigin
-from soter.problems import shown_value
+from soter.problems import cut, shown_value
 
 ROLE: Final = "soter"
 ROLES: Final = ("fence", "keep_out", "station", "start")
-_PROPERTIES: Final = ("name", "height_m", "radius_m", "side_m", "robot", "heading_deg")
+_MOST_DIGITS: Final = 18
+_DEEP: Final = {"Point": 0, "Polygon": 2, "MultiPolygon": 3}
 
 
 def read(data: bytes, source: str) -> Draft:
@@ -64,8 +65,13 @@ def json_object(data: bytes, source: str) -> dict[str, Any]:
     def refuse(number: str) -> float:
         raise ValueError(f"{number} is not a number that JSON has")
 
+    def whole(number: str) -> int:
+        if len(number) > _MOST_DIGITS:
+            raise ValueError(f"{cut(number)} has {len(number)} digits, allowed: {_MOST_DIGITS}")
+        return int(number)
+
     try:
-        found = json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
+        found = json.loads(data.decode("utf-8-sig"), parse_constant=refuse, parse_int=whole)
     except UnicodeDecodeError as failure:
         raise ConfigError(f"not UTF-8, as JSON must be: {failure.reason}", source=source) from failure
     except json.JSONDecodeError as failure:
@@ -115,8 +121,21 @@ def _positions(geometry: Any) -> Iterator[Any]:
             yield from _positions(each)
 
 
+def _is_nested(coordinates: Any, deep: int) -> bool:
+    """Return whether lists are nested so deep around positions, which are lists of numbers."""
+    if not isinstance(coordinates, list):
+        return False
+    if deep:
+        return all(_is_nested(each, deep - 1) for each in coordinates)
+    return len(coordinates) >= 2 and not any(isinstance(each, (list, dict)) for each in coordinates)
+
+
 def _places(draft: Draft, name: str, geometry: dict[str, Any]) -> list[tuple[float, float]]:
-    found = []
+    found: list[tuple[float, float]] = []
+    kind = str(geometry.get("type"))
+    if kind in _DEEP and not _is_nested(geometry.get("coordinates"), _DEEP[kind]):
+        draft.note(name, f"its coordinates are not those of a {kind}: {shown_value(geometry.get('coordinates'))}")
+        return found
     for position in _positions(geometry.get("coordinates")):
         wrong = "a position has fewer than two numbers" if len(position) < 2 else check_degrees(
             "a position", position[1], position[0]
@@ -157,15 +176,8 @@ def _add(
         projected = [[project(*position[:2]) for position in ring] for ring in rings]
         if not projected:
             draft.note(part, "it has no corners")
-        elif role == "fence":
-            draft.fences.append(Outline(part, projected[0]))
-            draft.keep_outs += [
-                Outline(f"{part}, hole {hole}", ring, height_m) for hole, ring in enumerate(projected[1:], start=1)
-            ]
-        elif len(projected) > 1:
-            draft.note(part, "it has a hole, which robots could not get into; allowed: none in what is kept out")
         else:
-            draft.keep_outs.append(Outline(part, projected[0], height_m))
+            draft.add(Outline(part, projected[0], height_m), projected[1:], fence=role == "fence")
 
 
 def _add_point(

@@ -48,11 +48,11 @@ def read(data: bytes, source: str) -> Draft:
         for shape in mark.iter():
             if _tag(shape) == "Polygon":
                 outer = [_corners(draft, name, each) for each in shape if _tag(each) == "outerBoundaryIs"]
-                inner = [_corners(draft, name, each) for each in shape if _tag(each) == "innerBoundaryIs"]
+                holes = [_corners(draft, name, each) for each in shape if _tag(each) == "innerBoundaryIs"]
                 if len(outer) != 1:
                     draft.note(name, f"its polygon has {len(outer)} outer boundaries, allowed: one")
                 else:
-                    rings.append((name, outer[0], inner))
+                    rings.append((name, outer[0], holes))
             elif _tag(shape) == "Point":
                 found = _corners(draft, name, shape)
                 if len(found) != 1:
@@ -71,17 +71,8 @@ def read(data: bytes, source: str) -> Draft:
     draft.origin = middle_of(places)
     project = Projection(draft.origin, source).point
     for name, ring, holes in rings:
-        outline = Outline(name, [project(*at) for at in ring])
-        if _is_fence(name):
-            draft.fences.append(outline)
-            draft.keep_outs += [
-                Outline(f"{name}, hole {number}", [project(*at) for at in hole])
-                for number, hole in enumerate(holes, start=1)
-            ]
-        elif holes:
-            draft.note(name, "it has a hole, which robots could not get into; allowed: none in what is kept out")
-        else:
-            draft.keep_outs.append(outline)
+        edge, *gaps = ([project(*at) for at in each] for each in (ring, *holes))
+        draft.add(Outline(name, edge), gaps, fence=_is_fence(name))
     draft.stations += [Spot(name, *project(*at)) for name, at in points]
     return draft
 

@@ -5,18 +5,25 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from soter.errors import ConfigError
 from soter.geometry.convex import Pieces, Ring
+from soter.geometry.grid import GridMap
 from soter.geometry.workspace import Box, Point, RobotPlace, Workspace
+
+if TYPE_CHECKING:
+    from soter.geometry.clearance import Field
 
 _ROUNDING_M: Final = 1e-9
 _FAR_M: Final = 10.0
 """Where there is no fence, the ground so far around everything else is looked at."""
 
-_CELLS: Final = 2000
-"""What is near is looked up in cells of a metre; a large site has larger ones, so many along its longer side."""
+_CELLS: Final = 4000
+"""What is near is looked up in cells of 0.5 m; a large site has larger ones, so many along its longer side."""
+
+_RIM_M: Final = 1e15
+"""What is outside of a fence reaches so far beyond it: farther than anything is."""
 
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 16), math.sin(k * math.pi / 16)) for k in range(32))
 
@@ -57,12 +64,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class GeoOrigin:
-    """Where on earth the point (0, 0) of a site is.
-
-    Attributes:
-        lat_deg: latitude, WGS 84.
-        lon_deg: longitude, WGS 84.
-    """
+    """Where on earth, in WGS 84, the point (0, 0) of a site is."""
 
     lat_deg: float
     lon_deg: float
@@ -78,6 +80,7 @@ class SitePlan:
         areas: what robots keep out of.
         robots: where robots start and charge.
         origin: where on earth the site is, if that is known.
+        map: a map of what robots keep out of, in place of areas.
     """
 
     fence: Ring | None
@@ -85,15 +88,13 @@ class SitePlan:
     areas: tuple[Area, ...]
     robots: tuple[RobotPlace, ...]
     origin: GeoOrigin | None = None
+    map: GridMap | None = None
 
 
 class Site(Workspace):
     """A workspace that is made of polygons.
 
     It can be used wherever a workspace can: who asks it for what only rectangles with boxes have is refused.
-
-    Args:
-        plan: what it is made of.
     """
 
     __slots__ = ("__dict__", "plan")
@@ -152,42 +153,54 @@ class Site(Workspace):
     def cell_m(self) -> float:
         """Side of the cells in which what is near is looked up."""
         low_x, low_y, high_x, high_y = self.bounds
-        return max(1.0, max(high_x - low_x, high_y - low_y) / _CELLS)
+        return max(0.5, max(high_x - low_x, high_y - low_y) / _CELLS)
 
     @cached_property
     def keep_outs(self) -> Pieces:
-        """The areas that robots keep out of."""
+        """The areas that robots keep out of, or what is occupied in the map."""
+        if self.field is not None:
+            return self.field
         return Pieces([ring for area in self.plan.areas for ring in area.pieces], self.cell_m)
 
     @cached_property
+    def field(self) -> Field | None:
+        """Distances to what is occupied in the map, if the site is one; they take seconds to work out."""
+        if self.plan.map is None:
+            return None
+        # Imported here: only who has a map needs the library.
+        from soter.geometry.clearance import field_of
+
+        return field_of(self.plan.map)
+
+    @cached_property
     def outside(self) -> Pieces:
-        """The fence's bounding box without its inside; nothing where there is no fence."""
-        return Pieces(self.plan.around, self.cell_m)
+        """What is outside of the fence, a wide rim around its bounding box; nothing where there is no fence."""
+        if self.plan.fence is None:
+            return Pieces((), self.cell_m)
+        low_x, low_y, high_x, high_y = self._bounds
+        far_x, far_y, wide_x, wide_y = low_x - _RIM_M, low_y - _RIM_M, high_x + _RIM_M, high_y + _RIM_M
+        rim = (
+            ((far_x, far_y), (low_x, far_y), (low_x, wide_y), (far_x, wide_y)),
+            ((high_x, far_y), (wide_x, far_y), (wide_x, wide_y), (high_x, wide_y)),
+            ((far_x, far_y), (wide_x, far_y), (wide_x, low_y), (far_x, low_y)),
+            ((far_x, high_y), (wide_x, high_y), (wide_x, wide_y), (far_x, wide_y)),
+        )
+        return Pieces((*self.plan.around, *rim), self.cell_m)
 
     def fence_m(self, x_m: float, y_m: float) -> float:
-        if self.plan.fence is None:
-            return math.inf
-        low_x, low_y, high_x, high_y = self._bounds
-        beside = min(x_m - low_x, high_x - x_m, y_m - low_y, high_y - y_m)
-        return min(beside, self.outside.distance_m(x_m, y_m)) if self.plan.around else beside
+        return self.outside.distance_m(x_m, y_m)
 
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return the least distance to the fence along a straight line that begins inside; at most 0 where it leaves.
 
-        Args:
-            ax_m: one end, east.
-            ay_m: the same, north.
-            bx_m: the other end, east.
-            by_m: the same, north.
-            enough_m: of what is farther than this, this is returned.
+        Of what is farther than `enough_m`, that is returned.
         """
         least = min(self.fence_m(ax_m, ay_m), self.fence_m(bx_m, by_m))
-        if least <= 0.0 or not self.plan.around:
-            return least
-        return min(least, self.outside.segment_m(ax_m, ay_m, bx_m, by_m, min(least, enough_m)))
+        return least if least <= 0.0 else self.outside.segment_m(ax_m, ay_m, bx_m, by_m, min(least, enough_m))
 
     def outlines(self) -> tuple[Ring | None, list[Ring]]:
-        return self.plan.fence, [area.ring for area in self.plan.areas]
+        kept_out = [area.ring for area in self.plan.areas]
+        return self.plan.fence, kept_out if self.plan.map is None else self.plan.map.outlines()
 
     def inset(self, by_m: float) -> list[Ring]:
         if self.plan.fence is None:
@@ -211,7 +224,7 @@ class Site(Workspace):
         for _ in range(_STEPS):
             walls = [
                 *((away - clearance_m, ux, uy) for away, ux, uy in self.keep_outs.walls(x_m, y_m, clearance_m)),
-                *((away - inset_m, ux, uy) for away, ux, uy in self.fence_walls(x_m, y_m, inset_m)),
+                *((away - inset_m, ux, uy) for away, ux, uy in self.outside.walls(x_m, y_m, inset_m)),
             ]
             worst, ux, uy = min(walls, default=(0.0, 0.0, 0.0))
             if worst >= -_ROUNDING_M:
@@ -219,16 +232,10 @@ class Site(Workspace):
             x_m, y_m = x_m + ux * worst, y_m + uy * worst
         return x_m, y_m
 
-    def fence_walls(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[float, float, float]]:
-        """Return the distance to each part of what is outside that is no farther than `reach_m`, and where it falls."""
-        if self.plan.fence is None:
-            return []
-        low_x, low_y, high_x, high_y = self._bounds
-        sides = ((x_m - low_x, -1.0, 0.0), (high_x - x_m, 1.0, 0.0), (y_m - low_y, 0.0, -1.0), (high_y - y_m, 0.0, 1.0))
-        return [*(side for side in sides if side[0] <= reach_m), *self.outside.walls(x_m, y_m, reach_m)]
-
     def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> tuple[float, float] | None:
         """Return a point inside the fence at least `clearance_m` from every area: the nearest one to within a tenth.
+
+        In a map it is the corner of a cell.
 
         Returns:
             x and y in metres, the point itself if it is free; None if none is found.
@@ -239,6 +246,8 @@ class Site(Workspace):
 
         if free((x_m, y_m)):
             return x_m, y_m
+        if self.field is not None:
+            return self.field.nearest_free(x_m, y_m, clearance_m)
         low_x, low_y, high_x, high_y = self.bounds
         far_m = 2.0 * math.hypot(high_x - low_x, high_y - low_y) + math.dist((x_m, y_m), (low_x, low_y))
         reach_m = 0.005

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from soter.geometry.convex import Ring
 from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
+from soter.geometry.workspace_xml import MAX_ROBOT_ID
 from soter.problems import config_error, not_allowed, parse_toml, pydantic_problems
 
 Metres = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]
@@ -20,13 +21,7 @@ class _Table(BaseModel):
 
 
 class CircleTable(_Table):
-    """A circle.
-
-    Attributes:
-        x_m: middle, east.
-        y_m: middle, north.
-        radius_m: radius.
-    """
+    """A circle by its middle: east, north."""
 
     x_m: Metres
     y_m: Metres
@@ -34,15 +29,7 @@ class CircleTable(_Table):
 
 
 class BoxTable(_Table):
-    """A box at any angle.
-
-    Attributes:
-        x_m: middle, east.
-        y_m: middle, north.
-        length_m: along its heading.
-        width_m: across it.
-        heading_deg: counter-clockwise from east.
-    """
+    """A box by its middle, at any angle: its length lies along its heading, counter-clockwise from east."""
 
     x_m: Metres
     y_m: Metres
@@ -52,13 +39,7 @@ class BoxTable(_Table):
 
 
 class ShapeTable(_Table):
-    """A polygon, a circle or a box.
-
-    Attributes:
-        polygon: corners, east and north in metres.
-        circle: see `CircleTable`.
-        box: see `BoxTable`.
-    """
+    """A polygon, by its corners east and north in metres; a circle; or a box."""
 
     polygon: list[Corner] | None = None
     circle: CircleTable | None = None
@@ -87,29 +68,22 @@ class ShapeTable(_Table):
 
 
 class KeepOutTable(ShapeTable):
-    """An area that robots keep out of.
-
-    Attributes:
-        name: for messages and pictures.
-        height_m: height above the ground.
-    """
+    """An area that robots keep out of."""
 
     name: str = ""
     height_m: float = Field(default=1.0, gt=0.0, le=1000.0)
 
 
 class StationTable(_Table):
-    """A charging station, a square.
-
-    Attributes:
-        x_m: middle, east.
-        y_m: middle, north.
-        side_m: how wide it is.
-    """
+    """A charging station, a square by its middle: east, north."""
 
     x_m: Metres
     y_m: Metres
-    side_m: float = Field(default=STATION_SIDE_M, gt=0.0, le=100.0)
+    side_m: float = Field(default=STATION_SIDE_M, ge=0.001, le=100.0)
+
+    def spot(self, number: int) -> Spot:
+        """Return it as a draft has it; it is the station of that number, from 1."""
+        return Spot(f"station {number}", self.x_m, self.y_m, side_m=self.side_m)
 
 
 class RobotTable(_Table):
@@ -122,10 +96,14 @@ class RobotTable(_Table):
         heading_rad: counter-clockwise from east.
     """
 
-    id: int
+    id: int = Field(ge=1, le=MAX_ROBOT_ID)
     x_m: Metres
     y_m: Metres
-    heading_rad: float = 0.0
+    heading_rad: float = Field(default=0.0, ge=-1000.0, le=1000.0)
+
+    def spot(self) -> Spot:
+        """Return it as a draft has it."""
+        return Spot(f"robot {self.id}", self.x_m, self.y_m, self.id, self.heading_rad)
 
 
 class SiteTable(_Table):
@@ -161,9 +139,6 @@ def read(data: bytes, source: str) -> Draft:
     for number, each in enumerate(table.keep_out, start=1):
         name = each.name or f"keep_out {number}"
         draft.keep_outs.append(Outline(name, each.ring(around=True), each.height_m))
-    draft.stations += [
-        Spot(f"station {number}", each.x_m, each.y_m, side_m=each.side_m)
-        for number, each in enumerate(table.station, start=1)
-    ]
-    draft.starts += [Spot(f"robot {each.id}", each.x_m, each.y_m, each.id, each.heading_rad) for each in table.robot]
+    draft.stations += [each.spot(number) for number, each in enumerate(table.station, start=1)]
+    draft.starts += [each.spot() for each in table.robot]
     return draft

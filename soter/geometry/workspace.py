@@ -17,15 +17,7 @@ _ROUNDING_M = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """An axis-aligned box on the ground, seen from above.
-
-    Attributes:
-        low_x_m: west edge.
-        low_y_m: south edge.
-        high_x_m: east edge.
-        high_y_m: north edge.
-        height_m: height above the ground.
-    """
+    """An axis-aligned box on the ground, seen from above."""
 
     low_x_m: float
     low_y_m: float

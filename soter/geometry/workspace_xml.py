@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
-from xml.sax import SAXException, SAXParseException
-from xml.sax.handler import ContentHandler
-from xml.sax.xmlreader import AttributesImpl, Locator
-
-import defusedxml.sax
-from defusedxml.common import DefusedXmlException
 
 from soter.errors import ConfigError, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.geometry.xml_tree import Element, parse_tree
 from soter.problems import MAX_FILE_BYTES, Problem, config_error, cut, read_limited, shown_value
 
 BODY_RADIUS_M = 0.105
@@ -35,7 +29,6 @@ MIN_STATION_M = 0.1
 """A robot comes to rest within some centimetres of a station's middle, and charges only on the station."""
 
 _MAX_BOXES = 250  # naming the nearest free pose costs up to the cube of this
-_MAX_DEPTH = 8
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _ID = re.compile(r"\s*[1-9]\d{0,2}\s*", re.ASCII)
 
@@ -53,17 +46,6 @@ _GRAMMAR: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = 
     "high": (("x", "y", "z"), (), ()),
 }
 _ROOT = "configuration"
-
-
-@dataclass(slots=True)
-class _Element:
-    tag: str
-    line: int
-    attributes: dict[str, str]
-    children: list[_Element] = field(default_factory=list)
-
-    def all(self, tag: str) -> list[_Element]:
-        return [child for child in self.children if child.tag == tag]
 
 
 def read_workspace(path: Path, *, phi_safer_m: float = 0.1, spacing_m: float = 0.5) -> Workspace:
@@ -88,7 +70,7 @@ def parse_workspace(data: bytes, source: str, *, phi_safer_m: float = 0.1, spaci
     """Read a workspace from the bytes of an XML file; `source` names it in errors. See `read_workspace`."""
     if len(data) > MAX_FILE_BYTES:
         raise ConfigError(f"the workspace is longer than {MAX_FILE_BYTES} bytes", source=source)
-    root = _parse_xml(data, source)
+    root = parse_tree(data, source, _ROOT)
     reader = _Reader(root, phi_safer_m, spacing_m)
     workspace = reader.read()
     if workspace is None:
@@ -96,76 +78,10 @@ def parse_workspace(data: bytes, source: str, *, phi_safer_m: float = 0.1, spaci
     return workspace
 
 
-# --- bytes -> tree -----------------------------------------------------------------------------------------
-
-
-class _TreeBuilder(ContentHandler):
-    """Builds the tree and remembers lines; a tree of the standard library forgets them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.root: _Element | None = None
-        self.problems: list[Problem] = []
-        self._open: list[_Element] = []
-        self._locator: Locator | None = None
-
-    def setDocumentLocator(self, locator: Locator) -> None:  # noqa: N802 - SAX names it
-        self._locator = locator
-
-    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802 - SAX names it
-        element = _Element(name, self._line() or 1, dict(attrs.items()))
-        if self._open:
-            self._open[-1].children.append(element)
-        else:
-            self.root = element
-        if len(self._open) >= _MAX_DEPTH:
-            raise SAXException(f"elements are nested more than {_MAX_DEPTH} deep; a workspace never is")
-        self._open.append(element)
-
-    def endElement(self, name: str) -> None:  # noqa: N802 - SAX names it
-        self._open.pop()
-
-    def characters(self, content: str) -> None:
-        if content.strip():
-            message = f"text {shown_value(content.strip())} is not allowed here; values stand in attributes"
-            self.problems.append(Problem(message, f"<{cut(self._open[-1].tag)}>", self._line()))
-
-    def _line(self) -> int | None:
-        return self._locator.getLineNumber() if self._locator is not None else None
-
-
-def _parse_xml(data: bytes, source: str) -> _Element:
-    builder = _TreeBuilder()
-    try:
-        # A workspace needs no DTD, so none is allowed: entities cannot even be declared.
-        defusedxml.sax.parseString(data, builder, forbid_dtd=True)
-    except SAXParseException as failure:
-        message = f"not well-formed XML: {failure.getMessage()} (column {failure.getColumnNumber()})"
-        raise ConfigError(message, source=source, line=failure.getLineNumber()) from failure
-    except SAXException as failure:
-        raise ConfigError(failure.getMessage(), source=source, line=builder._line()) from failure
-    except DefusedXmlException as failure:
-        raise ConfigError(
-            "a document type or an entity is declared, which is refused for safety; remove the <!DOCTYPE ...>",
-            source=source,
-            line=builder._line(),
-        ) from failure
-    except (ValueError, LookupError) as failure:  # an encoding that is unknown or not kept to
-        raise ConfigError(f"cannot be decoded: {failure}; write it in UTF-8", source=source) from failure
-    if builder.problems:
-        raise config_error(builder.problems, source)
-    if builder.root is None:
-        raise ConfigError(f"there is no <{_ROOT}> in it", source=source)
-    return builder.root
-
-
-# --- tree -> workspace -------------------------------------------------------------------------------------
-
-
 class _Reader:
     """Walks the tree and notes every problem; what was wrong is left out of the further checks."""
 
-    def __init__(self, root: _Element, phi_safer_m: float, spacing_m: float) -> None:
+    def __init__(self, root: Element, phi_safer_m: float, spacing_m: float) -> None:
         self.root = root
         self.problems: list[Problem] = []
         self.needed_m = phi_safer_m + SLACK_M
@@ -215,10 +131,10 @@ class _Reader:
             self._check_spacing(spots)
         return None if self.problems else workspace
 
-    def _note(self, element: _Element, key: str, message: str) -> None:
+    def _note(self, element: Element, key: str, message: str) -> None:
         self.problems.append(Problem(message, key, element.line))
 
-    def _check_names(self, element: _Element) -> None:
+    def _check_names(self, element: Element) -> None:
         attributes, optional, children = _GRAMMAR[element.tag]
         here = f"<{element.tag}>"
         for name in element.attributes:
@@ -248,7 +164,7 @@ class _Reader:
                 if len(found) != 1:
                     self._note(element, here, f"it has {len(found)} <{name}>, allowed: exactly one")
 
-    def _the(self, tag: str, *, needed: bool = True) -> _Element | None:
+    def _the(self, tag: str, *, needed: bool = True) -> Element | None:
         found = self.root.all(tag)
         if len(found) > 1:
             self._note(found[1], f"<{tag}>", f"it stands there {len(found)} times, allowed: once")
@@ -256,10 +172,8 @@ class _Reader:
             self._note(self.root, f"<{_ROOT}>", f"<{tag}> is missing")
         return found[0] if len(found) == 1 else None
 
-    def _number(self, element: _Element, key: str, name: str, default: float = 0.0) -> float | None:
-        text = element.attributes.get(name)
-        if text is None:
-            return default
+    def _number(self, element: Element, key: str, name: str) -> float | None:
+        text = element.attributes.get(name, "0")
         value = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not -MAX_SIZE_M <= value <= MAX_SIZE_M:
             self._note(
@@ -270,11 +184,11 @@ class _Reader:
             return None
         return value
 
-    def _point(self, element: _Element, key: str) -> tuple[float, float, float] | None:
+    def _point(self, element: Element, key: str) -> tuple[float, float, float] | None:
         x, y, z = (self._number(element, key, name) for name in ("x", "y", "z"))
         return None if x is None or y is None or z is None else (x, y, z)
 
-    def _size(self, element: _Element | None) -> tuple[float, float, float] | None:
+    def _size(self, element: Element | None) -> tuple[float, float, float] | None:
         if element is None:
             return None
         size = self._point(element, "<dimension>")
@@ -289,9 +203,9 @@ class _Reader:
         return size
 
     def _boxes(
-        self, parent: _Element | None, what: str, size: tuple[float, float, float], *, flat: bool
-    ) -> list[tuple[_Element, Box]]:
-        boxes: list[tuple[_Element, Box]] = []
+        self, parent: Element | None, what: str, size: tuple[float, float, float], *, flat: bool
+    ) -> list[tuple[Element, Box]]:
+        boxes: list[tuple[Element, Box]] = []
         if parent is None:
             return boxes
         if len(parent.children) > _MAX_BOXES:
@@ -341,9 +255,9 @@ class _Reader:
         return ""
 
     def _starts(
-        self, parent: _Element, size: tuple[float, float, float]
-    ) -> list[tuple[_Element, int, float, float, float]]:
-        starts: list[tuple[_Element, int, float, float, float]] = []
+        self, parent: Element, size: tuple[float, float, float]
+    ) -> list[tuple[Element, int, float, float, float]]:
+        starts: list[tuple[Element, int, float, float, float]] = []
         lines: dict[int, int] = {}
         if not parent.children:
             self._note(parent, "<robots>", "there is no robot, allowed: at least one <robot>")
@@ -376,7 +290,7 @@ class _Reader:
             starts.append((start, robot_id, point[0], point[1], math.remainder(heading_rad, math.tau)))
         return starts
 
-    def _check_clearance(self, workspace: Workspace, spots: list[tuple[_Element, str, float, float]]) -> None:
+    def _check_clearance(self, workspace: Workspace, spots: list[tuple[Element, str, float, float]]) -> None:
         for element, key, x_m, y_m in spots:
             clearance_m = workspace.clearance_m(x_m, y_m, BODY_RADIUS_M)
             # The numbers come from decimals: an exact 0.15 m must pass although it is not one in binary.
@@ -407,7 +321,7 @@ class _Reader:
         found = workspace.nearest_free(x_m, y_m, needed_m)
         return "there is no free pose" if found is None else f"the nearest free pose is {_shown(found)}"
 
-    def _check_spacing(self, spots: list[tuple[_Element, str, float, float]]) -> None:
+    def _check_spacing(self, spots: list[tuple[Element, str, float, float]]) -> None:
         for index, (element, key, x_m, y_m) in enumerate(spots):
             for _, other, other_x_m, other_y_m in spots[:index]:
                 apart_m = math.hypot(x_m - other_x_m, y_m - other_y_m)

@@ -12,7 +12,11 @@ from soter.geometry.workspace import Point, Workspace
 
 
 def as_tables(workspace: Workspace) -> dict[str, Any]:
-    """Return what `soter.geometry.site_toml` reads: polygons, stations and starts, in metres."""
+    """Return what `soter.geometry.site_toml` reads: polygons, stations and starts, in metres.
+
+    Raises:
+        ConfigError: it is a map.
+    """
     fence, _ = workspace.outlines()
     tables: dict[str, Any] = {} if fence is None else {"fence": {"polygon": [list(at) for at in fence]}}
     tables["keep_out"] = [
@@ -34,12 +38,8 @@ def as_tables(workspace: Workspace) -> dict[str, Any]:
 def as_geojson(workspace: Workspace, source: str) -> dict[str, Any]:
     """Return what `soter.geometry.geojson` reads.
 
-    Args:
-        workspace: one whose place on earth is known.
-        source: its file, for messages.
-
     Raises:
-        ConfigError: nobody knows where on earth it is.
+        ConfigError: nobody knows where on earth it is, or it is a map.
     """
     origin = workspace.plan.origin if isinstance(workspace, Site) else None
     if origin is None:
@@ -67,6 +67,8 @@ def as_geojson(workspace: Workspace, source: str) -> dict[str, Any]:
 
 def _kept_out(workspace: Workspace) -> list[tuple[str, float, Sequence[Point]]]:
     if isinstance(workspace, Site):
+        if workspace.plan.map is not None:
+            raise ConfigError("a map is made of cells, which are written as neither TOML nor GeoJSON", key="--to")
         return [(area.name, area.height_m, area.ring) for area in workspace.plan.areas]
     _, rings = workspace.outlines()
     return [

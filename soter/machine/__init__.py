@@ -19,7 +19,7 @@ from soter.machine.errors import (
 from soter.machine.events import Event, Halt, MachineRef
 from soter.machine.intake import Timer
 from soter.machine.machines import Machine, Spec
-from soter.machine.runtime import Blocked, Runtime, SpecStatus, Strategy
+from soter.machine.runtime import Blocked, Runtime, SpecStatus
 from soter.machine.states import Goto, Next, Raise, State, Stay
 
 __all__ = [
@@ -43,7 +43,6 @@ __all__ = [
     "SpecStatus",
     "State",
     "Stay",
-    "Strategy",
     "Timer",
     "Transition",
     "UnhandledEventError",

@@ -8,6 +8,7 @@ from collections import deque
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
+from soter.errors import account_of
 from soter.machine.errors import HandlerError, MachineError
 from soter.machine.events import Event, Halt, MachineRef
 from soter.machine.states import NO_PAYLOAD
@@ -36,11 +37,7 @@ class Timer:
         self.active = True
 
     def cancel(self) -> bool:
-        """Do not send the event. An event that was sent already is in a queue and cannot be called back.
-
-        Returns:
-            True if this prevented the event; false if it was sent or cancelled before.
-        """
+        """Do not send the event; return whether this prevented it. One that is in a queue cannot be called back."""
         was_active, self.active = self.active, False
         return was_active
 
@@ -157,7 +154,9 @@ class Intake:
             event = queue[index]
             try:
                 wanted = wait.wants(event)
-            except Exception as exc:
+            except KeyboardInterrupt:
+                raise
+            except BaseException as exc:
                 raise self.failure(exc, "match raised ") from exc
             if wanted:
                 del queue[index]
@@ -212,7 +211,9 @@ class Intake:
             return True
         try:
             wanted = wait.wants(event)
-        except Exception:  # noqa: BLE001 - it is the receiver's failure, and its own step will hit it again
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # noqa: BLE001 - it is the receiver's failure, and its own step will hit it again
             return True
         if not wanted and wait.seen == len(self.queue) - 1:
             wait.seen += 1
@@ -220,7 +221,7 @@ class Intake:
 
     def failure(self, exc: BaseException, prefix: str = "") -> MachineError:
         """Describe an exception that came out of user code."""
-        return self.error(f"{prefix}{type(exc).__name__}: {exc}")
+        return self.error(prefix + account_of(exc, lambda each: f"{type(each).__name__}: {each}"))
 
     def error(self, reason: str, kind: type[MachineError] = HandlerError) -> MachineError:
         """Describe a failure at the place where the machine is."""

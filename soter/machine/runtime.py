@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from soter.errors import SoterError
 from soter.machine.audience import Transition
@@ -20,38 +20,8 @@ if TYPE_CHECKING:
     from soter.machine.machines import Machine, Spec
 
 
-class Strategy(Protocol):
-    """Answers every open choice of a run, run after run. ``Runtime(pick=strategy.pick)`` uses it for one run.
-
-    Replaying the numbers that `pick` returned repeats the run exactly, so their list is the run's trace.
-    """
-
-    def pick(self, n: int, /) -> int:
-        """Choose one of `n` >= 2 possibilities.
-
-        Returns:
-            A number from 0 to n - 1.
-        """
-        ...
-
-    def next_run(self) -> bool:
-        """Get ready for the next run.
-
-        Returns:
-            False when there is nothing left to explore.
-        """
-        ...
-
-
 class Blocked(NamedTuple):
-    """A machine that waits in `receive`.
-
-    Attributes:
-        machine: Which machine.
-        state: The state it is in.
-        handler: The handler that waits.
-        events: The event classes it waits for.
-    """
+    """A machine that waits in `receive` for events of some classes."""
 
     machine: MachineRef
     state: str
@@ -84,7 +54,8 @@ class Runtime:
         now: The clock in seconds; timers and records use it. By default the host's monotonic clock.
         pick: Decides every choice: ``pick(n)``, asked when n >= 2, returns 0 to n - 1. It makes steps as
             small as a systematic tester needs. Without it machines take turns in a fixed order, which is one
-            of the orders that `pick` can choose, and `Machine.choose` takes the first option.
+            of the orders that `pick` can choose, and `Machine.choose` takes the first option. Replaying the numbers
+            that it returned repeats the run exactly: their list is the run's trace.
         on_failure: Called with every failure of a machine or spec, which has been halted by then. If it
             returns, the others carry on; if it raises, that leaves `run`. Without it the failure itself is
             raised.
@@ -114,16 +85,13 @@ class Runtime:
     def create(
         self, machine: type[Machine], payload: object = NO_PAYLOAD, *, name: str | None = None, **kwargs: Any
     ) -> MachineRef:
-        """Create a machine; it starts in the next `run`.
+        """Create a machine, which starts in the next `run`; return the reference to send events to.
 
         Args:
             machine: Its class.
             payload: What the entry handler of its start state is called with.
             name: Its name in messages and recordings; by default the class and a number.
             **kwargs: Passed to the constructor of the class.
-
-        Returns:
-            The reference to send events to.
 
         Raises:
             MisuseError: The class has no start state, or its entry handler and the payload do not fit.
@@ -156,11 +124,7 @@ class Runtime:
         return context.ref
 
     def observe(self, observer: Callable[[Transition], None]) -> Callable[[], None]:
-        """Call something with every change of state of every machine and spec. It must not call the runtime.
-
-        Returns:
-            A function that ends the observation.
-        """
+        """Call something, which must not call the runtime, with every change of state; return what ends that."""
         self._core.audience.observers.append(observer)
 
         def stop() -> None:
@@ -191,15 +155,12 @@ class Runtime:
             self._wake()
 
     def call_at(self, time_s: float, to: MachineRef, event: Event) -> Timer:
-        """Send an event when the clock reaches a time, in the first `run` from then on.
+        """Send an event when the clock reaches a time, in the first `run` from then on; return its timer.
 
         Args:
             time_s: Seconds on the runtime's clock; a time in the past is due at once.
             to: The machine.
             event: The event.
-
-        Returns:
-            The timer, which can be cancelled.
 
         Raises:
             EventError: The event is not immutable.
@@ -209,13 +170,10 @@ class Runtime:
         return self._core.call_at(time_s, to, event)
 
     def run(self, max_steps: int | None = None) -> int:
-        """Do steps until nothing can be done at the current time.
+        """Do steps until nothing can be done at the current time; return how many were done.
 
         Args:
             max_steps: Stop after that many.
-
-        Returns:
-            The number of steps done.
 
         Raises:
             MachineError: A machine or spec failed and `on_failure` did not take it. `run` can be called
@@ -295,6 +253,11 @@ class Runtime:
         return self._core.steps
 
     @property
+    def running(self) -> bool:
+        """Whether `run` is at work. Any thread may read it."""
+        return self._core.running
+
+    @property
     def current_handler(self) -> str | None:
         """The machine and the handler that is running; None between steps. Any thread may read it.
 
@@ -328,13 +291,10 @@ class Runtime:
         return None if context is None or context.halting else context.state.name
 
     def blocked(self) -> list[Blocked]:
-        """Return who waits in `receive` while nobody can do anything.
+        """Return who waits in `receive` while nobody can do anything; nobody as long as any machine can do something.
 
         In a live mission that is normal. If nothing comes from outside and `next_timer_s` is None it is a
         deadlock.
-
-        Returns:
-            The waiting machines; none as long as any machine can do something.
         """
         if not self.idle:
             return []

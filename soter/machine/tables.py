@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import inspect
 import types
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from soter.errors import nearest
 from soter.machine.errors import MachineDefinitionError
 from soter.machine.events import Halt, is_event_class
 from soter.machine.states import ENTRY, EXIT, IDLE, INTERRUPT, Registration, State
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
 
 # What a handler is for. Up to LAST_INTERRUPTIBLE an interrupt may abandon it; from FIRST_SILENT on it may not
 # decide where to go.

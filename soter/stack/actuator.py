@@ -6,20 +6,13 @@ from numbers import Real
 from typing import Any, Final
 
 from soter.errors import Unsupported
-from soter.rta import Mode, Node, Port, Request, Sample, Situation, Topic
+from soter.rta import Node, Port, Request, Sample, Situation, Topic
 from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState, Waypoint
 from soter.stack.safe_controller import WAYPOINT
 
-_MODES: Final = {Controller.AC: Mode.AC, Controller.SC: Mode.SC}
-
 
 class RobotActuator:
-    """Drives one `Robot` for the supervisor and tells the AC's port how its goals end. One thread: the supervisor's.
-
-    Args:
-        robot: a robot that is ready.
-        port: the AC's.
-    """
+    """Drives one `Robot` for the supervisor and tells the AC's port how its goals end. One thread: the supervisor's."""
 
     def __init__(self, robot: Robot, port: Port[Waypoint, RobotState]) -> None:
         self.robot: Final = robot
@@ -44,7 +37,7 @@ class RobotActuator:
             self._ended(goal)
         return state
 
-    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Mode) -> None:
+    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Controller) -> None:
         """Send a goal of the controller in charge; None stops the robot."""
         if command is None:
             goal = self._goal
@@ -58,21 +51,20 @@ class RobotActuator:
             self._goal = self.robot.goto(command, Controller.SC)
             self._port_goal_id = None
 
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+    def hand_over(self, mode: Controller, module: str, cause: str) -> None:
         """Switch the robot and tell the AC."""
-        engaged = mode is Mode.AC
-        self.robot.switch_ac_sc(Controller.AC if engaged else Controller.SC, f"{module}: {cause}")
+        self.robot.switch_ac_sc(mode, f"{module}: {cause}")
         if self._goal is not None:
             self._ended(self._goal)
-        self.port.control(engaged, module, cause)
+        self.port.control(mode is Controller.AC, module, cause)
 
     def renew(self) -> None:
         """Renew the lease."""
         self.robot.renew_lease()
 
-    def reported(self, sample: Sample) -> Mode | None:
+    def reported(self, sample: Sample) -> Controller | None:
         """Return who is in charge as the robot itself has it."""
-        return _MODES[sample.controller] if isinstance(sample, RobotState) and sample.controller else None
+        return sample.controller if isinstance(sample, RobotState) else None
 
     def insist(self) -> None:
         """Send once more who is in charge."""
@@ -99,23 +91,25 @@ class RobotActuator:
 
 
 def _plain(command: Any) -> Any:
-    """Return a waypoint of Python's own numbers: others pass every check and may still fail later, in the vehicle."""
+    """Return a waypoint of Python's own numbers: others pass every check and may still fail later, in the vehicle.
+
+    None, which is no waypoint, where they cannot be made.
+    """
     if type(command) is not Waypoint:
         return command
     values: tuple[Any, ...] = command
     if all(type(value) is float or value is None for value in values):
         return command
-    return Waypoint(*(float(value) if isinstance(value, Real) else value for value in values))
+    try:
+        return Waypoint(*(float(value) if isinstance(value, Real) else value for value in values))
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - they are the AC's own objects
+        return None
 
 
 class PortForwarder(Node):
-    """The AC as a node: at every step it publishes what lies in the port's mailbox.
-
-    Args:
-        port: the AC's.
-        waypoint: the topic that it shares with the safe controllers.
-        period_s: the base tick.
-    """
+    """The AC as a node: at every step it publishes what lies in the port's mailbox."""
 
     name = "ac-port"
     subscribes = ("port",)

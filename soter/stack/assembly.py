@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -16,11 +17,9 @@ from soter.rta import (
     STARTS,
     Actuator,
     DecisionModule,
-    Mode,
     PairBound,
     PeerMonitor,
     Port,
-    ReachModel,
     RemotePeer,
     Report,
     RobotSupervisor,
@@ -31,13 +30,11 @@ from soter.rta import (
     Topic,
     Watch,
 )
-from soter.sdk import Capabilities, Robot, RobotState, Waypoint
+from soter.sdk import Capabilities, Controller, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
-from soter.stack.battery import Dock
-from soter.stack.declaration import declare, terrains_of, timing_of
+from soter.stack.declaration import Declared, declare, terrains_of, timing_of
 from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from soter.stack.peers import PeerBounds, Peers
-from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.terrain import Terrain
@@ -49,30 +46,59 @@ _BEGINS_S: Final = 2.0
 
 
 @dataclass(frozen=True)
-class SafetySide:
-    """What stands between the mission and the robots.
+class Study:
+    """Questions to the modules that a mission must not ask; never for robots.
 
     Attributes:
-        supervisor: ticks everything.
-        ports: the AC's rights, by robot id; all that the mission gets to see.
-        recoveries: by robot id, for their counters.
-        forwarders: by robot id; they know what the AC asked for last.
-        modules: the declarations, by robot id, in order of their right to drive.
-        terrains: the static workspace, by robot: for its body.
-        trigger_m: by robot, the distance to another one at which its collision module acts.
-        charging: whether a robot stands on its station because it has to charge.
-        own: the user's modules, by robot id, those that are off included.
+        deltas: how many Delta they look ahead; None for what proofs need.
+        safer_alone: they give back wherever phi_safer holds, though the AC could break the rule before the next look.
+        on_ill_formed: takes the refusal of an ill-formed module, which is then bound all the same; None refuses.
     """
 
+    deltas: float | None = None
+    safer_alone: bool = False
+    on_ill_formed: Callable[[IllFormedModule], None] | None = None
+
+
+@dataclass(frozen=True)
+class SafeRobot:
+    """What stands between the mission and one robot.
+
+    Attributes:
+        port: the AC's rights; all that the mission gets to see.
+        forwarder: knows what the AC asked for last.
+        declared: its modules and what their safe controllers share.
+        terrain: the static workspace for its body.
+        trigger_m: the distance to another robot at which its collision module acts.
+    """
+
+    port: Port[Waypoint, RobotState]
+    forwarder: PortForwarder
+    declared: Declared
+    terrain: Terrain
+    trigger_m: float
+
+
+@dataclass(frozen=True)
+class SafetySide:
+    """What stands between the mission and the robots."""
+
     supervisor: Supervisor
-    ports: Mapping[int, Port[Waypoint, RobotState]]
-    recoveries: Mapping[int, RecoveryPlanner]
-    forwarders: Mapping[int, PortForwarder]
-    modules: Mapping[int, tuple[RTAModule, ...]]
-    terrains: Mapping[int, Terrain]
-    trigger_m: Mapping[int, float]
-    charging: Callable[[int], bool]
-    own: Mapping[int, tuple[RTAModule, ...]]
+    robots: Mapping[int, SafeRobot]
+
+    @cached_property
+    def ports(self) -> Mapping[int, Port[Waypoint, RobotState]]:
+        """The AC's rights, by robot id."""
+        return {robot_id: robot.port for robot_id, robot in self.robots.items()}
+
+    @cached_property
+    def modules(self) -> Mapping[int, tuple[RTAModule, ...]]:
+        """The declarations, by robot id, in order of their right to drive."""
+        return {robot_id: robot.declared.modules for robot_id, robot in self.robots.items()}
+
+    def charging(self, robot_id: int) -> bool:
+        """Return whether a robot stands on its station because it has to charge."""
+        return self.robots[robot_id].declared.dock.charging(self.supervisor.robots[robot_id].situation)
 
 
 def assemble(
@@ -83,9 +109,7 @@ def assemble(
     watches: Sequence[Watch] = (),
     *,
     tap: Callable[[int, RobotActuator], Actuator] | None = None,
-    on_ill_formed: Callable[[IllFormedModule], None] | None = None,
-    deltas: float | None = None,
-    safer_alone: bool = False,
+    study: Study = Study(),
     remote: Sequence[RemotePeer] = (),
     remote_promises: Mapping[int, Capabilities] = MappingProxyType({}),
 ) -> SafetySide:
@@ -98,9 +122,7 @@ def assemble(
         listener: told of what the ports report.
         watches: told of every switch.
         tap: returns what a supervisor uses in place of a robot's actuator, such as one that writes down what passes.
-        on_ill_formed: takes the refusal of a module and has it bound all the same; for questions, never for robots.
-        deltas: how many Delta the modules look ahead when they judge, in place of what proofs need; a question too.
-        safer_alone: the modules give back wherever phi_safer holds, within reach of phi_safe's edge or not; another.
+        study: what is changed of the modules.
         remote: the robots that other processes supervise.
         remote_promises: by robot, what each of those promises.
 
@@ -113,19 +135,15 @@ def assemble(
     fleet = [*promises.values()]
     worst = PeerBounds.of(fleet, mission.base_tick_s)
     terrains = terrains_of(workspace, promises)
-    ports: dict[int, Port[Waypoint, RobotState]] = {}
-    recoveries: dict[int, RecoveryPlanner] = {}
-    forwarders: dict[int, PortForwarder] = {}
-    modules: dict[int, tuple[RTAModule, ...]] = {}
-    own: dict[int, tuple[RTAModule, ...]] = {}
-    docks: dict[int, Dock] = {}
-    own_apart_m: dict[int, float] = {}
+    safe: dict[int, SafeRobot] = {}
     right_of_way = RightOfWay(
         mission.rta.collision.phi_safer_m if apart else 0.0,
         lambda robot_id: robot_id in low and low[robot_id](),
-        lambda robot_id: max(recoveries[robot_id].apart_m(worst.sample_age_s), own_apart_m[robot_id]),
-        lambda robot_id, x_m, y_m: docks[robot_id].path.legs(x_m, y_m),
-        lambda bound: docks[bound.robot_id].docked(bound.situation),
+        lambda robot_id: max(
+            safe[robot_id].declared.recovery.apart_m(worst.sample_age_s), safe[robot_id].declared.apart_m
+        ),
+        lambda robot_id, x_m, y_m: safe[robot_id].declared.dock.path.legs(x_m, y_m),
+        lambda bound: safe[bound.robot_id].declared.dock.docked(bound.situation),
     )
     supervisors: list[RobotSupervisor] = []
     for robot in robots:
@@ -139,22 +157,26 @@ def assemble(
         try:
             declared.check(mission.base_tick_s)
         except IllFormedModule as refusal:
-            if on_ill_formed is None:
+            if study.on_ill_formed is None:
                 raise
-            on_ill_formed(refusal)
-        judged = replace(declared.timing, deltas=deltas)
+            study.on_ill_formed(refusal)
+        judged = replace(declared.timing, deltas=study.deltas)
         actuator = RobotActuator(robot, port)
+        decisions = [
+            DecisionModule(
+                each, judged, mission.base_tick_s, right_of_way, study.safer_alone, each.name in mission.rta.module
+            )
+            for each in declared.modules
+        ]
         supervisors.append(
             RobotSupervisor(
                 robot.id,
                 actuator if tap is None else tap(robot.id, actuator),
-                [
-                    DecisionModule(each, judged, mission.base_tick_s, right_of_way, safer_alone)
-                    for each in declared.modules
-                ],
+                decisions,
                 forwarder,
                 waypoint,
-                _monitored(declared.modules),
+                # What the modules assume of the robot's own samples: each model once, however many modules share it.
+                list(dict.fromkeys(each.model.of_own() for each in declared.modules if each.model is not None)),
                 declared.timing,
                 watches,
                 PEER_SILENT_S if apart and len(promises) > 1 else math.inf,
@@ -162,10 +184,10 @@ def assemble(
                 mission.rta.order[-1] if mission.rta.order else "",
             )
         )
-        ports[robot.id], recoveries[robot.id], docks[robot.id] = port, declared.recovery, declared.dock
-        forwarders[robot.id], modules[robot.id], own[robot.id] = forwarder, declared.modules, declared.own
-        own_apart_m[robot.id] = declared.apart_m
+        trigger_m = _trigger_m(mission, robot.capabilities, worst)
+        safe[robot.id] = SafeRobot(port, forwarder, declared, terrains[robot.id], trigger_m)
 
+    docks = {robot_id: each.declared.dock for robot_id, each in safe.items()}
     contracts = ContractMonitor({robot.id: robot.capabilities.moving_m_s for robot in robots})
     charges = ChargeMonitor()
 
@@ -175,7 +197,7 @@ def assemble(
             dock.path.track(own.x_m, own.y_m)
             battery = next((module for module in supervisor.modules if module.name == BATTERY), None)
             if battery is not None:
-                in_sc = battery.mode is Mode.SC
+                in_sc = battery.mode is Controller.SC
                 # All modules begin in SC; for a while that does not mean that the battery's has fired.
                 dock.begins = in_sc and battery.cause == STARTS and not now_s - battery.since_s > _BEGINS_S
                 dock.wants_charge = in_sc and not dock.begins
@@ -194,7 +216,7 @@ def assemble(
     # Robots that are not heard, of a pair one or both, may be nearer to each other than their samples are.
     unheard_m = worst.v_max_m_s * (PEER_SILENT_S + still_s)
     # A user's rule may be about peers that matter to no shipped one.
-    theirs_m = max((module.peers_within_m for each in own.values() for module in each), default=0.0)
+    theirs_m = max((module.peers_within_m for each in safe.values() for module in each.declared.own), default=0.0)
     supervisor = Supervisor(
         supervisors, mission.base_tick_s,
         max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + max(1.0, unheard_m), theirs_m), before_decisions,
@@ -202,18 +224,7 @@ def assemble(
         StillPeers(still_s) if apart else None,
         remote if apart else (),
     )  # fmt: skip
-    bound = supervisor.robots
-    return SafetySide(
-        supervisor,
-        ports,
-        recoveries,
-        forwarders,
-        modules,
-        terrains,
-        {robot.id: _trigger_m(mission, robot.capabilities, worst) for robot in robots},
-        lambda robot_id: docks[robot_id].charging(bound[robot_id].situation),
-        own,
-    )
+    return SafetySide(supervisor, safe)
 
 
 def _still_s(promises: Sequence[Capabilities], base_tick_s: float) -> float:
@@ -233,8 +244,3 @@ def _trigger_m(mission: MissionFile, own: Capabilities, worst: PeerBounds) -> fl
     look_s = timing_of(own, mission.base_tick_s).look_s(collision.delta_s)
     speeds = SpeedBound(own.v_max_m_s, own.brake_m_s2), SpeedBound(worst.v_max_m_s, worst.brake_m_s2)
     return collision.phi_safe_m + PairBound(*speeds).bound(look_s)
-
-
-def _monitored(modules: Sequence[RTAModule]) -> list[ReachModel]:
-    """Return what the modules assume of the robot's own samples, each model once however many modules share it."""
-    return list(dict.fromkeys(module.model.of_own() for module in modules if module.model is not None))

@@ -22,18 +22,7 @@ DOCKED_M: Final = 0.03
 
 
 class Dock:
-    """One robot's charging station, the path to it, and what that costs.
-
-    Args:
-        charger: the station.
-        path: the robot's return path.
-        cost_per_m: charge that a metre of the path is accounted for.
-
-    Attributes:
-        place: the middle of the station.
-        path: see above.
-        cost_per_m: see above.
-    """
+    """One robot's charging station, the path to it, and what that costs."""
 
     def __init__(self, charger: Box, path: ReturnPath, cost_per_m: float) -> None:
         self.place: Final = charger.centre
@@ -66,9 +55,6 @@ class ChargeForTheWayHome(Region):
 
     It does not fall while the robot drives home: what is used up, the path gets shorter by. Without a path it is minus
     infinity. What is held back for turns, for blocked paths and for waiting is what the module keeps.
-
-    Attributes:
-        dock: knows the return path.
     """
 
     dock: Dock
@@ -115,12 +101,6 @@ class GoHome(SafeController):
 
     The path is kept even when peers stand in it: dodging them dithers until the battery is flat. Only after
     `BLOCKED_S` without progress does it commit to one detour around the peers as they stand then.
-
-    Args:
-        period_s: how often it looks.
-        waypoint: where it publishes.
-        recovery: makes and certifies its legs.
-        dock: where to go.
     """
 
     def __init__(self, period_s: float, waypoint: Topic[Waypoint], recovery: RecoveryPlanner, dock: Dock) -> None:

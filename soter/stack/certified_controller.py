@@ -22,12 +22,6 @@ class CertifiedController(SafeController):
     Whoever writes a safe controller thinks of one rule. The recovery planner thinks of all: a leg that would break one,
     the module's own included, is shortened or not driven, so that a mistake costs time only. It lets go as its contract
     says: where the robot stands, or the battery's module needs to drive, the return path is driven after `lets_go_s`.
-
-    Args:
-        made: the user's declaration.
-        kit: what it was made from.
-        wanted: where its node publishes.
-        waypoint: where the robot's controllers publish.
     """
 
     def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> None:
@@ -44,6 +38,7 @@ class CertifiedController(SafeController):
         self._wanted: Final = wanted
         self._engaged = False
         self._engaged_s = self._moved_s = 0.0
+        self._drove_s = -math.inf
         self._yields = False
 
     def engage(self, situation: Situation) -> None:
@@ -51,19 +46,23 @@ class CertifiedController(SafeController):
         # What the inner node wanted when it was last in charge is no concern of now.
         self._wanted.value = None
         self._engaged = True
-        self._engaged_s = self._moved_s = situation.now_s
+        if situation.now_s - self._drove_s > TURN_S:
+            # A rule that gets the robot back at once was not content: whose turn it is goes on.
+            self._engaged_s = situation.now_s
+        self._moved_s = situation.now_s
         self._yields = self._homewards = False
         if not (self._kept_from_charging and self._dock.wants_charge):
             # A robot that goes to and fro between the battery's module and this one is kept all the time.
             self._kept_since_s = situation.now_s
         self._kept_from_charging = self._dock.wants_charge
-        self.inner.engage(situation)
+        self.inner.engage(situation.copy())
 
     def motion(self, situation: Situation) -> Leg | None:
         if not self._engaged:
             # Whoever drives first at the start of a run takes charge of nobody.
             self.engage(situation)
-        self.inner.step(situation)
+        self._drove_s = situation.now_s
+        self.inner.step(situation.copy())
         wanted = self._wanted.value
         speed_m_s = wanted.speed_m_s if isinstance(wanted, Waypoint) else None
         leg = self._out_of_the_way(situation)
@@ -109,11 +108,9 @@ class CertifiedController(SafeController):
             return None
         away_x, away_y = own.x_m - near.x_m, own.y_m - near.y_m
         if self._of_pairs:
-            turn = int((now_s - self._engaged_s) / TURN_S)
-            # Whoever has to charge lets the others try first.
-            self._yields = turn > (2 if self._dock.wants_charge else 0) and (own.robot_id > near.robot_id) == (
-                turn % 2 == 1
-            )
+            # Whoever has to charge lets the others try first. Turns are those of the fleet's time, one for each robot.
+            waited = now_s - self._engaged_s >= TURN_S * (3.0 if self._dock.wants_charge else 1.0)
+            self._yields = waited and (own.robot_id > near.robot_id) == (int(now_s / TURN_S) % 2 == 1)
         elif near.robot_id > own.robot_id or math.hypot(away_x, away_y) > RETREAT_M:
             self._yields = False
         elif now_s - self._moved_s > BLOCKED_S:

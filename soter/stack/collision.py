@@ -17,7 +17,10 @@ from soter.stack.right_of_way import Path, RightOfWay
 from soter.stack.terrain import Point
 
 RETREAT_M: Final = 0.75
-"""How far from every peer robots retreat; 0.25 m beyond phi_safer where that is more."""
+"""How far from every peer robots retreat; `BEYOND_M` beyond phi_safer where that is more."""
+
+BEYOND_M: Final = 0.25
+"""How far beyond phi_safer; as far as noise and age of both samples can keep a robot from being given back, if more."""
 
 FIRST_PATIENT_S: Final = 6.0
 """The first in the order waits so long for the others to leave its path, then it makes room for them."""
@@ -151,16 +154,6 @@ class BackAway(Retreat):
 
     A robot that has to charge goes on along its return path wherever its legs are certified, and the others get out of
     that path, robots that are on their way to charge as well if they come later in the order. A docked robot holds.
-
-    Args:
-        period_s: how often it looks.
-        waypoint: where it publishes.
-        recovery: makes and certifies its legs.
-        refuges: finds where to go.
-        home: drives the return path.
-        dock: says whether the robot has to.
-        right_of_way: who is first, and whose path is to be left.
-        safer_m: the distance from which the collision module gives robots back.
     """
 
     def __init__(
@@ -172,11 +165,9 @@ class BackAway(Retreat):
         home: GoHome,
         dock: Dock,
         right_of_way: RightOfWay,
-        safer_m: float = 0.0,
+        retreat_m: float = RETREAT_M,
     ) -> None:
-        super().__init__(
-            "back-away", period_s, waypoint, recovery, refuges, max(RETREAT_M, safer_m + 0.25), home, dock
-        )  # fmt: skip
+        super().__init__("back-away", period_s, waypoint, recovery, refuges, retreat_m, home, dock)
         self._right_of_way: Final = right_of_way
 
     def motion(self, situation: Situation) -> Leg | None:

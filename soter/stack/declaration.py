@@ -150,7 +150,8 @@ def declare(
         home_m, inset_m = _home_clearance_m(mission, capabilities) - beyond_m, _inset_m(mission, capabilities)
         return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, [*stations, *more])
 
-    dock = Dock(place.charger, path_around(()), _cost_per_m(mission, capabilities))
+    cost_per_m = 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)
+    dock = Dock(place.charger, path_around(()), cost_per_m)
     timing = timing_of(capabilities, tick_s)
     kit = ModuleKit(
         "", robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery,
@@ -254,7 +255,3 @@ def _inset_m(mission: MissionFile, capabilities: Capabilities) -> float:
 def _unsure_m(capabilities: Capabilities) -> float:
     """Return by how much a place must be better than a module asks for: what noise and age take off its margin."""
     return _SLACK_M + capabilities.position_noise_m + capabilities.v_max_m_s * capabilities.sample_age_s
-
-
-def _cost_per_m(mission: MissionFile, capabilities: Capabilities) -> float:
-    return 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)

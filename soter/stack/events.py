@@ -11,7 +11,7 @@ from soter.machine import Event, MachineRef
 Place = tuple[float, float]
 
 
-class Outcome(Enum):
+class TargetOutcome(Enum):
     """How a target ended.
 
     `unsafe`: a geofence or obstacle module had to step in on the way; retrying such a target would only repeat that.
@@ -58,7 +58,7 @@ class TargetEnded(Event):
 
     robot_id: int
     target_id: int
-    outcome: Outcome
+    outcome: TargetOutcome
     module: str = ""
     reason: str = ""
 

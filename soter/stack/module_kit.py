@@ -13,7 +13,7 @@ from soter.rta import Motion, Node, Situation, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities, Waypoint
 from soter.stack.battery import Dock, GoHome
 from soter.stack.peers import Peers
-from soter.stack.reach import Limits
+from soter.stack.reach import MotionLimits
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.retreat import Retreat
@@ -87,7 +87,7 @@ class ModuleKit:
         if model == "speed":
             return self.model
         if model not in self.motions:
-            self.motions[model] = Limits.of(self.capabilities).motion(self.name, model)
+            self.motions[model] = MotionLimits.of(self.capabilities).motion(self.name, model)
         return self.motions[model]
 
     @property
@@ -105,15 +105,12 @@ class ModuleKit:
         )
 
     def place_ahead(self, situation: Situation, fits: Callable[[float, float], bool]) -> Point:
-        """Return the nearest place straight ahead that fits; if there is none, less and less ahead, and last behind.
+        """Return the nearest place ahead that fits; else one less and less ahead, last behind, or where the robot is.
 
         Args:
             situation: where the robot is, and its heading.
             fits: what else is asked of a place, x and y in metres. It is a refuge for fence and boxes in any case, and
                 in sight.
-
-        Returns:
-            The place, or where the robot is if there is none.
         """
         own, refuges, terrain = situation.own, self.refuges, self.recovery.terrain
         low_x, low_y, high_x, high_y = terrain.bounds

@@ -7,16 +7,7 @@ from functools import partial
 
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.sdk import GoalStatus, Waypoint
-from soter.stack.events import (
-    AbandonPath,
-    Disengaged,
-    ExecutePath,
-    GoalEnded,
-    PathCompleted,
-    PathFailed,
-    PathPlanned,
-    PlanAndGo,
-)
+from soter.stack import events
 from soter.stack.kit import RobotKit
 from soter.stack.planners import PlanRequest
 
@@ -25,44 +16,44 @@ class PlanExecutor(Machine):
     """Waits for a path, executes it, reports how that ended; dropped at once when the AC loses control."""
 
     Starting: State[RobotKit] = State(start=True)
-    Waiting: State[None] = State(ignore=(GoalEnded, Disengaged, AbandonPath))
-    Executing: State[ExecutePath] = State(defer=(ExecutePath,), ignore=(GoalEnded,))
+    Waiting: State[None] = State(ignore=(events.GoalEnded, events.Disengaged, events.AbandonPath))
+    Executing: State[events.ExecutePath] = State(defer=(events.ExecutePath,), ignore=(events.GoalEnded,))
 
     kit: RobotKit
 
     @Starting.entry
     def _start(self, kit: RobotKit) -> Next:
         self.kit = kit
-        kit.subscribe(kit.robot_id, self.ref, (GoalEnded, Disengaged))
+        kit.subscribe(kit.robot_id, self.ref, (events.GoalEnded, events.Disengaged))
         return Goto(self.Waiting)
 
-    @Waiting.on(ExecutePath)
-    def _accept(self, e: ExecutePath) -> Next:
+    @Waiting.on(events.ExecutePath)
+    def _accept(self, e: events.ExecutePath) -> Next:
         return Goto(self.Executing, e)
 
     @Executing.entry
-    async def _execute(self, e: ExecutePath) -> Next:
+    async def _execute(self, e: events.ExecutePath) -> Next:
         waypoints = [Waypoint(x, y, radius_m=self.kit.arrival_radius_m, timeout_s=e.timeout_s) for x, y in e.path]
         for index, waypoint in enumerate(waypoints):
             goal_id = self.kit.port.goto(waypoint, tuple(waypoints[index + 1 :]))
-            ended = await self.receive(GoalEnded, match=partial(_is_of, goal_id))
+            ended = await self.receive(events.GoalEnded, match=partial(_is_of, goal_id))
             if ended.status != GoalStatus.REACHED.value:
-                self.send(e.reply_to, PathFailed(e.request_id, ended.status))
+                self.send(e.reply_to, events.PathFailed(e.request_id, ended.status))
                 return Goto(self.Waiting)
-        self.send(e.reply_to, PathCompleted(e.request_id))
+        self.send(e.reply_to, events.PathCompleted(e.request_id))
         return Goto(self.Waiting)
 
-    @Executing.interrupt(Disengaged)
-    def _dropped(self, e: Disengaged) -> Next:
+    @Executing.interrupt(events.Disengaged)
+    def _dropped(self, e: events.Disengaged) -> Next:
         """The supervisor has ended the goal already; the robot agent hears of it from the port itself."""
         return Goto(self.Waiting)
 
-    @Executing.interrupt(AbandonPath)
-    def _abandoned(self, e: AbandonPath) -> Next:
+    @Executing.interrupt(events.AbandonPath)
+    def _abandoned(self, e: events.AbandonPath) -> Next:
         return Goto(self.Waiting)
 
 
-def _is_of(goal_id: int, ended: GoalEnded) -> bool:
+def _is_of(goal_id: int, ended: events.GoalEnded) -> bool:
     return ended.goal_id == goal_id
 
 
@@ -74,14 +65,14 @@ class MotionPlanner(Machine):
     """One request at a time; a newer one takes the place of an older one."""
 
     Starting: State[RobotKit] = State(start=True)
-    Waiting: State[None] = State(ignore=(PathPlanned, PathCompleted, PathFailed))
-    Planning: State[PlanAndGo] = State(ignore=(PathCompleted, PathFailed))
-    Executing: State[PathPlanned] = State(ignore=(PathPlanned,))
+    Waiting: State[None] = State(ignore=(events.PathPlanned, events.PathCompleted, events.PathFailed))
+    Planning: State[events.PlanAndGo] = State(ignore=(events.PathCompleted, events.PathFailed))
+    Executing: State[events.PathPlanned] = State(ignore=(events.PathPlanned,))
 
     kit: RobotKit
     executor: MachineRef
-    request: PlanAndGo
-    planned: PathPlanned
+    request: events.PlanAndGo
+    planned: events.PathPlanned
 
     @Starting.entry
     def _start(self, kit: RobotKit) -> Next:
@@ -90,22 +81,22 @@ class MotionPlanner(Machine):
         self.executor = self.create(PlanExecutor, kit, name=f"PlanExecutor {kit.robot_id}")
         return Goto(self.Waiting)
 
-    @Waiting.on(PlanAndGo)
-    @Planning.on(PlanAndGo)
-    def _accept(self, e: PlanAndGo) -> Next:
+    @Waiting.on(events.PlanAndGo)
+    @Planning.on(events.PlanAndGo)
+    def _accept(self, e: events.PlanAndGo) -> Next:
         return Goto(self.Planning, e)
 
-    @Executing.on(PlanAndGo)
-    def _replace(self, e: PlanAndGo) -> Next:
-        self.send(self.executor, AbandonPath(e.request_id))
+    @Executing.on(events.PlanAndGo)
+    def _replace(self, e: events.PlanAndGo) -> Next:
+        self.send(self.executor, events.AbandonPath(e.request_id))
         return Goto(self.Planning, e)
 
     @Planning.entry
-    def _plan(self, e: PlanAndGo) -> Next:
+    def _plan(self, e: events.PlanAndGo) -> Next:
         self.request = e
         state = self.kit.port.state
         if state is None:
-            self.send(e.reply_to, PathFailed(e.request_id, "the robot's state is not known"))
+            self.send(e.reply_to, events.PathFailed(e.request_id, "the robot's state is not known"))
             return Goto(self.Waiting)
         start = (state.x_m, state.y_m)
         discs = tuple(
@@ -119,38 +110,38 @@ class MotionPlanner(Machine):
         self.kit.submit(PlanRequest(e.request_id, self.kit.robot_id, start, e.place, discs, self.kit.seed), self.ref)
         return Stay()
 
-    @Planning.on(PathPlanned)
-    def _planned(self, e: PathPlanned) -> Next:
+    @Planning.on(events.PathPlanned)
+    def _planned(self, e: events.PathPlanned) -> Next:
         if e.request_id != self.request.request_id:
             return Stay()
         if e.reason is not None:
-            self.send(self.request.reply_to, PathFailed(e.request_id, e.reason))
+            self.send(self.request.reply_to, events.PathFailed(e.request_id, e.reason))
             return Goto(self.Waiting)
         return Goto(self.Executing, e)
 
     @Executing.entry
-    def _execute(self, e: PathPlanned) -> Next:
+    def _execute(self, e: events.PathPlanned) -> Next:
         self.planned = e
-        self.send(self.executor, ExecutePath(e.request_id, e.path, self.request.timeout_s, self.ref))
+        self.send(self.executor, events.ExecutePath(e.request_id, e.path, self.request.timeout_s, self.ref))
         return Stay()
 
-    @Executing.on(PathCompleted)
-    def _completed(self, e: PathCompleted) -> Next:
+    @Executing.on(events.PathCompleted)
+    def _completed(self, e: events.PathCompleted) -> Next:
         if e.request_id != self.request.request_id:
             return Stay()
-        self.send(self.request.reply_to, PathCompleted(e.request_id, self.planned.reaches_goal))
+        self.send(self.request.reply_to, events.PathCompleted(e.request_id, self.planned.reaches_goal))
         return Goto(self.Waiting)
 
-    @Executing.on(PathFailed)
-    def _failed(self, e: PathFailed) -> Next:
+    @Executing.on(events.PathFailed)
+    def _failed(self, e: events.PathFailed) -> Next:
         if e.request_id != self.request.request_id:
             return Stay()
         self.send(self.request.reply_to, e)
         return Goto(self.Waiting)
 
-    @Waiting.on(AbandonPath)
-    @Planning.on(AbandonPath)
-    @Executing.on(AbandonPath)
-    def _abandon(self, e: AbandonPath) -> Next:
+    @Waiting.on(events.AbandonPath)
+    @Planning.on(events.AbandonPath)
+    @Executing.on(events.AbandonPath)
+    def _abandon(self, e: events.AbandonPath) -> Next:
         self.send(self.executor, e)
         return Goto(self.Waiting)

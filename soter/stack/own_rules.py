@@ -27,12 +27,7 @@ _PARTS: Final = (0.5, 1.0)
 
 
 class OwnRule(NamedTuple):
-    """What a module of the user's own keeps.
-
-    Attributes:
-        region: its phi_safe.
-        of_pairs: whether peers use up its margin as well.
-    """
+    """What a module of the user's own keeps: its phi_safe; and whether peers use up its margin as well."""
 
     region: Region
     of_pairs: bool
@@ -55,11 +50,13 @@ class OwnRule(NamedTuple):
             places = _places(situation.own, bx_m, by_m, off_m)
             # Written so that a margin that is not a number allows nothing.
             return all(self.region.margin(_moved(situation, *place)) >= least for place in places)
-        except Exception:  # noqa: BLE001 - foreign code must not take the shipped safe controllers along
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # noqa: BLE001 - foreign code must not take the shipped safe controllers along
             return False
 
     def _least(self, situation: Situation, peer_m: float) -> float:
-        margin = self.region.margin(situation)
+        margin = self.region.margin(situation.copy())
         if self.of_pairs and margin > 0.0:
             # Half of it is the peer's, which may be on its way.
             return min(margin, margin / 2.0 + peer_m)
@@ -71,10 +68,6 @@ def apart_m(region: Region, place: RobotPlace) -> float:
 
     It is found by asking, so it is a guess at what a rule means: 0 where peers 10 m away break it, where it fails, or
     where it lets peers be anywhere. Progress may rest on it; safety does not.
-
-    Args:
-        region: of the rule.
-        place: where the robot starts.
     """
     own = _at_rest(place.id, place.x_m, place.y_m)
     situation = Situation(place.id, own, 0.0)
@@ -94,7 +87,9 @@ def apart_m(region: Region, place: RobotPlace) -> float:
         while high_m - low_m > _CLOSE_ENOUGH_M:
             middle_m = (low_m + high_m) / 2.0
             low_m, high_m = (low_m, middle_m) if holds(middle_m) else (middle_m, high_m)
-    except Exception:  # noqa: BLE001 - foreign code; its decision module fails on it as well, and says so
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - foreign code; its decision module fails on it as well, and says so
         return 0.0
     return high_m
 
@@ -105,12 +100,6 @@ def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: flo
     Nothing is known of the rule but its margin, so it is asked all over the room, as if the robot stood there. Where
     the station itself would be in a rectangle there is none: nothing leads around that. Progress rests on it, safety
     does not; `broken_on` says what is left.
-
-    Args:
-        region: of the rule.
-        place: of the robot.
-        terrain: the room.
-        beside_m: how far beside its path a robot may be.
     """
     low_x, low_y, high_x, high_y = terrain.bounds
     step_m = max(high_x - low_x, high_y - low_y) / _CELLS
@@ -149,7 +138,9 @@ def _holds(region: Region, robot_id: int, x_m: float, y_m: float) -> bool:
     """Return whether a rule holds for a robot that stands there; one that fails is its decision module's to report."""
     try:
         return bool(region.margin(Situation(robot_id, _at_rest(robot_id, x_m, y_m), 0.0)) >= 0.0)
-    except Exception:  # noqa: BLE001 - foreign code
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - foreign code
         return True
 
 
@@ -183,5 +174,5 @@ def _places(own: Sample, bx_m: float, by_m: float, off_m: float) -> list[tuple[f
 
 def _moved(situation: Situation, x_m: float, y_m: float) -> Situation:
     there = Situation(situation.robot_id, _Moved(situation.own, x_m, y_m), situation.now_s)
-    there.peers = situation.peers
+    there.peers = tuple(situation.peers)
     return there

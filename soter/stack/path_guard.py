@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-from soter.rta import DecisionModule, Mode, Node, ReachModel, Region, RTAModule, Sample, Situation, Timing, Topic
+from soter.rta import DecisionModule, Node, ReachModel, Region, RTAModule, Sample, Situation, Timing, Topic
+from soter.sdk import Controller
 from soter.stack.planners import PlanRequest, PlanResult
 from soter.stack.routes import Routes
 from soter.stack.terrain import Point, Terrain
@@ -35,10 +36,6 @@ class PathClearance(Region):
     """Paths along which the body stays at least `least_m` clear of every box, the leg from the start included.
 
     Where the start itself is nearer to a box, the path has to be no nearer than the start.
-
-    Args:
-        terrain: the boxes.
-        least_m: clearance at the edge of the region.
     """
 
     def __init__(self, terrain: Terrain, least_m: float) -> None:
@@ -96,12 +93,6 @@ class CertifiedPath(Node):
     """The SC: publishes the shortest way over the corners of the grown boxes.
 
     A goal on which no body can stand is replaced by the nearest place where one can.
-
-    Args:
-        topic: where it publishes.
-        period_s: period of its module.
-        terrain: the boxes.
-        clearance_m: body clearance of its ways.
     """
 
     name = "certified-planner"
@@ -172,7 +163,7 @@ class PathGuard:
         """Paths of the untrusted planner that were not used."""
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> Controller:
         """Whose paths are used."""
         return self._decision.mode
 
@@ -180,7 +171,7 @@ class PathGuard:
         """Return the path to use: the offered one, or the certified one."""
         situation = PathSituation(request.robot_id, own, now_s, request, offered)
         self._decision.decide(situation)
-        node = self.module.ac if self._decision.mode is Mode.AC else self.module.sc
+        node = self.module.ac if self._decision.mode is Controller.AC else self.module.sc
         self.replaced += node is self.module.sc
         node.step(situation)
         assert self._topic.value is not None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from soter.sdk import Capabilities
-from soter.stack.reach import Limits
+from soter.stack.reach import MotionLimits
 from soter.stack.recovery import extent_m
 
 
@@ -32,7 +32,7 @@ class PeerBounds:
     sample_age_s: float
     latency_s: float
     extent_m: float
-    limits: Limits
+    limits: MotionLimits
 
     @classmethod
     def of(cls, fleet: Sequence[Capabilities], base_tick_s: float) -> Self:
@@ -44,7 +44,7 @@ class PeerBounds:
             max(each.sample_age_s for each in fleet),
             min(each.latency_s for each in fleet),
             max(extent_m(each, base_tick_s) for each in fleet),
-            Limits.of(*fleet),
+            MotionLimits.of(*fleet),
         )
 
 

@@ -24,7 +24,7 @@ from soter.sdk import Capabilities
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class MotionLimits:
     """What bounds the motion of a robot, or of the worst of several.
 
     Attributes:

@@ -38,14 +38,7 @@ _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)
 
 @dataclass(frozen=True, slots=True)
 class RecoveryRules:
-    """Which rules a motion must keep.
-
-    Attributes:
-        fence: stay inside the fence.
-        boxes: keep the body clear of boxes.
-        pairs: keep the centres of robots apart.
-        separation_m: how far apart.
-    """
+    """Which rules a motion must keep."""
 
     fence: bool = True
     boxes: bool = True
@@ -54,12 +47,7 @@ class RecoveryRules:
 
 
 def extent_m(capabilities: Capabilities, period_s: float) -> float:
-    """Return how far a leg may take a robot, off its end or its line included.
-
-    Args:
-        capabilities: of the robot.
-        period_s: how often its safe controller looks.
-    """
+    """Return how far a leg may take a robot, off its end or its line included."""
     blind_s = period_s + capabilities.latency_s + capabilities.sample_age_s
     return _leg_m(capabilities.v_max_m_s, blind_s, _stop_m(capabilities)) + capabilities.tube_m
 
@@ -92,8 +80,6 @@ class RecoveryPlanner:
         pair_v_max_m_s: by peer, the faster of its and this robot's top speeds, where that is less than all peers'.
 
     Attributes:
-        terrain: see above.
-        rules: see above.
         own_rules: what the user's own modules keep, which every leg keeps, too.
         v_max_m_s: top speed of the robot.
         certified_m: what the end of a leg keeps from fence and boxes.
@@ -157,8 +143,6 @@ class RecoveryPlanner:
         """
         blind_m = self._peer_v_max * (self._blind_s + 2.0 * age_s)
         return self.rules.separation_m + self._pair_noise + 2.0 * (blind_m + self._tracking_m + CORNER_M)
-
-    # --- certificates ----------------------------------------------------------------------------------------
 
     def certify(self, situation: Situation, bx_m: float, by_m: float) -> float:
         """Return the worst margin of the straight leg from the robot to b, in metres; negative if it is not allowed.
@@ -233,8 +217,6 @@ class RecoveryPlanner:
             if left < spare:
                 spare = left
         return spare
-
-    # --- motions ---------------------------------------------------------------------------------------------
 
     def towards(self, situation: Situation, legs: Sequence[Point]) -> Leg | None:
         """Return the next certified leg along a way, or None to brake and hold.

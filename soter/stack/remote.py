@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from soter.machine import Event, Goto, Machine, MachineRef, Next, State, Stay
-from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
+from soter.stack.events import Place, RobotJoined, TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.kit import RobotKit
 from soter.stack.robot_agent import RobotAgent
 
@@ -124,7 +124,7 @@ class RemoteTasks:
     subscribe: Callable[[MachineRef], None]
     agents: Mapping[int, MachineRef]
     on_target: Callable[[int, int, Place], None]
-    on_ended: Callable[[int, int, Outcome], None]
+    on_ended: Callable[[int, int, TargetOutcome], None]
 
 
 @dataclass

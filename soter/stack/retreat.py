@@ -34,16 +34,6 @@ class Retreat(SafeController):
     module is in SC, every leg of the return path that keeps all rules is driven. And where no refuge is in reach and
     its own margin cannot be made larger, the return path leads to where there is one.
 
-    Args:
-        name: for recordings.
-        period_s: how often it looks.
-        waypoint: where it publishes.
-        recovery: makes and certifies its legs.
-        refuges: finds where to go.
-        peer_m: distance from every peer that a refuge has at least.
-        home: drives the return path.
-        dock: says whether the robot has to.
-
     Attributes:
         leave: a path that a refuge must not lie on; None if there is none.
         aside: others need room: a refuge is anywhere where the robot can stand.

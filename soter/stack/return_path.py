@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Final
 
 from soter.stack.recovery import RecoveryPlanner
-from soter.stack.routes import Routes
+from soter.stack.routes import Routes, routes_to
 from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 
@@ -27,6 +27,9 @@ _ROUNDING_M: Final = 1e-6
 LOOK_S: Final = 1.0
 """The path is looked for again when the robot may have driven for so long."""
 
+_FARTHER: Final = 0.025
+"""Or, in a site, when it may have driven this share of the path: from far away that is as good."""
+
 
 class _Anchor:
     """A place whose path to the station is known, and the places around it that see it.
@@ -36,15 +39,18 @@ class _Anchor:
         length_m: what the path from there is accounted for, but for a detour of `DETOUR_M`.
         radius_m: from every place that is no farther, the straight way to the anchor is free.
         routes: what knows the path; None for one that goes on from `before`.
+        first: the first corner of the path that `routes` knows.
         before: the anchor that the robot came from.
     """
 
-    __slots__ = ("before", "length_m", "place", "radius_m", "routes")
+    __slots__ = ("before", "first", "length_m", "place", "radius_m", "routes")
 
     def __init__(
-        self, place: Point, length_m: float, radius_m: float, routes: Routes | None, before: _Anchor | None
-    ) -> None:
+        self, place: Point, length_m: float, radius_m: float, routes: Routes | None, before: _Anchor | None,
+        first: int | None = None,
+    ) -> None:  # fmt: skip
         self.place, self.length_m, self.radius_m, self.routes, self.before = place, length_m, radius_m, routes, before
+        self.first = first
 
     def legs(self) -> list[Point]:
         """Return the corners of the path from here, the station last."""
@@ -89,19 +95,22 @@ class ReturnPath:
         self._terrain: Final = terrain
         self._recovery: Final = recovery
         self._occupied: Final = tuple(occupied)
-        self.roomy: Final = Routes(terrain, place, clearance_m, inset_m, occupied)
-        self.longest_m: Final = self.roomy.longest_m()
+        self.roomy: Final = routes_to(terrain, place, clearance_m, inset_m, self._occupied)
+        self.longest_m: Final = self.roomy.longest_m
         rules = recovery.rules
         self._fence_m: Final = recovery.path_m if rules.fence else -math.inf
         self._boxes_m: Final = recovery.path_m if rules.boxes else 0.0
         self._cap_m: Final = max(0.25, recovery.v_max_m_s * LOOK_S)
         self._anchor: _Anchor | None = None
         self._last: Point | None = None
+        if not terrain.convex:
+            # A large site's roadmap takes longer than a decision may: it is made before anything moves.
+            _ = self.narrow
 
     @cached_property
     def narrow(self) -> Routes:
         """Paths that keep only what certificates need."""
-        return Routes(self._terrain, self.place, self._boxes_m, self._fence_m, self._occupied)
+        return routes_to(self._terrain, self.place, self._boxes_m, self._fence_m, self._occupied)
 
     def shortest_m(self, x_m: float, y_m: float) -> float:
         """Return the length of the path that the roadmaps show from a point; infinite where they show none."""
@@ -161,9 +170,16 @@ class ReturnPath:
         terrain = self._terrain
         # Whatever is this near sees the entry, as the distance to fence and boxes changes by a metre a metre at most.
         spare_m = min(terrain.clearance_m(*entry) - self._boxes_m, terrain.fence_m(*entry) - self._fence_m)
-        radius_m = beside_m + min(max(spare_m, 0.0), self._cap_m)
+        if anchor is not None and not terrain.convex:
+            # A site's path is found anew from the same corner where that is as good as going back.
+            first, length_m = self.roomy.first(*entry, anchor.first if anchor.routes is self.roomy else None)
+            back_m = math.dist(entry, anchor.place) + anchor.length_m
+            if length_m <= back_m + DETOUR_M and length_m < math.inf:
+                radius_m = beside_m + min(max(spare_m, 0.0), max(self._cap_m, _FARTHER * length_m))
+                return _Anchor(entry, min(length_m, back_m), radius_m, self.roomy, None, first)
         back = self._back_to(entry, anchor)
         back_m = math.inf if back is None else math.dist(entry, back.place) + back.length_m
+        radius_m = beside_m + min(max(spare_m, 0.0), self._cap_m)
         if (length_m := self.roomy.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:
             return _Anchor(entry, min(length_m, back_m), radius_m, self.roomy, None)
         if (length_m := self.narrow.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:

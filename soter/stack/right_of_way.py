@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
-from soter.rta import DecisionModule, Mode, RobotSupervisor, Situation
+from soter.rta import DecisionModule, RobotSupervisor, Situation
+from soter.sdk import Controller
 from soter.stack.terrain import Point, length_m
 
 NEAR_M: Final = 0.6
@@ -46,13 +47,7 @@ BATTERY: Final = "battery"
 
 @dataclass(slots=True)
 class Encounter:
-    """Robots that met, and since when.
-
-    Attributes:
-        members: their ids.
-        since_s: fleet time of the first meeting.
-        order: ids, who goes first at the front.
-    """
+    """Robots that met, since a fleet time, and their ids in order: who goes first is at the front."""
 
     members: frozenset[int]
     since_s: float
@@ -158,7 +153,7 @@ class RightOfWay:
                     met[min(robot_id, peer_id), max(robot_id, peer_id)] = now_s
             collision = self._module(robot, COLLISION)
             if collision is not None:
-                self._disengaged_s[robot_id] = collision.since_s if collision.mode is Mode.SC else now_s
+                self._disengaged_s[robot_id] = collision.since_s if collision.mode is Controller.SC else now_s
         self._leave_alone(now_s, robots)
         if self._find_homing(now_s, robots) or self._to_leave:
             self._make_room(now_s, robots)
@@ -207,7 +202,7 @@ class RightOfWay:
         homing = self._homing
         for robot_id, robot in robots.items():
             battery = self._module(robot, BATTERY)
-            wants = battery is not None and battery.mode is Mode.SC and now_s - battery.since_s > SETTLED_S
+            wants = battery is not None and battery.mode is Controller.SC and now_s - battery.since_s > SETTLED_S
             if not wants or self._docked(robot):
                 homing.pop(robot_id, None)
                 continue
@@ -235,7 +230,7 @@ class RightOfWay:
         for robot_id, robot in robots.items():
             ahead = [known for known in order[: _rank(robot_id, order)] if len(known[1].line) > 1]
             battery, collision = self._module(robot, BATTERY), self._module(robot, COLLISION)
-            charges = battery is not None and battery.mode is Mode.SC and self._docked(robot)
+            charges = battery is not None and battery.mode is Controller.SC and self._docked(robot)
             if not ahead or charges or collision is None:
                 continue
             path = Path(ahead[0][0], tuple(known.line for _, known in ahead), self._apart_m(ahead[0][0]))
@@ -272,7 +267,7 @@ class RightOfWay:
 
     def _waits_since_s(self, now_s: float, robot: RobotSupervisor) -> float:
         """Return since when modules other than the battery's have kept a robot from its AC; now if they do not."""
-        kept_by = [each for each in robot.modules if each.mode is Mode.SC]
+        kept_by = [each for each in robot.modules if each.mode is Controller.SC]
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
             return now_s
@@ -324,7 +319,7 @@ def needs_charge(robot: RobotSupervisor) -> bool:
     """Return whether a robot is on its way to charge and low: it goes before all others."""
     charge = robot.situation.own.battery
     low = charge is not None and charge < LOW_CHARGE
-    return low and any(module.name == BATTERY and module.mode is Mode.SC for module in robot.modules)
+    return low and any(module.name == BATTERY and module.mode is Controller.SC for module in robot.modules)
 
 
 def _rank(robot_id: int, order: Sequence[tuple[int, _Homing]]) -> int:

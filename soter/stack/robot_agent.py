@@ -5,20 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay, Timer
-from soter.stack.events import (
-    AbandonPath,
-    Disengaged,
-    Outcome,
-    PathCompleted,
-    PathFailed,
-    PlanAndGo,
-    Reengaged,
-    RobotJoined,
-    TargetEnded,
-    TargetTimeout,
-    TryAgain,
-    VisitTarget,
-)
+from soter.stack import events
 from soter.stack.kit import RobotKit
 from soter.stack.motion_planner import MotionPlanner
 
@@ -34,18 +21,18 @@ class RobotAgent(Machine):
     """Visits targets. The clock of a target stands still while the AC has no control."""
 
     Starting: State[tuple[RobotKit, MachineRef]] = State(start=True)
-    Idle: State[None] = State(ignore=(PathCompleted, PathFailed, TargetTimeout, TryAgain))
-    Visiting: State[VisitTarget] = State()
+    Idle: State[None] = State(ignore=(events.PathCompleted, events.PathFailed, events.TargetTimeout, events.TryAgain))
+    Visiting: State[events.VisitTarget] = State()
 
     kit: RobotKit
     task_planner: MachineRef
     motion_planner: MachineRef
-    target: VisitTarget
+    target: events.VisitTarget
 
     @Starting.entry
     def _start(self, given: tuple[RobotKit, MachineRef]) -> Next:
         self.kit, self.task_planner = given
-        self.kit.subscribe(self.kit.robot_id, self.ref, (Disengaged, Reengaged))
+        self.kit.subscribe(self.kit.robot_id, self.ref, (events.Disengaged, events.Reengaged))
         self.others: dict[int, MachineRef] = {}
         self.engaged = False
         self.request_id = self.kit.robot_id * REQUESTS_PER_ROBOT
@@ -56,28 +43,28 @@ class RobotAgent(Machine):
         self.motion_planner = self.create(MotionPlanner, self.kit, name=f"MotionPlanner {self.kit.robot_id}")
         return Goto(self.Idle)
 
-    @Idle.on(RobotJoined)
-    @Visiting.on(RobotJoined)
-    def _joined(self, e: RobotJoined) -> Next:
+    @Idle.on(events.RobotJoined)
+    @Visiting.on(events.RobotJoined)
+    def _joined(self, e: events.RobotJoined) -> Next:
         self.others[e.robot_id] = e.agent
         return Stay()
 
-    @Idle.on(VisitTarget)
-    def _accept(self, e: VisitTarget) -> Next:
+    @Idle.on(events.VisitTarget)
+    def _accept(self, e: events.VisitTarget) -> Next:
         return Goto(self.Visiting, e)
 
-    @Idle.on(Disengaged)
-    def _lost_idle(self, e: Disengaged) -> Next:
+    @Idle.on(events.Disengaged)
+    def _lost_idle(self, e: events.Disengaged) -> Next:
         self.engaged = False
         return Stay()
 
-    @Idle.on(Reengaged)
-    def _regained_idle(self, e: Reengaged) -> Next:
+    @Idle.on(events.Reengaged)
+    def _regained_idle(self, e: events.Reengaged) -> Next:
         self.engaged = True
         return Stay()
 
     @Visiting.entry
-    def _visit(self, e: VisitTarget) -> Next:
+    def _visit(self, e: events.VisitTarget) -> Next:
         self.target = e
         self.tries = 0
         self.timeout_s = self.kit.target_timeout_s if e.timeout_s is None else e.timeout_s
@@ -86,64 +73,64 @@ class RobotAgent(Machine):
             self._go()
         return Stay()
 
-    @Visiting.on(Reengaged)
-    def _regained(self, e: Reengaged) -> Next:
+    @Visiting.on(events.Reengaged)
+    def _regained(self, e: events.Reengaged) -> Next:
         self.engaged = True
         self._go()
         return Stay()
 
-    @Visiting.on(Disengaged)
-    def _lost(self, e: Disengaged) -> Next:
+    @Visiting.on(events.Disengaged)
+    def _lost(self, e: events.Disengaged) -> Next:
         self.engaged = False
         self._stop_clock()
-        self.send(self.motion_planner, AbandonPath(self.request_id))
+        self.send(self.motion_planner, events.AbandonPath(self.request_id))
         if e.module in UNSAFE_MODULES:
-            return self._end(Outcome.UNSAFE, e.module, e.cause)
+            return self._end(events.TargetOutcome.UNSAFE, e.module, e.cause)
         return self._count_failure(e.module, e.cause)
 
-    @Visiting.on(PathCompleted)
-    def _completed(self, e: PathCompleted) -> Next:
+    @Visiting.on(events.PathCompleted)
+    def _completed(self, e: events.PathCompleted) -> Next:
         if e.request_id != self.request_id:
             return Stay()
         if e.at_target:
-            return self._end(Outcome.REACHED)
+            return self._end(events.TargetOutcome.REACHED)
         return self._retry("the path ends short of it")
 
-    @Visiting.on(PathFailed)
-    def _failed(self, e: PathFailed) -> Next:
+    @Visiting.on(events.PathFailed)
+    def _failed(self, e: events.PathFailed) -> Next:
         return self._retry(e.reason) if e.request_id == self.request_id else Stay()
 
-    @Visiting.on(TryAgain)
-    def _try_again(self, e: TryAgain) -> Next:
+    @Visiting.on(events.TryAgain)
+    def _try_again(self, e: events.TryAgain) -> Next:
         if e.target_id == self.target.target_id and self.engaged and self.timer is None:
             self._go()
         return Stay()
 
-    @Visiting.on(TargetTimeout)
-    def _timed_out(self, e: TargetTimeout) -> Next:
+    @Visiting.on(events.TargetTimeout)
+    def _timed_out(self, e: events.TargetTimeout) -> Next:
         if e.target_id != self.target.target_id:
             return Stay()
-        self.send(self.motion_planner, AbandonPath(self.request_id))
-        return self._end(Outcome.TIMED_OUT)
+        self.send(self.motion_planner, events.AbandonPath(self.request_id))
+        return self._end(events.TargetOutcome.TIMED_OUT)
 
     def _go(self) -> None:
         self._stop_clock()
         self.request_id += 1
         self.running_since_s = self.now()
-        self.timer = self.after(self.left_s, TargetTimeout(self.target.target_id))
-        self.send(self.motion_planner, PlanAndGo(self.request_id, self.target.place, self.timeout_s, self.ref))
+        self.timer = self.after(self.left_s, events.TargetTimeout(self.target.target_id))
+        self.send(self.motion_planner, events.PlanAndGo(self.request_id, self.target.place, self.timeout_s, self.ref))
 
     def _retry(self, reason: str) -> Next:
         """A path that came to nothing: another one a little later, as the others may have moved by then."""
         self._stop_clock()
         ended = self._count_failure("", reason)
         if isinstance(ended, Stay):
-            self.after(RETRY_S, TryAgain(self.target.target_id))
+            self.after(RETRY_S, events.TryAgain(self.target.target_id))
         return ended
 
     def _count_failure(self, module: str, reason: str) -> Next:
         self.tries += 1
-        return self._end(Outcome.BLOCKED, module, reason) if self.tries >= self.target.tries else Stay()
+        return self._end(events.TargetOutcome.BLOCKED, module, reason) if self.tries >= self.target.tries else Stay()
 
     def _stop_clock(self) -> None:
         if self.timer is not None:
@@ -152,8 +139,8 @@ class RobotAgent(Machine):
             self.timer.cancel()
             self.timer = None
 
-    def _end(self, outcome: Outcome, module: str = "", reason: str = "") -> Next:
+    def _end(self, outcome: events.TargetOutcome, module: str = "", reason: str = "") -> Next:
         self._stop_clock()
-        ended = TargetEnded(self.kit.robot_id, self.target.target_id, outcome, module, reason)
+        ended = events.TargetEnded(self.kit.robot_id, self.target.target_id, outcome, module, reason)
         self.send(self.task_planner, ended)
         return Goto(self.Idle)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Sequence
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Final
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from soter.stack.site_routes import Rectangle, SiteRoadmap
 from soter.stack.site_terrain import SiteTerrain
-from soter.stack.terrain import Point, Terrain, crosses, grown
+from soter.stack.terrain import Point, Terrain, crosses, crossing, grown
 
 Floats = NDArray[np.float64]
 
@@ -26,8 +26,8 @@ _CORNER_M: Final = 1e-6
 """Corners stand off the rectangles by this much, so that a way round a corner does not count as through it."""
 
 _ROUNDING_M: Final = 1e-9
-_LOOKS: Final = 400
-"""The longest way is looked for from so many places, spread evenly."""
+_LITTLE: Final = 0.01
+_LITTLE_M: Final = 0.1
 
 
 class Roadmap:
@@ -39,9 +39,6 @@ class Roadmap:
         inset_m: distance that the corners of ways keep from the fence.
         extra: more rectangles to keep out of, already grown: robots that stand in the way.
     """
-
-    tried: Final = None
-    """Every corner is tried as the first of a way."""
 
     def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
         self._terrain: Final = terrain
@@ -59,27 +56,28 @@ class Roadmap:
 
     def seen_from(self, place: Point) -> NDArray[np.intp]:
         """Return the indices of the corners that a place outside all rectangles sees."""
-        if not len(self.places):
-            return np.zeros(0, dtype=np.intp)
-        start = np.array(place)
-        # Slab method for all corners (rows) and rectangles (columns) at once; touching does not count.
-        enter = np.zeros((len(self.places), len(self._edges)))
-        leave = np.ones_like(enter)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for axis in (0, 1):
-                delta = (self.places[:, axis] - start[axis])[:, None]
-                first = (self._edges[None, :, axis] - start[axis]) / delta
-                second = (self._edges[None, :, axis + 2] - start[axis]) / delta
-                inside = (self._edges[:, axis] < start[axis]) & (start[axis] < self._edges[:, axis + 2])
-                # A leg along the axis is inside this slab all the way or not at all.
-                low = np.where(delta == 0.0, np.where(inside, -np.inf, np.inf), np.minimum(first, second))
-                high = np.where(delta == 0.0, np.where(inside, np.inf, -np.inf), np.maximum(first, second))
-                enter, leave = np.maximum(enter, low), np.minimum(leave, high)
-        return np.flatnonzero(~(enter < leave).any(axis=1))
+        return np.flatnonzero(~crossing(np.array(place), self.places, self._edges).any(axis=1))
 
     def seeing(self, place: Point) -> list[int]:
         """Return the indices of the corners that a leg leads to a place from."""
         return [index for index, (x, y) in enumerate(self.corners) if self.sees(x, y, *place)]
+
+    def first_seen(self, x: float, y: float, last: Point, lengths: Floats) -> int | None:
+        """Return to which end of a leg, of those in sight, the length is the least: 0 is the last of a way.
+
+        Args:
+            x: where the leg begins, east.
+            y: the same, north.
+            last: the end of all ways.
+            lengths: of the ways by that, and by each corner.
+        """
+        # A stable sort, so that ties end alike everywhere.
+        for index in np.argsort(lengths, kind="stable").tolist():
+            if lengths[index] == math.inf:
+                break
+            if self.sees(x, y, *(self.corners[index - 1] if index else last)):
+                return int(index)
+        return None
 
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them.
@@ -121,6 +119,14 @@ def roadmap_of(
     return kind(terrain, clearance_m, inset_m, extra)
 
 
+@lru_cache(maxsize=64)
+def routes_to(
+    terrain: Terrain, place: Point, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
+) -> Routes:
+    """Return ways to a place, for whoever asks for the same ones again; see `Routes`."""
+    return Routes(terrain, place, clearance_m, inset_m, extra)
+
+
 class Routes:
     """Ways from anywhere to one place.
 
@@ -154,7 +160,7 @@ class Routes:
 
     def legs(self, x_m: float, y_m: float) -> list[Point]:
         """Return the corners of the shortest way from a point, the place last; empty if there is none."""
-        here, _ = self._first(x_m, y_m)
+        here, _ = self.first(x_m, y_m)
         if here is None:
             return []
         way = [self.corners[here]]
@@ -165,42 +171,40 @@ class Routes:
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the length of the shortest way from a point; infinite if there is none."""
-        return self._first(x_m, y_m)[1]
+        return self.first(x_m, y_m)[1]
 
+    @cached_property
     def longest_m(self) -> float:
         """Return the length of the longest of all shortest ways, to within the spacing of the looks, rounded up."""
-        terrain, longest = self._terrain, 0.0
-        low_x, low_y, high_x, high_y = terrain.bounds
-        step_m = max(0.5, math.sqrt((high_x - low_x) * (high_y - low_y) / _LOOKS))
-        columns, rows = math.ceil((high_x - low_x) / step_m), math.ceil((high_y - low_y) / step_m)
-        for column, row in product(range(columns + 1), range(rows + 1)):
-            x, y = min(low_x + column * step_m, high_x), min(low_y + row * step_m, high_y)
-            if terrain.clearance_m(x, y) > 0.0 and (terrain.convex or terrain.fence_m(x, y) >= 0.0):
-                length = self.distance_m(x, y)
-                if longest < length < math.inf:
-                    longest = length
-        return longest + step_m
+        lengths = [length for length in self._looks() if length < math.inf]
+        return max(lengths, default=0.0) + self._terrain.look_m
 
-    def _first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
-        """Return the first corner of the shortest way, and the way's length."""
+    def _looks(self) -> Iterator[float]:
+        """Yield the lengths of the shortest ways from places that are spread evenly."""
+        if isinstance(self.roadmap, Roadmap):
+            yield from (self.distance_m(*place) for place in self._terrain.looks())
+            return
+        for place, ends, away in self.roadmap.looks(self.place):
+            length = float((away + self.to_go_m[ends]).min(initial=math.inf))
+            yield length if length < math.inf else self.distance_m(*place)
+
+    def first(self, x_m: float, y_m: float, hint: int | None = None) -> tuple[int | None, float]:
+        """Return the first corner of the shortest way, and the way's length.
+
+        Args:
+            x_m: where the way begins, east.
+            y_m: the same, north.
+            hint: the first corner from a place nearby; in a site it may be kept where another way is little shorter.
+        """
         with np.errstate(over="ignore"):
-            away = np.hypot(self._x - x_m, self._y - y_m)
-            lengths = away + self.to_go_m
-        if (tried := self.roadmap.tried) is not None and tried < len(away):
-            # Of many corners those are looked at that are near, and the place itself.
-            near = np.argpartition(away, tried)[:tried]
-            far = np.full(len(away), math.inf)
-            far[near], far[0] = lengths[near], lengths[0]
-            lengths = far
-        sees, corners = self.roadmap.sees, self.corners
-        # Shortest first: the first corner in sight is the one. A stable sort, so that ties end alike everywhere.
-        for index in np.argsort(lengths, kind="stable").tolist():
-            length = float(lengths[index])
-            if length == math.inf:
-                break
-            if sees(x_m, y_m, *corners[index]):
-                return index, length
-        return None, math.inf
+            lengths = np.hypot(self._x - x_m, self._y - y_m) + self.to_go_m
+        if hint is not None and isinstance(self.roadmap, SiteRoadmap):
+            length = float(lengths[hint])
+            shorter = float(lengths.min()) < (1.0 - _LITTLE) * length - _LITTLE_M
+            if not shorter and self.roadmap.sees(x_m, y_m, *self.corners[hint]):
+                return hint, length
+        first = self.roadmap.first_seen(x_m, y_m, self.place, lengths)
+        return first, math.inf if first is None else float(lengths[first])
 
     def _distances(self) -> list[float]:
         """Dijkstra from the place over what sees each other."""

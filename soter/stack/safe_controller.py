@@ -26,7 +26,6 @@ class SafeController(Node):
         recovery: makes and certifies its legs.
 
     Attributes:
-        recovery: see above.
         waypoint: see above; whoever declares its module sets it to the robot's.
     """
 

@@ -4,7 +4,7 @@ A site of few corners has a complete visibility graph (Lozano-Perez and Wesley, 
 too large: a corner is then connected to the nearest ones that it sees, and to its neighbours in the Delaunay
 triangulation, and a lattice of free places is added (a probabilistic roadmap without chance; Kavraki and others, IEEE
 T-RA 1996). Ways are a little longer than they need be then; that none is found where there is one makes a station
-count as out of reach, which is refused before a run.
+count as out of reach, which is refused before a run. Maps have no corners; see `soter.stack.map_routes`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.geometry.convex import Pieces, Point, Ring
+from soter.geometry.convex import Point, Ring
+from soter.geometry.edges import Floats, Indices
+from soter.stack.map_routes import map_roads
 from soter.stack.site_terrain import SiteTerrain
-from soter.stack.terrain import Terrain, crosses
+from soter.stack.terrain import Terrain, crosses, crossing
 
 Rectangle = tuple[float, float, float, float]
-Indices = NDArray[np.intp]
 
 _OFF_M: Final = 1e-6
 """Corners stand off so far, so that a way round a corner does not count as nearer than it may be."""
@@ -48,52 +49,92 @@ class SiteRoadmap:
         extra: rectangles to keep out of, already grown: robots that stand in the way.
     """
 
-    tried: Final = _TRIED
-
     def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
         if not isinstance(terrain, SiteTerrain):
             raise TypeError(f"a site's roadmap is of a site's terrain, not of a {type(terrain).__name__}")
         self._terrain: Final = terrain
         self._clearance_m: Final = clearance_m
         self._inset_m: Final = inset_m
-        self._extra: Final = tuple(extra)
-        base_corners, base_pairs = _base(terrain, clearance_m, inset_m)
-        clear = np.array([not self._covered(*corner) for corner in base_corners], dtype=np.bool_)
-        added = [corner for box in self._extra for corner in _around(box) if self._stands(*corner)]
-        self.corners: Final = (*base_corners, *added)
-        self.places: Final = np.array(self.corners, dtype=np.float64).reshape(-1, 2)
-        neighbours: list[list[int]] = [[] for _ in self.corners]
-        for one, other in base_pairs:
-            if clear[one] and clear[other] and not self._blocked(*base_corners[one], *base_corners[other]):
-                neighbours[one].append(other)
-                neighbours[other].append(one)
-        for one in range(len(base_corners), len(self.corners)):
-            for other in self.seeing(self.corners[one]):
-                if other != one and (other < len(base_corners) or other > one):
-                    neighbours[one].append(other)
-                    neighbours[other].append(one)
-        self.neighbours: Final = tuple(np.array(each, dtype=np.intp) for each in neighbours)
+        self._extra: Final[Floats] = np.array(extra, dtype=np.float64).reshape(-1, 4)
+        self._base: Final = _base(terrain, clearance_m, inset_m)
+        places, pairs = self._base
+        clear = ~self._covered(places)
+        pairs = pairs[clear[pairs].all(axis=1)]
+        pairs = pairs[~crossing(places[pairs[:, 0]], places[pairs[:, 1]], self._extra).any(axis=1)]
+        added = np.array([corner for box in self._extra for corner in _around(*box)]).reshape(-1, 2)
+        added = added[~self._covered(added) & _stands(terrain, clearance_m, inset_m, added)]
+        self.places: Final[Floats] = np.concatenate([places, added])
+        self.corners: Final[tuple[Point, ...]] = tuple((x, y) for x, y in self.places.tolist())
+        more = [
+            (one, other)
+            for one in range(len(places), len(self.corners))
+            for other in self.seeing(self.corners[one])
+            if other < len(places) or other > one
+        ]
+        every = np.concatenate([pairs, np.array(more, dtype=np.intp).reshape(-1, 2)])
+        both = np.concatenate([every, every[:, ::-1]])
+        both = both[np.argsort(both[:, 0], kind="stable")]
+        self.neighbours: Final = tuple(
+            np.split(both[:, 1], np.searchsorted(both[:, 0], np.arange(1, len(self.corners)))) if self.corners else ()
+        )
 
     def seeing(self, place: Point) -> list[int]:
         """Return the indices of the corners that a leg leads to a place from: of many, the nearest ones."""
-        if not len(self.places):
-            return []
-        order = np.argsort(np.hypot(*(self.places - np.array(place)).T), kind="stable")
-        found: list[int] = []
-        for index in order[: None if len(order) <= _ALL_PAIRS else 10 * _NEAREST].tolist():
-            x, y = self.corners[index]
-            if self.sees(x, y, *place):
-                found.append(index)
-                if len(order) > _ALL_PAIRS and len(found) >= 2 * _NEAREST:
-                    break
-        return found
+        away = np.hypot(*(self.places - np.array(place)).T)
+        order = np.argsort(away, kind="stable")
+        many = len(order) > _ALL_PAIRS
+        order = order[: 10 * _NEAREST] if many else order
+        within = self._covered(self.places[order])
+        # Corners keep what ways do: where a leg begins at one, only its end counts.
+        seen = self._open(self.places[order], np.array(place), self._clearance_m, self._terrain.fence_m(*place))
+        seen &= ~crossing(self.places[order], np.array(place), self._extra).any(axis=1)
+        seen[within] = [self.sees(*self.corners[int(index)], *place) for index in order[within]]
+        found: list[int] = order[seen].tolist()
+        return found[: 2 * _NEAREST] if many else found
+
+    def first_seen(self, x: float, y: float, last: Point, lengths: Floats) -> int | None:
+        """See `soter.stack.routes.Roadmap.first_seen`; of many corners only the nearest are looked at."""
+        if len(self.places) > _TRIED:
+            dx, dy = self.places[:, 0] - x, self.places[:, 1] - y
+            order = np.append(np.argpartition(dx * dx + dy * dy, _TRIED - 1)[:_TRIED] + 1, 0)
+        else:
+            order = np.arange(len(lengths))
+        order = order[np.argsort(lengths[order], kind="stable")]
+        order = order[lengths[order] < math.inf]
+        done = 0
+        for most in (6, 18, len(order)):
+            chosen = order[done : done + most]
+            seen = chosen[self._seen(x, y, last, chosen)]
+            if seen.size:
+                return int(seen[0])
+            done += most
+        return None
+
+    def looks(self, last: Point) -> list[tuple[Point, Indices, Floats]]:
+        """Return places all over the site, and for each to which ends that are near a leg leads, and how long it is.
+
+        Ends are numbered as for `first_seen`.
+        """
+        found, places = _looks(self._terrain, self._clearance_m, self._inset_m), self._base[0]
+        ats, end = np.array([at for at, *_ in found]).reshape(-1, 2), np.array(last)
+        home = self._open(ats, end, self._clearance_m, self._terrain.fence_m(*last))
+        home &= ~crossing(ats, end, self._extra).any(axis=1)
+        looks = []
+        for (at, seen, away), straight in zip(found, home.tolist(), strict=True):
+            clear = seen if not len(self._extra) else seen[~crossing(np.array(at), places[seen], self._extra).any(1)]
+            far = away if clear is seen else np.hypot(*(places[clear] - at).T)
+            if straight:
+                looks.append((at, np.append(clear + 1, 0), np.append(far, math.dist(at, last))))
+            else:
+                looks.append((at, clear + 1, far))
+        return looks
 
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Return whether the straight leg from a to b keeps what ways keep, or as much as there is where it begins.
 
         From the fence it keeps no more than there is at either end.
         """
-        if self._extra and self._blocked(ax, ay, bx, by):
+        if len(self._extra) and self._blocked(ax, ay, bx, by):
             return False
         terrain = self._terrain
         wanted_m = min(self._clearance_m, terrain.clearance_m(ax, ay)) - _ROUNDING_M
@@ -104,9 +145,31 @@ class SiteRoadmap:
         inset_m = min(self._inset_m, terrain.fence_m(ax, ay), terrain.fence_m(bx, by)) - _ROUNDING_M
         return inset_m < 0.0 or terrain.fence_along_m(ax, ay, bx, by, inset_m) >= inset_m
 
+    def _seen(self, x: float, y: float, last: Point, chosen: Indices) -> NDArray[np.bool_]:
+        """Return to which ends a leg leads from a place: 0 is the last of a way, corner i is i + 1."""
+        terrain = self._terrain
+        clear_m, fence_m = terrain.clearance_m(x, y), terrain.fence_m(x, y)
+        # There may be no corner at all.
+        here, ends, home = np.array((x, y)), np.vstack([last, self.places])[chosen], np.flatnonzero(chosen == 0)
+        seen = self._open(here, ends, min(self._clearance_m, clear_m), fence_m)
+        if len(self._extra):
+            # From inside a peer's room a leg may only lead outwards.
+            low, high = self._extra[:, :2], self._extra[:, 2:]
+            depth = np.maximum(np.minimum(here - low, high - here).min(axis=1), 0.0)[:, None]
+            seen &= ~crossing(here, ends, np.hstack([low + depth, high - depth])).any(axis=1)
+        if home.size and terrain.fence_m(*last) < self._inset_m:
+            # Corners keep what ways do; the last place may be nearer to the fence.
+            seen[home] = self.sees(x, y, *last)
+        return seen
+
+    def _open(self, a: Floats, b: Floats, clearance_m: float, inset_m: float) -> NDArray[np.bool_]:
+        """Return which of many legs keep so much from what is kept out, and from the fence, or what ways keep."""
+        terrain = self._terrain
+        return terrain.lines_keep(a, b, clearance_m - _ROUNDING_M, min(inset_m, self._inset_m) - _ROUNDING_M)
+
     def _blocked(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Whether a leg leads into a peer's room; from inside one it may only lead outwards."""
-        for low_x, low_y, high_x, high_y in self._extra:
+        for low_x, low_y, high_x, high_y in self._extra.tolist():
             if low_x < ax < high_x and low_y < ay < high_y:
                 depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
                 if crosses(ax, ay, bx, by, low_x + depth, low_y + depth, high_x - depth, high_y - depth):
@@ -115,37 +178,38 @@ class SiteRoadmap:
                 return True
         return False
 
-    def _covered(self, x: float, y: float) -> bool:
-        return any(box[0] < x < box[2] and box[1] < y < box[3] for box in self._extra)
-
-    def _stands(self, x: float, y: float) -> bool:
-        terrain = self._terrain
-        clear = terrain.clearance_m(x, y) >= self._clearance_m and terrain.fence_m(x, y) >= self._inset_m
-        return clear and not self._covered(x, y)
+    def _covered(self, places: Floats) -> NDArray[np.bool_]:
+        low, high = self._extra[:, :2], self._extra[:, 2:]
+        inside = (low < places[:, None]) & (places[:, None] < high)
+        return np.asarray(np.any(np.all(inside, axis=2), axis=1), dtype=np.bool_)
 
 
-def _around(box: Rectangle) -> list[Point]:
-    low_x, low_y, high_x, high_y = box
+def _stands(terrain: SiteTerrain, clearance_m: float, inset_m: float, places: Floats) -> NDArray[np.bool_]:
+    low_x, low_y, high_x, high_y = terrain.bounds
+    x, y = places.T
+    inside: NDArray[np.bool_] = (low_x <= x) & (x <= high_x) & (low_y <= y) & (y <= high_y) | (inset_m < 0.0)
+    return inside & terrain.lines_keep(places, places, clearance_m, inset_m or 1e-12)
+
+
+def _around(low_x: float, low_y: float, high_x: float, high_y: float) -> list[Point]:
     return [*product((low_x - _OFF_M, high_x + _OFF_M), (low_y - _OFF_M, high_y + _OFF_M))]
 
 
 @lru_cache(maxsize=8)
-def _base(
-    terrain: SiteTerrain, clearance_m: float, inset_m: float
-) -> tuple[tuple[Point, ...], tuple[tuple[int, int], ...]]:
+def _base(terrain: SiteTerrain, clearance_m: float, inset_m: float) -> tuple[Floats, Indices]:
     """Return the corners of a site, and which pairs of them see each other."""
     away_m = clearance_m + terrain.body_radius_m
+    if terrain.site.field is not None:
+        return map_roads(terrain.site.field, away_m, inset_m)
     plan = terrain.site.plan
     found = [corner for area in plan.areas for corner in _corners(area.ring, max(away_m, 0.0))]
     if plan.fence is not None and inset_m > -math.inf:
         # From inside, a fence bends the other way round.
         found += _corners(plan.fence[::-1], max(inset_m, 0.0))
 
-    def stands(x: float, y: float) -> bool:
-        return terrain.clearance_m(x, y) >= clearance_m and terrain.fence_m(x, y) >= inset_m
-
-    corners = [corner for corner in found if stands(*corner)]
-    few = len(corners) <= _ALL_PAIRS
+    places = np.array(found, dtype=np.float64).reshape(-1, 2)
+    places = places[_stands(terrain, clearance_m, inset_m, places)]
+    few = len(places) <= _ALL_PAIRS
     if not few:
         low_x, low_y, high_x, high_y = terrain.bounds
         step_m = max(high_x - low_x, high_y - low_y) / _LATTICE
@@ -155,14 +219,27 @@ def _base(
             for column in range(columns)
             for row in range(rows)
         ]
-        corners += [place for place in lattice if stands(*place)]
-    pairs = _candidates(np.array(corners, dtype=np.float64).reshape(-1, 2), few=few)
+        free = np.array(lattice)
+        places = np.concatenate([places, free[_stands(terrain, clearance_m, inset_m, free)]])
+    pairs = _candidates(places, few=few)
     if not len(pairs):
-        return tuple(corners), ()
-    open_ = ~_near_pieces(terrain.site.keep_outs, corners, pairs, away_m - _ROUNDING_M)
-    if inset_m > -math.inf:
-        open_ &= ~_near_pieces(terrain.site.outside, corners, pairs, inset_m - _ROUNDING_M)
-    return tuple(corners), tuple((int(one), int(other)) for one, other in pairs[open_])
+        return places, pairs
+    clear, inset = clearance_m - _ROUNDING_M, inset_m - _ROUNDING_M
+    return places, pairs[terrain.lines_keep(places[pairs[:, 0]], places[pairs[:, 1]], clear, inset)]
+
+
+@lru_cache(maxsize=8)
+def _looks(terrain: SiteTerrain, clearance_m: float, inset_m: float) -> list[tuple[Point, Indices, Floats]]:
+    """Return what `SiteRoadmap.looks` does where nothing stands in the way."""
+    places, _ = _base(terrain, clearance_m, inset_m)
+    found = []
+    for x, y in terrain.looks():
+        away = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        near = np.argpartition(away, _TRIED)[:_TRIED] if len(away) > _TRIED else np.arange(len(away))
+        clear, inset = min(clearance_m, terrain.clearance_m(x, y)), min(inset_m, terrain.fence_m(x, y))
+        seen = near[terrain.lines_keep(np.array((x, y)), places[near], clear - _ROUNDING_M, inset - _ROUNDING_M)]
+        found.append(((x, y), seen, away[seen]))
+    return found
 
 
 def _candidates(places: NDArray[np.float64], *, few: bool) -> Indices:
@@ -187,20 +264,6 @@ def _candidates(places: NDArray[np.float64], *, few: bool) -> Indices:
         one, other = (at[x, y] for x, y in line.coords)
         pairs.add((min(one, other), max(one, other)))
     return np.array(sorted(pairs), dtype=np.intp)
-
-
-def _near_pieces(pieces: Pieces, corners: Sequence[Point], pairs: Indices, needed_m: float) -> NDArray[np.bool_]:
-    """Return which of the lines between pairs of corners come nearer to a piece than `needed_m`."""
-    import shapely
-
-    near = np.zeros(len(pairs), dtype=np.bool_)
-    if not pieces.all:
-        return near
-    places = np.array(corners, dtype=np.float64)
-    lines = shapely.linestrings(places[pairs])
-    tree = shapely.STRtree([shapely.Polygon(piece.ring) for piece in pieces.all])
-    near[np.unique(tree.query(lines, predicate="dwithin", distance=max(needed_m, 0.0))[0])] = True
-    return near
 
 
 def _corners(ring: Ring, off_m: float) -> list[Point]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +19,7 @@ _CELLS: Final = 1_000_000
 """A large site has larger cells to retreat to, so that there are no more of them."""
 
 
+@lru_cache(maxsize=8)
 def terrain_of(workspace: Workspace, body_radius_m: float) -> Terrain:
     """Return distances to what does not move in a workspace of any shape, for bodies of a radius in metres."""
     return SiteTerrain(workspace, body_radius_m) if isinstance(workspace, Site) else Terrain(workspace, body_radius_m)
@@ -29,11 +31,9 @@ class SiteTerrain(Terrain):
     What is outside of the fence is treated as what is kept out: as convex pieces, of which the distance to each is
     convex along a line. The distance to a fence that is a polygon is not concave, as that to a rectangle's sides is;
     so a line is looked at all along.
-
-    Args:
-        site: fence and areas.
-        body_radius_m: radius of the disc that holds the robot's body.
     """
+
+    convex = False
 
     def __init__(self, site: Site, body_radius_m: float) -> None:
         self.site: Final = site
@@ -54,10 +54,6 @@ class SiteTerrain(Terrain):
             refuse(name)
         raise AttributeError(f"a site's terrain has no '{name}'")
 
-    @property
-    def convex(self) -> bool:
-        return False
-
     def fence_m(self, x_m: float, y_m: float) -> float:
         return self.site.fence_m(x_m, y_m)
 
@@ -69,17 +65,7 @@ class SiteTerrain(Terrain):
         least = self.site.fence_m(ax_m, ay_m) - length
         if least >= needed_m:
             return least - needed_m
-        low_x, low_y, high_x, high_y = self.bounds
-        rise, worst = slope * length, math.inf
-        if self.site.plan.fence is not None:
-            for start_m, end_m in (
-                (ax_m - low_x, bx_m - low_x), (high_x - ax_m, high_x - bx_m),
-                (ay_m - low_y, by_m - low_y), (high_y - ay_m, high_y - by_m),
-            ):  # fmt: skip
-                leads_away = start_m < needed_m and end_m - start_m >= rise > 0.0
-                worst = min(worst, needed_m if leads_away else min(start_m, end_m))
-        found = _leg_m(self.site.outside, (ax_m, ay_m), (bx_m, by_m), needed_m, slope)
-        return min(worst, found) - needed_m
+        return _leg_m(self.site.outside, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - needed_m
 
     def inside(self, x_m: float, y_m: float, inset_m: float) -> Point:
         return self.site.freed(x_m, y_m, inset_m, -math.inf) if inset_m > -math.inf else (x_m, y_m)
@@ -111,15 +97,27 @@ class SiteTerrain(Terrain):
         # What is enough is enough, whatever rounding says.
         return enough_m if found_m >= reach_m else max(found_m, 0.0) - self.body_radius_m
 
+    def lines_keep(
+        self, a: NDArray[np.float64], b: NDArray[np.float64], clearance_m: float, inset_m: float
+    ) -> NDArray[np.bool_]:
+        """Return which of many straight lines keep a body so clear of what is kept out, and so far from the fence.
+
+        Args:
+            a: where they begin, one place a row; or one place for all.
+            b: where they end.
+            clearance_m: distance of the body from what is kept out.
+            inset_m: distance from the fence; below 0, none is asked for.
+        """
+        keep = self.site.keep_outs.lines_keep(a, b, clearance_m + self.body_radius_m)
+        return keep & self.site.outside.lines_keep(a, b, inset_m) if inset_m >= 0.0 else keep
+
+    @lru_cache(maxsize=16)  # noqa: B019 - terrains are few, and kept as long
     def roomy_cells(self, fence_m: float, clearance_m: float) -> NDArray[np.bool_]:
-        low_x, low_y, high_x, high_y = self.bounds
-        x, y = self.cell_x, self.cell_y
-        if self.site.plan.fence is None:
-            fits = np.ones(x.shape, dtype=np.bool_)
-        else:
-            fits = np.minimum(np.minimum(x - low_x, high_x - x), np.minimum(y - low_y, high_y - y)) >= fence_m
-            if fence_m > -math.inf:
-                self._strike(fits, self.site.outside, fence_m)
+        fits = np.ones(self.cell_x.shape, dtype=np.bool_)
+        if fence_m > -math.inf:
+            self._strike(fits, self.site.outside, fence_m)
+        if (field := self.site.field) is not None:
+            return fits & field.at_least(self.cell_x, self.cell_y, clearance_m + self.body_radius_m)
         self._strike(fits, self.site.keep_outs, clearance_m + self.body_radius_m)
         return fits
 

@@ -12,14 +12,7 @@ from soter.stack.terrain import Terrain
 
 @dataclass(frozen=True)
 class Fence(Region):
-    """A rectangle of positions; its margin is the distance to the nearest side, negative outside.
-
-    Attributes:
-        low_x_m: west side.
-        high_x_m: east side.
-        low_y_m: south side.
-        high_y_m: north side.
-    """
+    """A rectangle of positions; its margin is the distance to the nearest side, negative outside."""
 
     low_x_m: float
     high_x_m: float
@@ -73,11 +66,12 @@ class SiteFence(Region):
     look_m: float = math.inf
 
     def margin(self, situation: Situation) -> float:
-        return self.terrain.fence_m(situation.own.x_m, situation.own.y_m) - self.inset_m
+        own = situation.own
+        return self.terrain.site.outside.distance_m(own.x_m, own.y_m) - self.inset_m
 
     def threats(self, situation: Situation) -> list[Threat]:
         x, y = situation.own.x_m, situation.own.y_m
-        parts = self.terrain.site.fence_walls(x, y, self.terrain.fence_m(x, y) + self.look_m)
+        parts = self.terrain.site.outside.walls(x, y, self.terrain.fence_m(x, y) + self.look_m)
         return [Threat(away - self.inset_m, ux, uy) for away, ux, uy in parts]
 
     def edge_margin(self, safer: Region) -> float:

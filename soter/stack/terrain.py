@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Final
 
 import numpy as np
@@ -17,6 +17,9 @@ from soter.geometry.workspace import Box, Workspace
 
 CELL_M: Final = 0.1
 """Side of the cells among which a place to retreat to is chosen."""
+
+_LOOKS: Final = 400
+"""About so many places are looked at where all of a workspace is, spread evenly."""
 
 Point = tuple[float, float]
 Edges = tuple[float, float, float, float]
@@ -35,12 +38,13 @@ class Terrain:
         body_radius_m: radius of the disc that holds the robot's body.
 
     Attributes:
-        workspace: see above.
         bounds: the least rectangle along the axes that holds the fence: low x, low y, high x, high y.
-        body_radius_m: see above.
+        convex: whether the inside of the fence is, so that straight inwards is away from whatever is too near.
         cell_x: the middles of the cells among which a place to retreat to is chosen, east.
         cell_y: the same, north.
     """
+
+    convex = True
 
     def __init__(self, workspace: Workspace, body_radius_m: float) -> None:
         self.workspace = workspace
@@ -68,24 +72,29 @@ class Terrain:
             np.minimum(clearance, np.hypot(dx, dy), out=clearance)
         self.cell_clearance: Final[NDArray[np.float64]] = clearance - body_radius_m
 
+    @property
+    def look_m(self) -> float:
+        """Distance of the places that `looks` returns."""
+        low_x, low_y, high_x, high_y = self.bounds
+        return max(0.5, math.sqrt((high_x - low_x) * (high_y - low_y) / _LOOKS))
+
+    def looks(self) -> list[Point]:
+        """Return places in which a body may be, spread evenly."""
+        low_x, low_y, high_x, high_y = self.bounds
+        step_m = self.look_m
+        columns, rows = math.ceil((high_x - low_x) / step_m), math.ceil((high_y - low_y) / step_m)
+        spread = product(range(columns + 1), range(rows + 1))
+        places = [(min(low_x + column * step_m, high_x), min(low_y + row * step_m, high_y)) for column, row in spread]
+        return [at for at in places if self.clearance_m(*at) > 0.0 and (self.convex or self.fence_m(*at) >= 0.0)]
+
     def fence_m(self, x_m: float, y_m: float) -> float:
         """Return the distance of a point to the fence; negative outside."""
         return min(x_m, self.width_m - x_m, y_m, self.depth_m - y_m)
 
-    @property
-    def convex(self) -> bool:
-        """Whether the inside of the fence is convex, so that straight inwards is away from whatever is too near."""
-        return True
-
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return how near a straight line comes to the fence between its ends; infinite where never nearer than there.
 
-        Args:
-            ax_m: one end, east.
-            ay_m: the same, north.
-            bx_m: the other end, east.
-            by_m: the same, north.
-            enough_m: of what is farther than this, this may be returned.
+        Of what is farther than `enough_m`, that may be returned.
         """
         # The distance to the sides of a rectangle is concave along a line: least at one of its ends.
         return math.inf
@@ -309,6 +318,30 @@ def crosses(
         if enter >= leave:
             return False
     return True
+
+
+def crossing(a: NDArray[np.float64], b: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which segments (rows) meet the inside of which rectangles (columns), as `crosses` does.
+
+    Args:
+        a: where they begin, one place a row; or one place for all.
+        b: where they end, or one place for all.
+        edges: low x, low y, high x, high y, one rectangle a row.
+    """
+    enter = np.zeros((np.broadcast(a[..., 0], b[..., 0]).size, len(edges)))
+    leave = np.ones_like(enter)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for axis in (0, 1):
+            start = a[..., axis, None]
+            delta = b[..., axis, None] - start
+            first, second = (edges[:, axis] - start) / delta, (edges[:, axis + 2] - start) / delta
+            inside = (edges[:, axis] < start) & (start < edges[:, axis + 2])
+            # A leg along the axis is inside this slab all the way or not at all.
+            low = np.where(delta == 0.0, np.where(inside, -np.inf, np.inf), np.minimum(first, second))
+            high = np.where(delta == 0.0, np.where(inside, np.inf, -np.inf), np.maximum(first, second))
+            enter, leave = np.maximum(enter, low), np.minimum(leave, high)
+    meets: NDArray[np.bool_] = enter < leave
+    return meets
 
 
 def grown(box: Box, by_m: float) -> tuple[float, float, float, float]:

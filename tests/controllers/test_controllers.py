@@ -25,6 +25,7 @@ from tests.project.source import ROOT
 
 OWN = """
 import math
+import os
 import threading
 from pydantic import BaseModel, Field
 from soter import Controller, Velocity, VelocityController, Waypoint
@@ -67,6 +68,32 @@ class Raises(Fails):
         raise ZeroDivisionError("of two")
 
 
+class Unspeakable(BaseException):
+    def __repr__(self):
+        raise self
+
+    __str__ = __repr__
+
+
+class RaisesAnything(Fails):
+    def answer(self, own):
+        raise Unspeakable
+
+
+class Number(float):
+    def __float__(self):
+        raise Unspeakable
+
+
+class GivesNumbersOfItsOwn(Fails):
+    def answer(self, own):
+        return Waypoint(Number(2.0), Number(2.0))
+
+
+class TellsNumbers(Circles):
+    incidents = (1, 2)
+
+
 class GivesNan(Fails):
     def answer(self, own):
         return Waypoint(math.nan, 1.0)
@@ -92,6 +119,11 @@ class Turns(VelocityController):
         return 0.1 if own.robot_id == 2 else Velocity(0.1)
 
 
+class LeavesWhenMade(Fails):
+    def __init__(self, options):
+        raise SystemExit(0)
+
+
 class CannotBeMade(Fails):
     def __init__(self, options):
         raise OSError("no weights")
@@ -112,16 +144,43 @@ class Lax(Fails):
 
 class CannotBeClosed(Fails):
     def close(self):
-        raise OSError("still open")
+        raise Unspeakable
+
+
+class NeverCloses(Fails):
+    def close(self):
+        threading.Event().wait(60.0)
 
 
 class Hangs(Fails):
     def answer(self, own):
+        while True:
+            try:
+                threading.Event().wait(60.0)
+            except Exception:
+                pass
+
+
+class HangsHearing(Fails):
+    def hear(self, report):
         threading.Event().wait(60.0)
 
 
 class PeerSession(Circles):
     fleet = True
+
+
+class LeadsAstray(Controller):
+    fleet = True
+
+    def __init__(self, options):
+        super().__init__(options)
+        os.chdir("/")
+
+    def act(self, now_s, tick):
+        far = [math.nan, 1e308, Number(1.0)][tick % 3]
+        for port in self.arena.ports.values():
+            port.goto(Waypoint(*AT), (Waypoint(-1e308, 1.0), Waypoint(far, far)))
 
 
 class NoController:
@@ -199,14 +258,15 @@ def test_options_come_from_the_table_of_the_class(folder: Path) -> None:
         ({"ac": "nowhere.py:Wanders"}, "ac", "there is no file '.*nowhere.py'"),
         ({"ac": "own.py:Wander"}, "ac", "no 'Wander' in it, did you mean 'Wanders'"),
         ({"ac": "own.py"}, "ac", "say which"),
-        ({"ac": "own.py:NoController"}, "ac", "soter.Controller"),
+        ({"ac": "own.py:NoController"}, "ac", "a subclass of Controller"),
         ({"ac": "own.py:DoesNothing"}, "ac", "neither step nor act"),
         ({"ac": "own.py:Abstract"}, "ac", "does not define velocity"),
         ({"ac": "own.py:Lax"}, "ac", "Options"),
         ({"ac": "own.py:CannotBeMade"}, "ac", "no weights"),
+        ({"ac": "own.py:LeavesWhenMade"}, "ac", "SystemExit"),
         ({"ac": "broken.py:Wanders"}, "ac", r"no gpu.*broken.py, line 2"),
         ({"ac": "no.such.module:Wanders"}, "ac", "there is no module 'no'"),
-        ({"ac": "soter.clock:VirtualClock"}, "ac", "soter.Controller"),
+        ({"ac": "soter.clock:VirtualClock"}, "ac", "a subclass of Controller"),
         ({"ac": "wanders"}, "ac", "'file.py:Class'"),
         ({"mission": "patrol.py"}, "ac", "commands the robots itself"),
         ({"controllers": {"Wanders": {"far": 1.0}}}, "controllers.Wanders.far", "did you mean 'far_m'"),
@@ -230,6 +290,7 @@ def test_what_is_wrong_is_refused_before_anything_moves(
     ("name", "words"),
     [
         ("Raises", "of two"),
+        ("RaisesAnything", "cannot say what it is"),
         ("GivesNan", "x_m is nan"),
         ("GivesWords", "str"),
         ("GivesPairs", "tuple"),
@@ -248,16 +309,31 @@ def test_one_that_fails_costs_its_own_robot_the_ac_and_no_other(folder: Path, na
     assert not run.result.violated
 
 
-def test_a_call_that_does_not_return_ends_the_run_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("name", "handler"), [("Hangs", "step"), ("HangsHearing", "hear")])
+def test_a_call_that_does_not_return_ends_the_run_by_name(
+    folder: Path, name: str, handler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("soter.runner.watchdog.LIMIT_S", 0.1)
-    result = run_mission(mission(folder, "Hangs")).result
+    monkeypatch.setattr("soter.runner.loop._DECIDING", ("a safety module", 0.1))
+    result = run_mission(mission(folder, name)).result
     assert result.status == "failed"
-    assert "Hangs.step" in result.failure
+    assert f"{name}.{handler}" in result.failure
     assert not result.violated
 
 
-def test_one_that_cannot_be_closed_spoils_no_run(folder: Path) -> None:
-    assert run_mission(mission(folder, "CannotBeClosed", duration_s=1.0)).result.status == "completed"
+@pytest.mark.parametrize("name", ["CannotBeClosed", "NeverCloses"])
+def test_one_that_cannot_be_closed_spoils_no_run(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("soter.runner.run.SLOW_S", 0.1)
+    assert run_mission(mission(folder, name, duration_s=1.0)).result.status == "completed"
+
+
+def test_numbers_that_cannot_be_read_are_no_place_and_the_robot_goes_on(folder: Path) -> None:
+    result = run_mission(mission(folder, "GivesNumbersOfItsOwn", duration_s=3.0)).result
+    assert (result.status, result.assumptions, result.violated) == ("completed", {}, False)
+
+
+def test_what_it_tells_that_is_no_text_ends_it_and_not_the_run(folder: Path) -> None:
+    assert set(run_mission(mission(folder, "TellsNumbers", duration_s=1.0)).result.failed_robots) == {1, 2}
 
 
 def test_the_seed_decides_all_and_a_replay_takes_every_decision_again(folder: Path) -> None:
@@ -271,6 +347,16 @@ def test_the_seed_decides_all_and_a_replay_takes_every_decision_again(folder: Pa
     assert first != trace(2)
     shutil.move(folder / "own.py", folder / "gone.py")
     assert replay(Recording(recorded)).same
+
+
+def test_neither_what_it_means_to_do_nor_where_it_goes_spoils_a_recording(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    run_mission(mission(folder, "LeadsAstray", duration_s=3.0), record=Path("run.mcap"))
+    recording = Recording(folder / "run.mcap")
+    assert len(recording.content().series) > 0
+    assert replay(recording).same
 
 
 def test_velocities_drive_robots(folder: Path) -> None:

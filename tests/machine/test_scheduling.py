@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from soter.machine import Event, Goto, HandlerError, MachineRef, Next, Runtime, Spec, State, Stay, Strategy
+from soter.machine import Event, Goto, HandlerError, MachineRef, Next, Runtime, Spec, State, Stay
 from tests.machine.helpers import A, B, C, D, Logger, ManualClock, Num, Replay, To, explore, runtime, start
 
 
@@ -201,19 +201,6 @@ def test_pick_learns_who_the_candidates_are() -> None:
     assert offered[0] == ["sink", "chooser", "outside"]
     assert [] in offered
     assert made.candidates == ()
-
-
-def test_a_strategy_is_anything_with_these_two_methods() -> None:
-    class First:
-        def pick(self, n: int, /) -> int:
-            return 0
-
-        def next_run(self) -> bool:
-            return False
-
-    strategy: Strategy = First()
-    assert runtime(pick=strategy.pick).run() == 0
-    assert not strategy.next_run()
 
 
 class PingPong(Logger):

@@ -328,7 +328,7 @@ def return_path(symbolic: SymbolicMath, patch: pytest.MonkeyPatch) -> Iterator[O
     for name, value in {
         "entry": lambda *_: entry, "roomy": way, "narrow": way, "_last": before, "_cap_m": 1, "_boxes_m": path_m,
         "_fence_m": path_m, "_recovery": SimpleNamespace(free=lambda *_: True),
-        "_terrain": SimpleNamespace(clearance_m=lambda *_: clear, fence_m=lambda *_: fence),
+        "_terrain": SimpleNamespace(clearance_m=lambda *_: clear, fence_m=lambda *_: fence, convex=True),
     }.items():  # fmt: skip
         path.__dict__[name] = value
     region = ChargeForTheWayHome(SimpleNamespace(path=path, cost_per_m=cost))  # type: ignore[arg-type]

@@ -9,8 +9,8 @@ from typing import Any
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, SimulatedFleet
 from soter.config import MissionFile, load_mission
 from soter.geometry.workspace import Workspace
-from soter.rta import Mode, Report, SwitchRecord
-from soter.sdk import RobotSpec, RobotState, TruthReport, Waypoint
+from soter.rta import Report, SwitchRecord
+from soter.sdk import Controller, RobotSpec, RobotState, TruthReport, Waypoint
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.kit import RobotPort
 
@@ -90,7 +90,7 @@ class Loop:
     def in_sc(self, robot_id: int, module: str) -> bool:
         """Return whether a module of a robot is in SC, whichever module drives."""
         modules = self.safety.supervisor.robots[robot_id].modules
-        return any(each.name == module and each.mode is Mode.SC for each in modules)
+        return any(each.name == module and each.mode is Controller.SC for each in modules)
 
     def until_charged(self, limit_s: float, *robot_ids: int) -> None:
         """Run until some robots, by default all, have had to charge and have; their charge is watched all along."""

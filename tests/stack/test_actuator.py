@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from soter.errors import Unsupported
-from soter.rta import ControlReport, GoalReport, Mode, Port, Report, Request, Topic
+from soter.rta import ControlReport, GoalReport, Port, Report, Request, Topic
 from soter.sdk import Controller, Goal, GoalStatus, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from tests.rta.doubles import situation
@@ -19,13 +19,13 @@ THERE = Waypoint(1.0, 0.0)
 class Held:
     """A robot in its supervisor's hand."""
 
-    def __init__(self, mode: Mode = Mode.AC) -> None:
+    def __init__(self, mode: Controller = Controller.AC) -> None:
         self.reports: list[Report] = []
         self.robot: FakeRobot = ready_robot(Controller.SC)
         self.port: Port[Waypoint, RobotState] = Port(1, self.reports.append)
         self.actuator = RobotActuator(self.robot, self.port)
-        if mode is Mode.AC:
-            self.actuator.hand_over(Mode.AC, "line", "")
+        if mode is Controller.AC:
+            self.actuator.hand_over(Controller.AC, "line", "")
         self.reports.clear()
         self.robot.calls.clear()
 
@@ -34,7 +34,7 @@ class Held:
         goal_id = self.port.goto(command)
         request = self.port.take()
         assert request is not None
-        self.actuator.drive(request, Mode.AC)
+        self.actuator.drive(request, Controller.AC)
         return goal_id
 
     def goals(self) -> list[tuple[int, str]]:
@@ -63,7 +63,7 @@ def test_a_new_goal_of_the_ac_ends_the_one_before() -> None:
 def test_losing_control_preempts_the_goal_and_is_told_after_that() -> None:
     held = Held()
     goal_id = held.ask()
-    held.actuator.hand_over(Mode.SC, "line", "too near")
+    held.actuator.hand_over(Controller.SC, "line", "too near")
     assert held.reports == [GoalReport(1, goal_id, "preempted"), ControlReport(1, False, "line", "too near")]
     assert held.robot.vehicle_in_charge is Controller.SC
 
@@ -71,9 +71,9 @@ def test_losing_control_preempts_the_goal_and_is_told_after_that() -> None:
 def test_what_lay_in_the_mailbox_when_control_was_lost_never_moves_anything() -> None:
     held = Held()
     goal_id = held.port.goto(THERE)
-    held.actuator.hand_over(Mode.SC, "line", "too near")
+    held.actuator.hand_over(Controller.SC, "line", "too near")
     held.actuator.read()
-    held.actuator.hand_over(Mode.AC, "line", "")
+    held.actuator.hand_over(Controller.AC, "line", "")
     assert held.port.take() is None
     assert (goal_id, "rejected") in held.goals()
     assert held.robot.sent == []
@@ -112,11 +112,11 @@ def test_a_stop_that_fails_can_be_repeated() -> None:
     goal_id = held.ask()
     held.robot.failing.add("halt")
     with pytest.raises(OSError, match="halt failed"):
-        held.actuator.drive(None, Mode.AC)
+        held.actuator.drive(None, Controller.AC)
     held.robot.place()
     held.actuator.read()
     held.robot.failing.clear()
-    held.actuator.drive(None, Mode.AC)
+    held.actuator.drive(None, Controller.AC)
     assert held.robot.calls.count("halt") == 2
     assert held.goals() == [(goal_id, "cancelled")]
 
@@ -128,16 +128,16 @@ def test_a_stop_reaches_what_the_robot_works_on_although_a_newer_goal_could_not_
     with pytest.raises(OSError, match="send failed"):
         held.ask()
     held.actuator.read()
-    held.actuator.drive(None, Mode.AC)
+    held.actuator.drive(None, Controller.AC)
     assert held.robot.calls[-1] == "halt"
 
 
 def test_the_scs_goals_are_not_the_acs_business() -> None:
-    held = Held(Mode.SC)
-    held.actuator.drive(THERE, Mode.SC)
+    held = Held(Controller.SC)
+    held.actuator.drive(THERE, Controller.SC)
     assert held.robot.sent[-1].by is Controller.SC
-    held.actuator.drive(Waypoint(2.0, 0.0), Mode.SC)
-    held.actuator.drive(None, Mode.SC)
+    held.actuator.drive(Waypoint(2.0, 0.0), Controller.SC)
+    held.actuator.drive(None, Controller.SC)
     held.actuator.read()
     assert held.reports == []
 
@@ -145,8 +145,8 @@ def test_the_scs_goals_are_not_the_acs_business() -> None:
 def test_stop_cancels_the_goal_and_only_where_there_is_one() -> None:
     held = Held()
     goal_id = held.ask()
-    held.actuator.drive(None, Mode.AC)
-    held.actuator.drive(None, Mode.AC)
+    held.actuator.drive(None, Controller.AC)
+    held.actuator.drive(None, Controller.AC)
     assert held.robot.calls.count("halt") == 1
     assert held.goals() == [(goal_id, "cancelled")]
     assert held.robot.sent[-1].status is GoalStatus.CANCELLED

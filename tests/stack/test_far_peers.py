@@ -13,8 +13,8 @@ from soter.clock import VirtualClock
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace
-from soter.rta import PEER_SILENT_S, Mode, PairBound, RTAModule, SpeedBound, Timing
-from soter.sdk import Capabilities, RobotSpec
+from soter.rta import PEER_SILENT_S, PairBound, RTAModule, SpeedBound, Timing
+from soter.sdk import Capabilities, Controller, RobotSpec
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.collision import Separation
 from soter.stack.module_kit import ModuleKit
@@ -75,11 +75,11 @@ def test_a_silent_robot_that_may_have_come_near_counts_among_many(gap_m: float) 
         silent_s = max(0.0, now_s - (1.0 - TICK_S))
         nearest_m = gap_m - FAST.v_max_m_s * min(silent_s, PEER_SILENT_S)
         if now_s < 1.0:
-            assert own.mode is Mode.AC or tick < 10, "they stand far enough apart"
+            assert own.mode is Controller.AC or tick < 10, "they stand far enough apart"
         elif nearest_m - SAFE_M < REACH_M:
-            assert own.mode is Mode.SC, f"it may be {nearest_m:.2f} m away, {silent_s:.2f} s after its last word"
+            assert own.mode is Controller.SC, f"it may be {nearest_m:.2f} m away, {silent_s:.2f} s after its last word"
         clock.sleep_until((tick + 1) * TICK_S)
-    assert own.mode is Mode.SC
+    assert own.mode is Controller.SC
 
 
 class LooksFar(BaseModel):

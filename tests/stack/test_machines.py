@@ -11,7 +11,7 @@ from soter.machine import Event, MachineRef, Runtime
 from soter.missions.surveillance import TaskPlanner, Tasks
 from soter.rta import ControlReport, GoalReport, Port, Report
 from soter.sdk import RobotState, Waypoint
-from soter.stack.events import TRIES, Disengaged, GoalEnded, Outcome, PathPlanned, Place, Reengaged
+from soter.stack.events import TRIES, Disengaged, GoalEnded, PathPlanned, Place, Reengaged, TargetOutcome
 from soter.stack.kit import RobotKit
 from soter.stack.planners import PlanRequest
 from soter.stack.robot_agent import RETRY_S
@@ -37,7 +37,7 @@ class Mission:
         self.listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self.ports: dict[int, Port[Waypoint, RobotState]] = {}
         self.requests: list[tuple[PlanRequest, MachineRef]] = []
-        self.ended: list[tuple[int, int, Outcome]] = []
+        self.ended: list[tuple[int, int, TargetOutcome]] = []
         self.given: list[tuple[int, int, Place]] = []
         for robot_id in range(1, robots + 1):
             port: Port[Waypoint, RobotState] = Port(robot_id, self.hear)
@@ -100,7 +100,7 @@ class Mission:
         self.hear(GoalReport(robot_id, taken[0], status))
         self.run()
 
-    def outcomes(self) -> list[Outcome]:
+    def outcomes(self) -> list[TargetOutcome]:
         assert self.failures == []
         return [outcome for _, _, outcome in self.ended]
 
@@ -133,7 +133,7 @@ def test_a_target_is_reached_waypoint_by_waypoint() -> None:
         assert mission.take() is None, "one waypoint at a time"
         mission.hear(GoalReport(1, request.goal_id, "reached"))
         mission.run()
-    assert mission.outcomes() == [Outcome.REACHED]
+    assert mission.outcomes() == [TargetOutcome.REACHED]
     assert len(mission.given) == 2, "and the next one"
     assert len(mission.requests) == 1
 
@@ -142,7 +142,7 @@ def test_a_target_is_reached_waypoint_by_waypoint() -> None:
 def test_a_target_on_whose_way_a_static_rule_stepped_in_is_unsafe(module: str) -> None:
     mission = under_way()
     mission.disengage(module)
-    assert mission.outcomes() == [Outcome.UNSAFE]
+    assert mission.outcomes() == [TargetOutcome.UNSAFE]
     assert mission.requests == []
     mission.engage()
     assert mission.requests[0][0].goal == mission.given[1][2]
@@ -157,7 +157,7 @@ def test_after_the_other_modules_a_target_is_tried_again_three_times_at_most(mod
         if attempt < TRIES - 1:
             mission.engage()
             assert mission.answer().goal == mission.given[0][2]
-    assert mission.outcomes() == [Outcome.BLOCKED]
+    assert mission.outcomes() == [TargetOutcome.BLOCKED]
     mission.engage()
     assert mission.requests[0][0].goal == mission.given[1][2]
 
@@ -173,7 +173,7 @@ def test_a_waypoint_that_is_not_reached_costs_a_try(status: str) -> None:
             assert mission.requests == []
             mission.run(mission.now_s + 0.02 * RETRY_S)
             mission.answer()
-    assert mission.outcomes() == [Outcome.BLOCKED]
+    assert mission.outcomes() == [TargetOutcome.BLOCKED]
 
 
 def test_a_plan_that_fails_or_ends_short_of_the_target_costs_a_try() -> None:
@@ -187,7 +187,7 @@ def test_a_plan_that_fails_or_ends_short_of_the_target_costs_a_try() -> None:
     mission.run(mission.now_s + RETRY_S)
     mission.answer(((1.0, 0.0),))
     mission.end_goal("reached")
-    assert mission.outcomes() == [Outcome.REACHED]
+    assert mission.outcomes() == [TargetOutcome.REACHED]
 
 
 def test_a_target_times_out() -> None:
@@ -195,7 +195,7 @@ def test_a_target_times_out() -> None:
     mission.run(TIMEOUT_S - 0.01)
     assert mission.outcomes() == []
     mission.run(TIMEOUT_S)
-    assert mission.outcomes() == [Outcome.TIMED_OUT]
+    assert mission.outcomes() == [TargetOutcome.TIMED_OUT]
 
 
 def test_the_clock_of_a_target_stands_still_while_the_ac_has_no_control() -> None:
@@ -209,7 +209,7 @@ def test_the_clock_of_a_target_stands_still_while_the_ac_has_no_control() -> Non
     mission.run(1000.0 + 69.9)
     assert mission.outcomes() == []
     mission.run(1000.0 + 70.1)
-    assert mission.outcomes() == [Outcome.TIMED_OUT]
+    assert mission.outcomes() == [TargetOutcome.TIMED_OUT]
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.03])
@@ -219,7 +219,7 @@ def test_losing_control_in_the_tick_in_which_the_time_is_up_costs_nothing_but_th
     mission.disengage("collision")
     mission.engage()
     mission.run(mission.now_s + 0.05)
-    assert mission.outcomes() == [Outcome.TIMED_OUT]
+    assert mission.outcomes() == [TargetOutcome.TIMED_OUT]
     assert len(mission.given) == 2
 
 
@@ -289,7 +289,7 @@ def test_a_robot_without_a_state_has_no_plan() -> None:
     assert mission.requests == []
     for attempt in range(1, TRIES):
         mission.run(attempt * RETRY_S)
-    assert mission.outcomes() == [Outcome.BLOCKED]
+    assert mission.outcomes() == [TargetOutcome.BLOCKED]
 
 
 def test_every_robot_has_its_own_targets_and_requests() -> None:
@@ -299,7 +299,7 @@ def test_every_robot_has_its_own_targets_and_requests() -> None:
         mission.engage(robot_id)
     assert len({request.request_id for request, _ in mission.requests}) == 3
     mission.disengage("geofence", 2)
-    assert mission.ended == [(2, 2, Outcome.UNSAFE)]
+    assert mission.ended == [(2, 2, TargetOutcome.UNSAFE)]
     assert mission.given[-1][0] == 2
 
 
@@ -326,7 +326,7 @@ def storm(mission: Mission, stream: random.Random) -> None:
 
 
 def test_whatever_comes_no_machine_fails_and_every_target_ends_once() -> None:
-    seen: set[Outcome] = set()
+    seen: set[TargetOutcome] = set()
     for seed in range(20):
         mission = Mission()
         storm(mission, random.Random(seed))
@@ -335,4 +335,4 @@ def test_whatever_comes_no_machine_fails_and_every_target_ends_once() -> None:
         assert ended == list(range(1, len(ended) + 1))
         assert len(mission.given) == len(ended) + 1
         seen.update(mission.outcomes())
-    assert seen == set(Outcome)
+    assert seen == set(TargetOutcome)

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from soter.geometry.workspace import Box, RobotPlace, Workspace
-from soter.rta import Mode, RobotSupervisor
+from soter.rta import RobotSupervisor
+from soter.sdk import Controller
 from soter.stack.collision import FIRST_PATIENT_S
 from soter.stack.kit import RobotPort
 from soter.stack.retreat import ASIDE_S, PATIENT_S
@@ -46,14 +47,14 @@ class Homing(Meeting):
     def home(self, *numbers: int, now_s: float = NOW_S) -> None:
         """Have the battery's module send robots home, in this order."""
         for number in numbers:
-            self.mode(number, "battery", Mode.SC, now_s)
+            self.mode(number, "battery", Controller.SC, now_s)
             self.look(now_s + SETTLED_S + 0.05)
 
     def leaving(self) -> dict[int, Path]:
         found = {number: self.rule.path_to_leave(number) for number in self.robots}
         return {number: path for number, path in found.items() if path is not None}
 
-    def collision(self, number: int) -> Mode:
+    def collision(self, number: int) -> Controller:
         return self.rigs[number].modules["collision"].mode
 
 
@@ -64,17 +65,17 @@ def parked() -> Homing:
 
 def test_a_robot_that_is_parked_on_anothers_station_is_moved() -> None:
     meeting = parked()
-    meeting.mode(2, "battery", Mode.SC, NOW_S)
+    meeting.mode(2, "battery", Controller.SC, NOW_S)
     meeting.look(NOW_S + SETTLED_S)
     assert not meeting.leaving(), "all robots begin with all modules in SC"
     meeting.look(NOW_S + SETTLED_S + 0.05)
-    assert meeting.collision(1) is Mode.SC
+    assert meeting.collision(1) is Controller.SC
     assert "robot 2 has to get past" in meeting.rigs[1].modules["collision"].cause
     assert meeting.leaving() == {1: Path(2, (((0.0, 0.0), (3.0, 0.0)),), APART_M)}
     assert not meeting.rule.first(1)
     assert not meeting.permits(1)
     assert not meeting.rule.path_is_clear(2)
-    assert meeting.collision(2) is Mode.AC
+    assert meeting.collision(2) is Controller.AC
 
 
 def test_it_may_go_on_when_it_has_left_the_path_by_more_than_it_must_or_the_other_is_home() -> None:
@@ -98,15 +99,15 @@ def test_it_may_go_on_when_it_has_left_the_path_by_more_than_it_must_or_the_othe
 
 
 @pytest.mark.parametrize(("docked", "mode", "left_alone"), [
-    (True, Mode.SC, True), (True, Mode.AC, False), (False, Mode.AC, False),
+    (True, Controller.SC, True), (True, Controller.AC, False), (False, Controller.AC, False),
 ])  # fmt: skip
-def test_a_robot_that_charges_is_left_alone(docked: bool, mode: Mode, left_alone: bool) -> None:
+def test_a_robot_that_charges_is_left_alone(docked: bool, mode: Controller, left_alone: bool) -> None:
     """It would not get its charge elsewhere; one that just stands on its station would."""
     meeting = Homing([(1.5, 0.0), (0.0, 0.0)], [(1.5, 0.0) if docked else (9.0, 9.0), (3.0, 0.0)])
     meeting.mode(1, "battery", mode, NOW_S - 10.0)
     meeting.home(2)
     assert (1 in meeting.leaving()) is not left_alone
-    assert meeting.collision(1) is (Mode.AC if left_alone else Mode.SC)
+    assert meeting.collision(1) is (Controller.AC if left_alone else Controller.SC)
 
 
 def crossing() -> Homing:
@@ -130,7 +131,7 @@ def test_who_began_first_goes_first_and_the_others_leave_the_paths_of_all_before
     meeting.look(NOW_S + 5.0)
     assert meeting.leaving()[second].robot_id == first
     assert first not in meeting.leaving()
-    assert meeting.collision(first) is Mode.AC
+    assert meeting.collision(first) is Controller.AC
     meeting.put(first, meeting.stations[first])
     meeting.look(NOW_S + 6.0)
     assert second not in meeting.leaving(), "the first is home: now it is the second's turn"
@@ -175,7 +176,7 @@ def test_of_two_robots_one_goes_before_the_other_and_the_first_before_all(
     at = [stations[k] if k + 1 in charging and k + 1 not in order else at[k] for k in range(number)]
     meeting = Homing(at, stations)
     for robot_id in charging & set(meeting.robots) - set(order):
-        meeting.mode(robot_id, "battery", Mode.SC, 0.0)
+        meeting.mode(robot_id, "battery", Controller.SC, 0.0)
     for step, robot_id in enumerate(order):
         meeting.home(robot_id, now_s=NOW_S + step)
     order = [robot_id for robot_id in order if math.dist(at[robot_id - 1], stations[robot_id - 1]) >= 0.2]
@@ -185,7 +186,7 @@ def test_of_two_robots_one_goes_before_the_other_and_the_first_before_all(
         before = order[: order.index(robot_id)] if robot_id in order else order
         docked = math.dist(place, stations[robot_id - 1]) < 0.2
         near = any(from_line(*place, at[other - 1], stations[other - 1]) < APART_M - 1e-9 for other in before)
-        charges = docked and meeting.rigs[robot_id].modules["battery"].mode is Mode.SC
+        charges = docked and meeting.rigs[robot_id].modules["battery"].mode is Controller.SC
         if near and not charges:
             assert robot_id in leaving
         if robot_id in leaving:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, Workspace
-from soter.rta import Mode, Situation
+from soter.rta import Situation
+from soter.sdk import Controller
 from soter.stack.path_guard import PathClearance, PathGuard, PathSituation, StandsStill
 from soter.stack.planners import PlanRequest, PlanResult
 from soter.stack.terrain import Point, Terrain
@@ -43,7 +44,7 @@ def judged(
     return made.judge(At(*asked.start, stamp_s=now_s), now_s, asked, PlanResult(asked.request_id, path, 7, None, True))
 
 
-def mode(made: PathGuard) -> Mode:
+def mode(made: PathGuard) -> Controller:
     return made.mode
 
 
@@ -55,7 +56,7 @@ def test_a_path_that_keeps_its_clearance_is_used_as_it_is() -> None:
     made = guard()
     result = judged(made, CLEAR)
     assert result.path == CLEAR
-    assert (mode(made), made.replaced) == (Mode.AC, 0)
+    assert (mode(made), made.replaced) == (Controller.AC, 0)
 
 
 def test_a_path_through_a_box_is_replaced_by_a_certified_way() -> None:
@@ -66,22 +67,22 @@ def test_a_path_through_a_box_is_replaced_by_a_certified_way() -> None:
     assert result.path[-1] == GOAL
     assert least_m(START, result.path) >= CERTIFIED_M - 1e-9
     assert (result.request_id, result.checks, result.reaches_goal) == (1, 7, True)
-    assert (mode(made), made.replaced) == (Mode.SC, 1)
+    assert (mode(made), made.replaced) == (Controller.SC, 1)
 
 
 def test_the_planner_is_trusted_again_once_it_keeps_more_than_it_must() -> None:
     made = guard()
     judged(made, CLEAR)
     judged(made, THROUGH)
-    assert mode(made) is Mode.SC
+    assert mode(made) is Controller.SC
     # Past the corner (3, 1): enough for phi_safe, not for phi_safer.
     corner = RADIUS_M + 0.5 * (SAFE_M + SAFER_M)
     scraping = ((1.5, 1.5), (2.0, 1.0 + corner), (3.0, 1.0 + corner), (4.0, 1.5))
     assert SAFE_M < least_m(START, scraping) < SAFER_M
     assert judged(made, scraping).path != scraping
-    assert mode(made) is Mode.SC
+    assert mode(made) is Controller.SC
     assert judged(made, CLEAR).path == CLEAR
-    assert mode(made) is Mode.AC
+    assert mode(made) is Controller.AC
     assert judged(made, scraping).path == scraping, "while it is trusted phi_safe is enough"
     assert made.replaced == 2
 
@@ -146,7 +147,7 @@ def test_whatever_is_offered_what_is_used_keeps_phi_safe(path: list[Point], star
     if result.ok:
         assert least_m(start, result.path) >= SAFE_M - 1e-9
     else:
-        assert mode(made) is Mode.SC
+        assert mode(made) is Controller.SC
 
 
 @pytest.mark.parametrize("path", [((math.nan, 1.0),), ((1.5, 1.5), (math.inf, 1.0)), ()])
@@ -154,7 +155,7 @@ def test_a_path_that_is_none_is_replaced(path: tuple[Point, ...]) -> None:
     made = guard()
     judged(made, CLEAR)
     result = judged(made, path)
-    assert mode(made) is Mode.SC
+    assert mode(made) is Controller.SC
     assert all(math.isfinite(x + y) for x, y in result.path)
     assert result.path
 

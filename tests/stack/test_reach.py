@@ -15,10 +15,19 @@ from hypothesis import strategies as st
 from soter.adapters.pybullet import KinematicBackend, PyBulletBackend
 from soter.config.tables import MotionModel
 from soter.errors import IllFormedModule
-from soter.rta import DirectedReach, PairBound, Region, Sample, Situation, SpeedAccelerationBound, SpeedBound
+from soter.rta import (
+    DirectedReach,
+    PairBound,
+    Region,
+    Sample,
+    Situation,
+    SpeedAccelerationBound,
+    SpeedBound,
+    UnicycleBound,
+)
 from soter.sdk import RobotSpec
 from soter.stack.collision import Separation
-from soter.stack.reach import Limits, reach_between, reach_into
+from soter.stack.reach import MotionLimits, reach_between, reach_into
 from soter.stack.static_rules import Clearance, Fence
 from soter.stack.terrain import Terrain
 from soter_sim import BODY_RADIUS_M, LIMITS, Control, World
@@ -100,7 +109,7 @@ def check(region: Region, reach: float, seen: Sequence[Sequence[Sample]]) -> Non
 def test_no_input_takes_more_off_fence_and_boxes_than_the_model_allows(
     model: MotionModel, start: State, commands: list[Input], until: int
 ) -> None:
-    motion = Limits.of(PROMISED).motion("geofence", model)
+    motion = MotionLimits.of(PROMISED).motion("geofence", model)
     seen = run([start], [commands], until)
     for region in (FENCE, CLEARANCE):
         reach = reach_into(region, motion)
@@ -123,7 +132,7 @@ def test_no_inputs_take_more_off_the_distance_of_two_robots_than_the_model_allow
     (x, y), _, _ = start
     peer = (x + away_m * math.cos(angle), y + away_m * math.sin(angle))
     assume(TERRAIN.clearance_m(*peer) > 0.0)
-    motion = Limits.of(PROMISED).motion("collision", model)
+    motion = MotionLimits.of(PROMISED).motion("collision", model)
     reach = reach_between(SEPARATION, motion, motion)
     seen = run([start, (peer, heading, share)], [commands, others], until)
     most = reach.reach(view(seen[0]), until * STEP_S)
@@ -137,7 +146,7 @@ def test_a_peer_that_was_seen_some_time_ago_may_have_moved_since(
 ) -> None:
     (x, y), _, _ = start
     assume(TERRAIN.clearance_m(x, y + away_m) > 0.0)
-    motion = Limits.of(PROMISED).motion("collision", "unicycle")
+    motion = MotionLimits.of(PROMISED).motion("collision", "unicycle")
     reach = reach_between(SEPARATION, motion, motion)
     seen = run([start, ((x, y + away_m), 0.0, 1.0)], [commands, others], lag + 4)
     situation = Situation(1, seen[lag][0], lag * STEP_S)
@@ -166,24 +175,24 @@ def test_no_part_of_a_clearance_falls_faster_than_along_its_threat(at: tuple[flo
 
 
 def test_a_unicycle_that_drives_along_a_wall_may_be_nearer_to_it() -> None:
-    unicycle = reach_into(FENCE, Limits.of(PROMISED).motion("geofence", "unicycle"))
+    unicycle = reach_into(FENCE, MotionLimits.of(PROMISED).motion("geofence", "unicycle"))
     along = view([At(0.05, 2.5, heading_rad=math.pi / 2, vy_m_s=V_MAX)])
     towards = view([At(0.05, 2.5, heading_rad=math.pi, vx_m_s=-V_MAX)])
     assert unicycle.reach(along, 0.15) < 0.05 < unicycle.reach(towards, 0.15)
 
 
 def test_a_margin_that_is_no_number_makes_a_reach_that_is_none() -> None:
-    unicycle = reach_into(FENCE, Limits.of(PROMISED).motion("geofence", "unicycle"))
+    unicycle = reach_into(FENCE, MotionLimits.of(PROMISED).motion("geofence", "unicycle"))
     assert math.isnan(unicycle.reach(view([At(math.nan, 2.5)]), 0.15))
 
 
 def test_without_peers_no_distance_falls() -> None:
-    motion = Limits.of(PROMISED).motion("collision", "unicycle")
+    motion = MotionLimits.of(PROMISED).motion("collision", "unicycle")
     assert reach_between(SEPARATION, motion, motion).reach(view([At(1.0, 1.0)]), 1.0) == 0.0
 
 
 def test_robots_at_one_place_are_in_danger_wherever_they_face() -> None:
-    motion = Limits.of(PROMISED).motion("collision", "unicycle")
+    motion = MotionLimits.of(PROMISED).motion("collision", "unicycle")
     situation = view([At(1.0, 1.0), At(1.0, 1.0, robot_id=2)])
     reach = reach_between(SEPARATION, motion, motion).reach(situation, 1.0)
     assert SEPARATION.margin(situation) - reach < 0.0
@@ -193,7 +202,7 @@ def test_robots_at_one_place_are_in_danger_wherever_they_face() -> None:
 
 
 def test_each_model_is_what_its_name_says() -> None:
-    limits = Limits.of(PROMISED)
+    limits = MotionLimits.of(PROMISED)
     speed, accelerating, unicycle = (limits.motion("geofence", model) for model in MODELS)
     assert reach_into(FENCE, speed) is speed
     assert reach_into(FENCE, accelerating) is accelerating
@@ -210,10 +219,10 @@ def test_each_model_is_what_its_name_says() -> None:
 
 def test_the_worst_of_several_robots_is_taken() -> None:
     slow = replace(PROMISED, v_max_m_s=0.1, brake_m_s2=0.5, accel_m_s2=3.0, reverses=False)
-    worst = Limits.of(PROMISED, slow)
+    worst = MotionLimits.of(PROMISED, slow)
     assert worst.v_max_m_s == worst.reverse_m_s == V_MAX
     assert (worst.brake_m_s2, worst.accel_m_s2) == (0.5, 3.0)
-    assert Limits.of(slow).reverse_m_s == 0.0
+    assert MotionLimits.of(slow).reverse_m_s == 0.0
 
 
 MISSING: list[tuple[MotionModel, str]] = [
@@ -226,10 +235,11 @@ def test_a_model_that_needs_what_nobody_promised_is_refused(model: MotionModel, 
     unpromised: dict[str, Any] = {promise: None}
     lacking = replace(PROMISED, **unpromised)
     with pytest.raises(IllFormedModule, match=f"'{model}' needs {promise}.*model = \"speed\" would do"):
-        Limits.of(PROMISED, lacking).motion("collision", model)
-    assert isinstance(Limits.of(lacking).motion("collision", "speed"), SpeedBound)
+        MotionLimits.of(PROMISED, lacking).motion("collision", model)
+    assert isinstance(MotionLimits.of(lacking).motion("collision", "speed"), SpeedBound)
 
 
-def test_robots_of_physics_promise_no_acceleration() -> None:
-    with pytest.raises(IllFormedModule, match="module 'obstacle' is ill-formed"):
-        Limits.of(PyBulletBackend.robot_class.declared).motion("obstacle", "unicycle")
+def test_robots_of_physics_promise_what_a_unicycle_needs() -> None:
+    motion = MotionLimits.of(PyBulletBackend.robot_class.declared).motion("obstacle", "unicycle")
+    assert isinstance(motion, UnicycleBound)
+    assert motion.speed_noise_m_s > 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.missions.surveillance import TaskPlanner, Tasks
-from soter.stack.events import Disengaged, Outcome, Reengaged, RobotJoined, TargetEnded, VisitTarget
+from soter.stack.events import Disengaged, Reengaged, RobotJoined, TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.kit import RobotKit
 from soter.stack.remote import (
     RemoteAgent,
@@ -66,16 +66,16 @@ def test_a_start_of_the_other_process_is_told_everything_again() -> None:
     assert beside.post(RobotJoined(1, beside.agent)) == [RemoteJoined(2, 1)]
     assert beside.post(VisitTarget(5, PLACE)) == [RemoteVisit(2, VisitTarget(5, PLACE))]
     assert beside.post(RemoteCame()) == [RemoteJoined(2, 1), RemoteVisit(2, VisitTarget(5, PLACE))]
-    assert beside.post(TargetEnded(2, 5, Outcome.REACHED)) == []
-    assert beside.heard == [TargetEnded(2, 5, Outcome.REACHED)]
+    assert beside.post(TargetEnded(2, 5, TargetOutcome.REACHED)) == []
+    assert beside.heard == [TargetEnded(2, 5, TargetOutcome.REACHED)]
     assert beside.post(RemoteCame()) == [RemoteJoined(2, 1)], "that target is done with"
 
 
 def test_a_target_that_ends_twice_or_is_not_the_robots_counts_once_or_not_at_all() -> None:
     beside = Beside()
     beside.post(VisitTarget(5, PLACE))
-    beside.post(TargetEnded(2, 4, Outcome.REACHED), *[TargetEnded(2, 5, Outcome.UNSAFE)] * 2)
-    assert beside.heard == [TargetEnded(2, 5, Outcome.UNSAFE)]
+    beside.post(TargetEnded(2, 4, TargetOutcome.REACHED), *[TargetEnded(2, 5, TargetOutcome.UNSAFE)] * 2)
+    assert beside.heard == [TargetEnded(2, 5, TargetOutcome.UNSAFE)]
 
 
 class Robots(Mission):
@@ -136,8 +136,8 @@ def test_targets_are_numbered_anew_and_their_ends_told_by_the_planners_numbers()
     )
     assert robots.given == [(1, 1, PLACE), (2, 2, PLACE)]
     robots.end(2)
-    assert robots.ended == [(2, 2, Outcome.UNSAFE)]
-    assert robots.told == [TargetEnded(2, 71, Outcome.UNSAFE, "obstacle", "test")]
+    assert robots.ended == [(2, 2, TargetOutcome.UNSAFE)]
+    assert robots.told == [TargetEnded(2, 71, TargetOutcome.UNSAFE, "obstacle", "test")]
 
 
 def test_what_a_new_planner_gives_waits_until_the_old_target_has_ended() -> None:
@@ -146,11 +146,11 @@ def test_what_a_new_planner_gives_waits_until_the_old_target_has_ended() -> None
     robots.say(RemoteCame(), RemoteVisit(1, VisitTarget(1, (3.0, 3.0))))
     assert robots.given == [(1, 1, PLACE)]
     robots.end(1)
-    assert robots.ended == [(1, 1, Outcome.UNSAFE)]
+    assert robots.ended == [(1, 1, TargetOutcome.UNSAFE)]
     assert robots.told == [], "the planner that gave it is no more"
     assert robots.given[1:] == [(1, 2, (3.0, 3.0))]
     robots.end(1)
-    assert robots.told == [TargetEnded(1, 1, Outcome.UNSAFE, "obstacle", "test")]
+    assert robots.told == [TargetEnded(1, 1, TargetOutcome.UNSAFE, "obstacle", "test")]
 
 
 def test_robots_of_others_and_unknown_ones_are_left_alone() -> None:

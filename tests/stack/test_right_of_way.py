@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.rta import Mode, RobotSupervisor, Situation
+from soter.rta import RobotSupervisor, Situation
+from soter.sdk import Controller
 from soter.stack.right_of_way import CLEAR_M, LOW_CHARGE, MEMORY_S, NEAR_M, PATIENCE_S, TURN_S, WAIT_S, RightOfWay
 from soter.stack.terrain import Point
 from tests.rta.doubles import At, Rig
@@ -25,7 +26,7 @@ class Meeting:
         self.robots: dict[int, RobotSupervisor] = {number: rig.robot for number, rig in self.rigs.items()}
         for robot in self.robots.values():
             for module in robot.modules:
-                module.mode = Mode.AC
+                module.mode = Controller.AC
         self.samples: dict[int, At] = {}
         for number, place in enumerate(places, start=1):
             self.put(number, place)
@@ -33,7 +34,7 @@ class Meeting:
     def put(self, number: int, place: Point, battery: float = 1.0) -> None:
         self.samples[number] = At(*place, robot_id=number, battery=battery)
 
-    def mode(self, number: int, module: str, mode: Mode, since_s: float = 0.0) -> None:
+    def mode(self, number: int, module: str, mode: Controller, since_s: float = 0.0) -> None:
         made = self.rigs[number].modules[module]
         made.mode, made.since_s = mode, since_s
 
@@ -99,12 +100,14 @@ def test_the_order_rotates() -> None:
 @pytest.mark.parametrize(
     ("battery", "mode", "order"),
     [
-        (LOW_CHARGE - 0.01, Mode.SC, (2, 1)),
-        (LOW_CHARGE + 0.01, Mode.SC, (1, 2)),
-        (LOW_CHARGE - 0.01, Mode.AC, (1, 2)),
+        (LOW_CHARGE - 0.01, Controller.SC, (2, 1)),
+        (LOW_CHARGE + 0.01, Controller.SC, (1, 2)),
+        (LOW_CHARGE - 0.01, Controller.AC, (1, 2)),
     ],
 )
-def test_who_is_low_and_on_its_way_to_charge_goes_first(battery: float, mode: Mode, order: tuple[int, ...]) -> None:
+def test_who_is_low_and_on_its_way_to_charge_goes_first(
+    battery: float, mode: Controller, order: tuple[int, ...]
+) -> None:
     meeting = Meeting(*NEAR)
     meeting.put(2, NEAR[1], battery)
     meeting.mode(2, "battery", mode)
@@ -114,8 +117,8 @@ def test_who_is_low_and_on_its_way_to_charge_goes_first(battery: float, mode: Mo
 
 def test_only_the_first_may_go_while_they_are_close() -> None:
     meeting = Meeting(*NEAR)
-    meeting.mode(1, "collision", Mode.SC, 10.0)
-    meeting.mode(2, "collision", Mode.SC, 10.0)
+    meeting.mode(1, "collision", Controller.SC, 10.0)
+    meeting.mode(2, "collision", Controller.SC, 10.0)
     meeting.look(10.0)
     assert meeting.permits(1)
     assert not meeting.permits(2)
@@ -124,7 +127,7 @@ def test_only_the_first_may_go_while_they_are_close() -> None:
 
 def test_the_others_wait_for_distance_or_for_some_time() -> None:
     meeting = Meeting(*NEAR)
-    meeting.mode(2, "collision", Mode.SC, 10.0)
+    meeting.mode(2, "collision", Controller.SC, 10.0)
     meeting.look(10.0)
     meeting.put(2, (CLEAR_M - 0.01, 0.0))
     meeting.look(11.0)
@@ -175,33 +178,33 @@ def test_peers_keep_away_from_a_robot_that_waits_for_longer_than_it_has_waited(w
     assert WAIT_S == 30.0
     # The second lingers within phi_safer, the third is the nearest of nobody.
     meeting = Meeting((0.0, 0.0), (0.8, 0.0), (2.5, 0.0), rule=RightOfWay(safer_m=0.9))
-    meeting.mode(1, "collision", Mode.SC, since_s=10.0)
+    meeting.mode(1, "collision", Controller.SC, since_s=10.0)
     meeting.look(10.0 + waited_s)
-    assert (meeting.rigs[2].modules["collision"].mode is Mode.SC) is held
-    assert meeting.rigs[3].modules["collision"].mode is Mode.AC
+    assert (meeting.rigs[2].modules["collision"].mode is Controller.SC) is held
+    assert meeting.rigs[3].modules["collision"].mode is Controller.AC
     assert meeting.permits(3)
 
 
 def test_the_nearest_peer_keeps_away_even_beyond_phi_safer() -> None:
     meeting = Meeting((0.0, 0.0), (0.95, 0.0), (0.0, 1.5), rule=RightOfWay(safer_m=0.9))
-    meeting.mode(1, "collision", Mode.SC, since_s=10.0)
+    meeting.mode(1, "collision", Controller.SC, since_s=10.0)
     meeting.look(45.0)
     assert [meeting.permits(number) for number in (2, 3)] == [False, True]
 
 
 def test_a_peer_that_stands_in_the_way_of_any_module_keeps_away_but_not_one_that_is_far() -> None:
     meeting = Meeting((0.0, 0.0), (0.5, 0.0), (0.0, 1.5), modules=("zone", "collision", "battery"))
-    meeting.mode(1, "zone", Mode.SC, since_s=10.0)
+    meeting.mode(1, "zone", Controller.SC, since_s=10.0)
     meeting.look(45.0)
-    assert [meeting.rigs[number].modules["collision"].mode for number in (2, 3)] == [Mode.SC, Mode.AC]
+    assert [meeting.rigs[number].modules["collision"].mode for number in (2, 3)] == [Controller.SC, Controller.AC]
 
 
 def test_nobody_keeps_away_from_a_robot_whose_ac_has_failed_or_that_charges() -> None:
     meeting = Meeting((0.0, 0.0), (0.8, 0.0), rule=RightOfWay(safer_m=0.9))
-    meeting.mode(1, "collision", Mode.SC, since_s=10.0)
-    meeting.mode(1, "battery", Mode.SC, since_s=10.0)
+    meeting.mode(1, "collision", Controller.SC, since_s=10.0)
+    meeting.mode(1, "battery", Controller.SC, since_s=10.0)
     meeting.look(45.0)
-    meeting.mode(1, "battery", Mode.AC)
+    meeting.mode(1, "battery", Controller.AC)
     meeting.robots[1].fail_ac("it raised")
     meeting.look(45.0)
-    assert meeting.rigs[2].modules["collision"].mode is Mode.AC
+    assert meeting.rigs[2].modules["collision"].mode is Controller.AC

@@ -141,7 +141,7 @@ def test_the_way_is_as_short_as_any_on_a_grid(some: tuple[Box, ...], start: tupl
 def test_no_way_home_is_longer_than_the_longest(start: Point) -> None:
     distance = ROUTES.distance_m(*start)
     if TERRAIN.clearance_m(*start) > CLEAR_M:
-        assert distance <= ROUTES.longest_m()
+        assert distance <= ROUTES.longest_m
 
 
 def test_corners_keep_off_the_fence_and_extra_rectangles_are_kept_out_of() -> None:

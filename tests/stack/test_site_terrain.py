@@ -13,7 +13,7 @@ from soter.errors import ConfigError
 from soter.geometry.draft import Draft, Outline, Spot, site_of
 from soter.geometry.site import NotRectangular, Site
 from soter.geometry.workspace import Box, RobotPlace, Workspace
-from soter.stack.planners.site_space import SiteSpace
+from soter.stack.planners.space import SiteSpace
 from soter.stack.routes import Routes
 from soter.stack.site_terrain import SiteTerrain, terrain_of
 from soter.stack.terrain import Terrain

@@ -17,7 +17,8 @@ from soter.campaign.random.attackers import Outside
 from soter.check.user_rules import UserRules
 from soter.config import MissionFile, load_mission, parse_mission
 from soter.errors import ConfigError
-from soter.rta import Node, Region, RTAModule, Situation, Topic
+from soter.rta import DecisionModule, Node, Region, RTAModule, Situation, SpeedBound, Timing, Topic
+from soter.rta.models import PairBound
 from soter.runner import RunResult, run_mission
 from soter.sdk import TruthReport, Waypoint
 from soter.stack.battery import GoHome
@@ -25,7 +26,7 @@ from soter.stack.certified_controller import CertifiedController
 from soter.stack.module_kit import GoTo, ModuleKit
 from soter.stack.own_rules import OwnRule
 from tests.project.source import ROOT
-from tests.rta.doubles import At, FakeNode, module
+from tests.rta.doubles import TICK_S, At, FakeNode, Meddles, Unspeakable, module
 from tests.stack.ground import dock, planner, seen
 
 ZONE = ROOT / "examples" / "modules" / "zone.toml"
@@ -130,6 +131,11 @@ def test_what_is_wrong_in_the_file_is_named(tables: str, message: str) -> None:
         ),
         ("right", "takes no options, but `rta.module.zone-speed.options` gives zone, limit_m_s"),
         ("with_options", "rta.module.zone-speed.options.zone: unknown key"),
+        ("without_sc", "rta.module.zone-speed.declare: 'tests.check.planted:without_sc' failed: AttributeError"),
+        (
+            "with_unchecked_options",
+            "zone-speed.options: these options cannot be checked: KeyError('no table')",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_declaration_is_named_before_anything_moves(
@@ -254,6 +260,23 @@ def test_of_two_that_block_each_other_the_later_one_gives_way() -> None:
             assert out.value.y_m < 2.0
 
 
+def test_under_a_rule_about_pairs_each_gives_way_in_its_turn_though_the_rule_lets_go_in_between() -> None:
+    gave_way = set()
+    for robot_id in (1, 2):
+        node, out, _ = certified(None, model=PairBound(SpeedBound(0.22, 1.0), SpeedBound(0.22, 1.0)))
+        for now_s in range(0, 100, 2):
+            own, peer = At(4.0, 2.0, robot_id=robot_id), At(4.0, 2.4, robot_id=3 - robot_id)
+            at = seen(own._replace(stamp_s=now_s), [peer._replace(stamp_s=now_s)], now_s=float(now_s))
+            if now_s % 10 == 0:
+                # It was content for a moment, until another rule brought the two together again.
+                node.engage(at)
+            node.step(at)
+            if out.value is not None:
+                assert out.value.y_m < 2.0
+                gave_way.add((robot_id, now_s // 20))
+    assert gave_way == {(1, 2), (1, 4), (2, 1), (2, 3)}
+
+
 class Room(Region):
     """The robot is west of a line."""
 
@@ -365,19 +388,30 @@ def test_a_rule_without_a_region_cannot_be_judged() -> None:
     assert rules.counts() == {}
 
 
-@pytest.mark.parametrize("answer", [None, "far", RuntimeError("the rule failed")])
+@pytest.mark.parametrize("answer", [None, "far", RuntimeError("the rule failed"), SystemExit(0), Unspeakable()])
 def test_a_rule_that_cannot_be_judged_counts_as_broken_and_the_run_goes_on(
     answer: object, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Odd(Slow):
         def margin(self, situation: Situation) -> float:
-            if isinstance(answer, Exception):
+            if isinstance(answer, BaseException):
                 raise answer
             return answer  # type: ignore[return-value]
 
     rules = judged([0.0, 0.0, 0.0], module("odd", phi_safe=Odd()))
     assert rules.counts() == {"odd": 2}, "once for each robot"
     assert [record.getMessage() for record in caplog.records] == ["the rule of 'odd' cannot be judged"]
+
+
+def test_what_a_rule_does_to_what_it_is_given_nobody_else_sees() -> None:
+    own, peer = At(3.0), At(4.0, robot_id=2)
+    situation = Situation(1, own, 7.0)
+    situation.peers = [peer]
+    decision = DecisionModule(module(phi_safe=Meddles(), phi_safer=Meddles()), Timing(), TICK_S, foreign=True)
+    decision.decide(situation)
+    decision.observe(situation)
+    assert OwnRule(Meddles(), of_pairs=True).allows(situation, 3.1, 0.0, 0.02, 0.0)
+    assert (situation.own, situation.peers, situation.now_s) == (own, [peer], 7.0)
 
 
 @pytest.mark.parametrize("limit", ["0", "-0.1", "nan", "inf", "1e-400"])

@@ -19,13 +19,7 @@ Positive = Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
 
 
 class RobotFacts(ControllerOptions):
-    """What an adversary takes for granted about the robots; wrong numbers make it a weaker one.
-
-    Attributes:
-        v_max_m_s: their top speed.
-        brake_m_s2: how fast they brake.
-        latency_s: their declared latency.
-    """
+    """What an adversary takes for granted about the robots; wrong numbers make it a weaker one."""
 
     v_max_m_s: Positive = 0.22
     brake_m_s2: Positive = 1.0
@@ -95,7 +89,7 @@ def _fence(arena: Arena, own: RobotState) -> Edge:
     terrain = arena.terrain
     if isinstance(terrain, SiteTerrain):
         reach_m = terrain.fence_m(own.x_m, own.y_m) + 1e-6
-        return _beyond(own, min(terrain.site.fence_walls(own.x_m, own.y_m, reach_m)))
+        return _beyond(own, min(terrain.site.outside.walls(own.x_m, own.y_m, reach_m)))
     width_m, depth_m = terrain.width_m, terrain.depth_m
     return min(
         Edge(own.x_m, 0.0, own.y_m),

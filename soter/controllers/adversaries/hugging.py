@@ -7,15 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from soter.controllers.adversaries.base import (
-    RULES,
-    Adversary,
-    AdversaryOptions,
-    Edge,
-    Positive,
-    nearest_edge,
-    towards,
-)
+from soter.controllers.adversaries import base
 from soter.controllers.base import Arena
 from soter.rta import ControlReport, Report
 from soter.sdk import Waypoint
@@ -25,7 +17,7 @@ _CORNER_M = 0.03
 _GIVE_UP_S = 60.0
 
 
-class HuggingOptions(AdversaryOptions):
+class HuggingOptions(base.AdversaryOptions):
     """How it creeps.
 
     Attributes:
@@ -34,10 +26,10 @@ class HuggingOptions(AdversaryOptions):
     """
 
     spare_m: Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)] = 0.002
-    speed_m_s: Positive = 0.08
+    speed_m_s: base.Positive = 0.08
 
 
-class BoundaryHugging(Adversary):
+class BoundaryHugging(base.Adversary):
     """Creeps round the fence and round every box, just where control would be lost, and so leaves no room to err.
 
     Robots go round in opposite senses, so that they meet where there is room on one side only.
@@ -89,13 +81,13 @@ class BoundaryHugging(Adversary):
                 self._at[robot_id] = at + 1
 
 
-class FastestToBoundary(Adversary):
+class FastestToBoundary(base.Adversary):
     """Every robot drives at the nearest edge; after each loss of control it turns to the next rule's nearest edge."""
 
     def begin(self, arena: Arena) -> None:
         super().begin(arena)
         self._turn = {robot_id: index for index, robot_id in enumerate(arena.ports)}
-        self._aim: dict[int, Edge] = {}
+        self._aim: dict[int, base.Edge] = {}
 
     def hear(self, report: Report) -> None:
         """Another rule comes next where control was lost."""
@@ -109,12 +101,12 @@ class FastestToBoundary(Adversary):
             own = port.state
             if own is None or not port.engaged:
                 continue
-            rule = RULES[self._turn[robot_id] % len(RULES)]
+            rule = base.RULES[self._turn[robot_id] % len(base.RULES)]
             if rule != "collision" and robot_id in self._aim:
                 continue
-            edge = nearest_edge(self.arena, own, rule)
+            edge = base.nearest_edge(self.arena, own, rule)
             if edge is None:
                 self._turn[robot_id] += 1
             elif edge != self._aim.get(robot_id):
                 self._aim[robot_id] = edge
-                port.goto(towards(own, edge.x_m, edge.y_m))
+                port.goto(base.towards(own, edge.x_m, edge.y_m))

@@ -10,14 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from soter.config.tables import ModuleTable, RtaTable
-from soter.controllers.adversaries.base import (
-    Adversary,
-    AdversaryOptions,
-    Positive,
-    RobotFacts,
-    nearest_edge,
-    towards,
-)
+from soter.controllers.adversaries import base
 from soter.controllers.base import Arena
 from soter.sdk import RobotState
 from soter.stack.terrain import Point, Terrain
@@ -46,7 +39,7 @@ class Rollout:
         step_s: of the model, which is the supervisors' period.
     """
 
-    def __init__(self, terrain: Terrain, rta: RtaTable, facts: RobotFacts, step_s: float) -> None:
+    def __init__(self, terrain: Terrain, rta: RtaTable, facts: base.RobotFacts, step_s: float) -> None:
         self._terrain: Final = terrain
         self._rta: Final = rta
         self._facts: Final = facts
@@ -119,7 +112,7 @@ class Rollout:
 _LATERAL_M: Final = 0.5
 
 
-class SearchOptions(AdversaryOptions):
+class SearchOptions(base.AdversaryOptions):
     """How hard it looks.
 
     Attributes:
@@ -129,11 +122,11 @@ class SearchOptions(AdversaryOptions):
     """
 
     candidates: Annotated[int, Field(ge=1, le=100_000)] = 64
-    ahead_s: Positive = 3.0
-    wait_s: Positive = 0.5
+    ahead_s: base.Positive = 3.0
+    wait_s: base.Positive = 0.5
 
 
-class Search(Adversary):
+class Search(base.Adversary):
     """Samples where and when to send every robot, rolls a model of all robots and modules forward, takes the worst.
 
     The model knows when each module looks. What it finds are runs-up that reach top speed and cross the line at which
@@ -170,7 +163,7 @@ class Search(Adversary):
             if tick >= start_tick:
                 del self._plan[robot_id]
                 if ports[robot_id].engaged:
-                    ports[robot_id].goto(towards(states[robot_id], *goal))
+                    ports[robot_id].goto(base.towards(states[robot_id], *goal))
 
     def _search(self, tick: int, states: list[RobotState]) -> None:
         options, step_s, random = self.options, self.arena.base_tick_s, self._random
@@ -179,7 +172,7 @@ class Search(Adversary):
         self._rule = (self._rule + 1) % len(RULES)
         goals = np.empty((count, robots, 2))
         for index, own in enumerate(states):
-            edges = [edge for rule in RULES if (edge := nearest_edge(self.arena, own, rule)) is not None]
+            edges = [edge for rule in RULES if (edge := base.nearest_edge(self.arena, own, rule)) is not None]
             which = random.integers(len(edges), size=count)
             places = np.array([(edge.x_m, edge.y_m) for edge in edges])[which]
             goals[:, index] = places + random.uniform(-_LATERAL_M, _LATERAL_M, (count, 2))

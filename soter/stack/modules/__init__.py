@@ -17,7 +17,7 @@ from typing import Any, Final
 from pydantic import BaseModel
 
 from soter.config import MissionFile, validate_options
-from soter.errors import ConfigError, IllFormedModule, nearest
+from soter.errors import ConfigError, IllFormedModule, account_of, nearest
 from soter.loading import load_named
 from soter.rta import RTAModule, Topic
 from soter.stack.certified_controller import CertifiedController
@@ -93,13 +93,16 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
         raise refused(f"'{target}' takes no options, but `{key}.options` gives {', '.join(options)}")
     try:
         made = function(*arguments)
+        bound = _bound(made, kit, kit.waypoint, waypoint) if isinstance(made, RTAModule) else None
     except IllFormedModule:
         raise
-    except Exception as failure:  # foreign code
-        raise refused(f"'{target}' failed: {failure!r}; this is a fault of that function") from failure
-    if not isinstance(made, RTAModule):
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code
+        raise refused(f"'{target}' failed: {account_of(failure)}; this is a fault of that function") from failure
+    if bound is None:
         raise refused(f"'{target}' returned a {type(made).__name__}, allowed: a soter.rta.RTAModule")
-    return _bound(made, kit, kit.waypoint, waypoint)
+    return bound
 
 
 def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> RTAModule:

@@ -15,12 +15,7 @@ WAITING: Final = 2.0
 
 
 def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
-    """Declare the module of one robot.
-
-    Args:
-        kit: the robot and its world.
-        table: `[rta.battery]`.
-    """
+    """Declare the module of one robot."""
     dock, v_max_m_s = kit.dock, kit.capabilities.v_max_m_s
     tube = 2.0 * kit.recovery.path_m * dock.cost_per_m
     return RTAModule(

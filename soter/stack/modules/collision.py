@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from soter.config.tables import CollisionTable
 from soter.rta import Motion, RTAModule, SpeedBound, Timing
-from soter.stack.collision import BackAway, Separation, check_halves
+from soter.stack.collision import BEYOND_M, RETREAT_M, BackAway, Separation, check_halves
 from soter.stack.module_kit import ModuleKit
 from soter.stack.peers import PeerBounds
 from soter.stack.reach import reach_between
@@ -14,10 +14,6 @@ from soter.stack.reach import reach_between
 
 def declare(kit: ModuleKit, table: CollisionTable) -> RTAModule:
     """Declare the module of one robot.
-
-    Args:
-        kit: the robot and its world.
-        table: `[rta.collision]`.
 
     Raises:
         IllFormedModule: a robot does not promise what the motion model needs.
@@ -34,8 +30,12 @@ def declare(kit: ModuleKit, table: CollisionTable) -> RTAModule:
             check_halves(module, timing, leg_m, latency_s, SpeedBound(peer.v_max_m_s, peer.brake_m_s2))
 
     apart = Separation(table.phi_safe_m, worst.v_max_m_s, worst.noise_m)
+    own = kit.capabilities
+    aged_m = own.v_max_m_s * own.sample_age_s + worst.v_max_m_s * worst.sample_age_s
+    unsure_m = own.position_noise_m + worst.noise_m + aged_m + own.overshoot_m
+    retreat_m = max(RETREAT_M, table.phi_safer_m + max(BEYOND_M, unsure_m))
     back_away = BackAway(
-        kit.tick_s, kit.waypoint, kit.recovery, kit.refuges, kit.home, kit.dock, kit.right_of_way, table.phi_safer_m
+        kit.tick_s, kit.waypoint, kit.recovery, kit.refuges, kit.home, kit.dock, kit.right_of_way, retreat_m
     )
     return RTAModule(
         kit.name,

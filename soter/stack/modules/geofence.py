@@ -34,10 +34,6 @@ def safer_inset_m(table: GeofenceTable, recovery: RecoveryPlanner, timing: Timin
 def declare(kit: ModuleKit, table: GeofenceTable) -> RTAModule:
     """Declare the module of one robot.
 
-    Args:
-        kit: the robot and its world.
-        table: `[rta.geofence]`.
-
     Raises:
         IllFormedModule: the robot does not promise what the motion model needs.
     """

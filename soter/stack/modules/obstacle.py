@@ -42,10 +42,6 @@ def safer_m(table: ObstacleTable, recovery: RecoveryPlanner, timing: Timing, spe
 def declare(kit: ModuleKit, table: ObstacleTable) -> RTAModule:
     """Declare the module of one robot.
 
-    Args:
-        kit: the robot and its world.
-        table: `[rta.obstacle]`.
-
     Raises:
         IllFormedModule: the robot does not promise what the motion model needs.
     """

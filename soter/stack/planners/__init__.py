@@ -13,8 +13,8 @@ from soter.stack.planners.base import (
 from soter.stack.planners.names import (
     BUILT_IN,
     DEFAULT_PLANNER,
+    PlannerSpec,
     PlannerUnavailable,
-    build_planner,
     check_name,
     planner_class,
 )
@@ -31,9 +31,9 @@ __all__ = [
     "PlanService",
     "Planner",
     "PlannerOptions",
+    "PlannerSpec",
     "PlannerUnavailable",
     "Point",
-    "build_planner",
     "check_name",
     "planner_class",
 ]

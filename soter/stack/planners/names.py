@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from soter.config import validate_options
-from soter.errors import BackendUnavailable, ConfigError, nearest
+from soter.errors import BackendUnavailable, ConfigError
 from soter.geometry.workspace import Workspace
+from soter.loading import known_target, load_class
 from soter.sdk.hints import install_command
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 
@@ -29,17 +30,13 @@ class PlannerUnavailable(BackendUnavailable):
     """The planner exists, but a library that it needs is missing; the message says what to install."""
 
 
+def _refused(message: str) -> ConfigError:
+    return ConfigError(message, key="planner")
+
+
 def check_name(name: str) -> None:
-    """Raise ConfigError unless `name` is a built-in planner or has the form `module:Class`. Imports nothing."""
-    if name in BUILT_IN:
-        return
-    module, colon, cls = name.partition(":")
-    if colon and cls.isidentifier() and all(part.isidentifier() for part in module.split(".")):
-        return
-    known = ", ".join(BUILT_IN)
-    raise ConfigError(
-        f"unknown planner '{name}'{nearest(name, list(BUILT_IN))}; known are {known}, or a class as 'module:Class'"
-    )
+    """Raise ConfigError unless `name` is a built-in planner or has the form of a class. Imports nothing."""
+    known_target(name, BUILT_IN, "planner", _refused)
 
 
 def planner_class(name: str) -> type[Planner]:
@@ -52,62 +49,52 @@ def planner_class(name: str) -> type[Planner]:
         ConfigError: there is no such planner, or what is there is not a `Planner`.
         PlannerUnavailable: a library that it needs is not installed.
     """
-    check_name(name)
-    module_name, _, class_name = BUILT_IN.get(name, name).partition(":")
     try:
-        module = importlib.import_module(module_name)
-    except ImportError as error:
-        if name in BUILT_IN:
-            hint = f"planner '{name}' needs OMPL, which cannot be imported ({error}); install it with: "
-            hint += install_command("ompl")
-            raise PlannerUnavailable(hint) from error
-        raise ConfigError(f"planner '{name}': cannot import '{module_name}' ({error})") from error
-    found = getattr(module, class_name, None)
-    if found is None:
-        close = nearest(class_name, [key for key, value in vars(module).items() if isinstance(value, type)])
-        raise ConfigError(f"planner '{name}': module '{module_name}' has no '{class_name}'{close}")
-    if not (isinstance(found, type) and issubclass(found, Planner)):
-        raise ConfigError(f"planner '{name}': '{class_name}' is not a subclass of soter.stack.planners.Planner")
-    return found
+        return load_class(name, known_target(name, BUILT_IN, "planner", _refused), Planner, _refused)
+    except ConfigError as error:
+        if name in BUILT_IN and isinstance(error.__cause__, ImportError):
+            hint = f"planner '{name}' needs OMPL, which cannot be imported ({error.__cause__}); install it with: "
+            raise PlannerUnavailable(hint + install_command("ompl")) from error
+        raise
 
 
-def build_planner(
-    name: str,
-    workspace: Workspace,
-    body_radius_m: float | Mapping[int, float],
-    options: Mapping[str, Any] | None = None,
-    source: str | None = None,
-) -> Planner:
-    """Build a planner in this process. The mission uses `PlanService`, which does this in a worker.
+@dataclass(frozen=True, slots=True)
+class PlannerSpec:
+    """Which planner, and what it is built for.
 
-    Args:
+    Attributes:
         name: a built-in name, or `module:Class`.
         workspace: the known fence and boxes.
         body_radius_m: radius of the robots' round bodies, in metres; by id where they differ.
         options: the raw table `[planners.NAME]`.
         source: the mission file that the table is from, for error messages.
-
-    Raises:
-        ConfigError: unknown planner or bad option.
-        PlannerUnavailable: a library that it needs is not installed.
     """
-    cls = planner_class(name)
-    checked = validate_options(cls.options_model, options or {}, source, f"planners.{name}")
-    if isinstance(body_radius_m, Mapping):
-        radii_m = set(body_radius_m.values())
-        if len(radii_m) > 1:
-            planners = {radius_m: cls(workspace, radius_m, checked) for radius_m in sorted(radii_m)}
-            return _ForEach({robot_id: planners[radius_m] for robot_id, radius_m in body_radius_m.items()})
-        (body_radius_m,) = radii_m
-    return cls(workspace, body_radius_m, checked)
+
+    name: str
+    workspace: Workspace
+    body_radius_m: float | Mapping[int, float]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    source: str | None = None
+
+    def build(self) -> Planner:
+        """Build the planner in this process. The mission uses `PlanService`, which does this in a worker.
+
+        Raises:
+            ConfigError: unknown planner or bad option.
+            PlannerUnavailable: a library that it needs is not installed.
+        """
+        kind, radii_m = planner_class(self.name), self.body_radius_m
+        checked = validate_options(kind.options_model, self.options, self.source, f"planners.{self.name}")
+        if not isinstance(radii_m, Mapping):
+            return kind(self.workspace, radii_m, checked)
+        planners = {radius_m: kind(self.workspace, radius_m, checked) for radius_m in sorted(set(radii_m.values()))}
+        if len(planners) == 1:
+            return next(iter(planners.values()))
+        return _ForEach({robot_id: planners[radius_m] for robot_id, radius_m in radii_m.items()})
 
 
 class _ForEach(Planner):
-    """Asks for every robot the planner that is made for its body.
-
-    Args:
-        planners: by robot.
-    """
+    """Asks for every robot the planner that is made for its body."""
 
     def __init__(self, planners: Mapping[int, Planner]) -> None:
         largest = max(planners.values(), key=lambda each: each.body_radius_m)

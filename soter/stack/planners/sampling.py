@@ -16,8 +16,7 @@ from pydantic import Field
 
 from soter.geometry.workspace import Workspace
 from soter.stack.planners.base import Planner, PlannerOptions, PlanRequest, PlanResult, Point
-from soter.stack.planners.site_space import space_of
-from soter.stack.planners.space import FreeSpace
+from soter.stack.planners.space import FreeSpace, space_of
 
 ou.setLogLevel(ou.LOG_NONE)
 

@@ -6,32 +6,23 @@ import math
 import pickle
 import time
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Final, Self
 
-from soter.errors import ConfigError, SoterError
-from soter.geometry.workspace import Workspace
+from soter.errors import ConfigError, Garbage, SoterError
 from soter.isolation.child import Child, ChildDied, NotBoxed
-from soter.isolation.sandbox import Box
+from soter.isolation.sandbox import SandboxRules
 from soter.stack.planners.base import CHECK_COST_S, Planner, PlanRequest, PlanResult
-from soter.stack.planners.names import TRUSTED, PlannerUnavailable, build_planner, check_name
-from soter.stack.planners.worker import Garbage, WorkerSpec, checked, decode_result, decode_start, garbage
+from soter.stack.planners.names import TRUSTED, PlannerSpec, PlannerUnavailable, check_name
+from soter.stack.planners.worker import WorkerSpec, checked, decode_result, decode_start, garbage
 
 WORKER = "soter.stack.planners.worker"
 
 
 @dataclass(slots=True, eq=False)
-class Job:
-    """A request on its way.
-
-    Attributes:
-        number: counts the requests of a service.
-        request: the request.
-        submitted_s: fleet time.
-        result: None while there is none.
-    """
+class PlanJob:
+    """A request on its way, submitted at a fleet time; its number counts the requests of a service."""
 
     number: int
     request: PlanRequest
@@ -50,7 +41,7 @@ class Job:
 
 
 @dataclass(slots=True)
-class Limits:
+class HostLimits:
     """How long workers may take, in seconds of host time, and what went wrong because of the host."""
 
     start_s: float
@@ -64,10 +55,10 @@ class Lane:
     One job is with the worker at a time; so it is clear which one it failed on, and nothing has to be sent again.
     """
 
-    def __init__(self, spec: WorkerSpec, limits: Limits, box: Box | None = None) -> None:
+    def __init__(self, spec: WorkerSpec, limits: HostLimits, box: SandboxRules | None = None) -> None:
         self._spec, self._limits, self._box = spec, limits, box
-        self._waiting: deque[Job] = deque()
-        self._busy: Job | None = None
+        self._waiting: deque[PlanJob] = deque()
+        self._busy: PlanJob | None = None
         self._start()
 
     def _start(self) -> None:
@@ -80,7 +71,7 @@ class Lane:
         """The worker's process id, or None while there is none."""
         return None if self._worker is None else self._worker.pid
 
-    def add(self, job: Job) -> None:
+    def add(self, job: PlanJob) -> None:
         """Queue a job; its result will be set by a `step()`."""
         self._waiting.append(job)
         if self._worker is None:
@@ -93,7 +84,7 @@ class Lane:
             if self._worker is None:
                 self._start()
             assert self._worker is not None
-            name = self._spec.planner
+            name = self._spec.planner.name
             try:
                 message = self._receive(wait=True)
                 if message is None:
@@ -163,13 +154,10 @@ class Lane:
         self._feed()
 
     def _begin(self, message: bytes) -> None:
-        start = decode_start(message)
-        if start.kind == "config":
-            error = ConfigError(start.message)  # which has its place in it already
-            error.source, error.line, error.key = start.source, start.line, start.key
-            raise error
-        if start.kind == "unavailable":
-            raise PlannerUnavailable(start.message)
+        refused = decode_start(message)
+        if refused is not None:
+            error = refused.error()
+            raise error if isinstance(error, ConfigError) else PlannerUnavailable(str(error))
         self._ready = True
 
     def _feed(self) -> None:
@@ -228,11 +216,7 @@ class PlanService:
     Not thread-safe: it belongs to the mission's thread. A context manager.
 
     Args:
-        planner: a built-in name, or `module:Class`.
-        workspace: the known fence and boxes.
-        body_radius_m: radius of the robots' round bodies, in metres; by id where they differ.
-        options: the raw table `[planners.NAME]`.
-        source: the mission file that the options are from, for error messages.
+        planner: which, and what for.
         virtual_time: False for a mission on a wall clock: results are handed out as they come and nothing waits.
         in_process: False to have a worker for a trusted planner, too.
         time_limit_s: host time after which a worker that does not answer is killed, in seconds.
@@ -247,34 +231,29 @@ class PlanService:
 
     def __init__(
         self,
-        planner: str,
-        workspace: Workspace,
-        body_radius_m: float | Mapping[int, float],
-        options: Mapping[str, Any] | None = None,
+        planner: PlannerSpec,
         *,
-        source: str | None = None,
         virtual_time: bool = True,
         in_process: bool = True,
         time_limit_s: float = TIME_LIMIT_S,
         start_limit_s: float = START_LIMIT_S,
         memory_limit_bytes: int = MEMORY_LIMIT_BYTES,
-        box: Box | None = None,
+        box: SandboxRules | None = None,
     ) -> None:
-        check_name(planner)
+        check_name(planner.name)
         self._virtual_time: Final = virtual_time
-        self._limits: Final = Limits(start_limit_s, time_limit_s)
-        self._pending: list[Job] = []
+        self._limits: Final = HostLimits(start_limit_s, time_limit_s)
+        self._pending: list[PlanJob] = []
         self._submitted = 0
         self._closed = False
         self._lane: Lane | None = None
         self._local: Planner | None = None
-        if in_process and planner in TRUSTED:
-            self._local = build_planner(planner, workspace, body_radius_m, options, source)
+        if in_process and planner.name in TRUSTED:
+            self._local = planner.build()
             return
         # A planner that runs wild must not starve the supervisors on the same host; in virtual time all wait for it.
         niceness = 0 if virtual_time else WALL_CLOCK_NICENESS
-        spec = WorkerSpec(planner, workspace, body_radius_m, dict(options or {}), source, memory_limit_bytes, niceness)
-        self._lane = Lane(spec, self._limits, box)
+        self._lane = Lane(WorkerSpec(planner, memory_limit_bytes, niceness), self._limits, box)
 
     @property
     def incidents(self) -> tuple[str, ...]:
@@ -317,7 +296,7 @@ class PlanService:
             raise RuntimeError("the plan service is closed")
         if any(job.request.request_id == request.request_id for job in self._pending):
             raise ValueError(f"request {request.request_id} is pending already")
-        job = Job(self._submitted, request, now_s)
+        job = PlanJob(self._submitted, request, now_s)
         self._submitted += 1
         self._pending.append(job)
         if self._local is not None:
@@ -332,9 +311,6 @@ class PlanService:
         """Return the results whose time has come, earliest first, then in the order of their requests.
 
         In virtual time this waits for a worker if, and only as long as, a pending result might be due by now.
-
-        Args:
-            now_s: fleet time.
         """
         if not self._pending:
             return []

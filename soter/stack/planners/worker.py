@@ -5,33 +5,26 @@ What it may say are short JSON messages, so that nothing of a worker's is ever u
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import pickle
 import signal
 import socket
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, BinaryIO, Literal, NoReturn
+from typing import Any, BinaryIO, Final, NoReturn, TypeVar
 
-from soter.errors import ConfigError
-from soter.geometry.workspace import Workspace
+import msgspec
+
+from soter.errors import ConfigError, Garbage
 from soter.isolation.child import die_with_parent, yield_to_others
+from soter.isolation.refused import Refused
 from soter.stack.planners.base import MAX_WAYPOINTS, Planner, PlanResult, Point
-from soter.stack.planners.names import PlannerUnavailable, build_planner
+from soter.stack.planners.names import PlannerSpec, PlannerUnavailable
 
 MAX_REASON = 300
 """Longest reason that is passed on, in characters."""
 
-MAX_TEXT = 10_000
-"""Longest message of an error that keeps a worker from starting, in characters."""
-
-StartKind = Literal["ready", "config", "unavailable"]
-
-
-class Garbage(ValueError):
-    """What came from a planner or its worker is not what was agreed."""
+T = TypeVar("T")
 
 
 def describe(error: BaseException) -> str:
@@ -93,71 +86,36 @@ def garbage(request_id: int, error: Garbage) -> PlanResult:
     return PlanResult.failed(request_id, f"garbage: {error}")
 
 
-@dataclass(frozen=True, slots=True)
-class StartMessage:
-    """A worker's first message: it is ready, or why it never will be.
-
-    Attributes:
-        kind: whether it is ready, else which kind of error it is.
-        message: the error's message.
-        source: where a ConfigError is: the file,
-        line: the line in it,
-        key: and the key.
-    """
-
-    kind: StartKind
-    message: str = ""
-    source: str | None = None
-    line: int | None = None
-    key: str | None = None
-
-
-def encode_start(start: StartMessage) -> bytes:
-    """Encode a worker's first message."""
-    return json.dumps([start.kind, start.message[:MAX_TEXT], start.source, start.line, start.key]).encode()
-
-
-def decode_start(data: bytes) -> StartMessage:
-    """Decode a worker's first message.
+def decode_start(data: bytes) -> Refused | None:
+    """Decode a worker's first message: None when it is ready, else why it never will be.
 
     Raises:
         Garbage: it is none.
     """
-    match _loads(data):
-        case [
-            "ready" | "config" | "unavailable" as kind,
-            str() as message,
-            None | str() as source,
-            None | int() as line,
-            None | str() as key,
-        ]:
-            return StartMessage(kind, message, source, line, key)
-    raise Garbage("a first message of another kind")
-
-
-def encode_result(number: int, result: PlanResult) -> bytes:
-    """Encode a checked result, as the answer to the worker's job of that number."""
-    fields = [number, result.request_id, result.path, result.checks, result.reason, result.reaches_goal]
-    return json.dumps(fields).encode()
+    return _decoded(_start, data)
 
 
 def decode_result(number: int, request_id: int, data: bytes) -> PlanResult:
     """Decode and check an answer. Floats come through unchanged, bit for bit.
 
     Raises:
-        Garbage: it is not the answer to that job.
+        Garbage: it is not the answer to the worker's job of that number.
     """
-    match _loads(data):
-        case [int() as got, int() as answered, list() as path, checks, reason, bool() as reaches] if got == number:
-            return checked(request_id, PlanResult(answered, _points(path), checks, reason, reaches))
-    raise Garbage("a message that is not the answer expected")
+    answered, result = _decoded(_answer, data)
+    if answered != number:
+        raise Garbage("the answer to another job")
+    return checked(request_id, result)
 
 
-def _loads(data: bytes) -> Any:
+_start: Final[msgspec.json.Decoder[Refused | None]] = msgspec.json.Decoder(Refused | None)
+_answer: Final = msgspec.json.Decoder(tuple[int, PlanResult])
+
+
+def _decoded(decoder: msgspec.json.Decoder[T], data: bytes) -> T:
     try:
-        return json.loads(data)
-    except (ValueError, RecursionError):
-        raise Garbage("a message that is not JSON") from None
+        return decoder.decode(data)
+    except (ValueError, RecursionError) as failure:
+        raise Garbage(f"a message that was not agreed: {failure}") from None
 
 
 MAX_REQUEST_BYTES = 1 << 18
@@ -168,20 +126,12 @@ class WorkerSpec:
     """What a worker is told when it starts.
 
     Attributes:
-        planner: name of the planner.
-        workspace: the known fence and boxes.
-        body_radius_m: radius of the robots' round bodies, by id where they differ.
-        options: the raw table of the planner.
-        source: the mission file that the options are from, or None.
+        planner: which, and what for.
         memory_limit_bytes: address space that the planner may add to what the bare worker has.
         niceness: how much less than the mission the worker is favoured by the scheduler.
     """
 
-    planner: str
-    workspace: Workspace
-    body_radius_m: float | Mapping[int, float]
-    options: Mapping[str, Any]
-    source: str | None
+    planner: PlannerSpec
     memory_limit_bytes: int
     niceness: int
 
@@ -200,23 +150,24 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     channel = socket.socket(fileno=socket_fd)
     yield_to_others(spec.niceness, spec.memory_limit_bytes)
     planner = _build(spec, channel)
-    channel.send(encode_start(StartMessage("ready")))
+    _send(channel, None)
     while data := channel.recv(MAX_REQUEST_BYTES):
         number, request = pickle.loads(data)  # noqa: S301 -- from the parent
-        channel.send(encode_result(number, _plan(planner, request)))
+        _send(channel, (number, _plan(planner, request)))
     os._exit(0)
+
+
+def _send(channel: socket.socket, message: Refused | tuple[int, PlanResult] | None) -> None:
+    channel.send(msgspec.json.encode(message))
 
 
 def _build(spec: WorkerSpec, channel: socket.socket) -> Planner:
     try:
-        return build_planner(spec.planner, spec.workspace, spec.body_radius_m, spec.options, spec.source)
-    except ConfigError as error:
-        channel.send(encode_start(StartMessage("config", str(error), error.source, error.line, error.key)))
-    except PlannerUnavailable as error:
-        channel.send(encode_start(StartMessage("unavailable", str(error))))
+        return spec.planner.build()
+    except (ConfigError, PlannerUnavailable) as error:
+        _send(channel, Refused.of(error))
     except BaseException as error:  # noqa: BLE001 -- untrusted code may raise anything
-        message = f"planner '{spec.planner}' cannot be built ({describe(error)})"
-        channel.send(encode_start(StartMessage("config", message)))
+        _send(channel, Refused.of(ConfigError(f"planner '{spec.planner.name}' cannot be built ({describe(error)})")))
     os._exit(1)
 
 

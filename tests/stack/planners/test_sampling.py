@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from soter.errors import ConfigError
 from soter.geometry.workspace import Box, Workspace
-from soter.stack.planners import Planner, PlanRequest, PlanResult, Point, build_planner
+from soter.stack.planners import Planner, PlannerSpec, PlanRequest, PlanResult, Point
 from tests.stack.planners.places import CASE, RADIUS_M, along, depth_m, length_m
 
 pytestmark = pytest.mark.ompl
@@ -34,7 +34,7 @@ def plan(planner: Planner, number: int, start: Point, goal: Point, *discs: tuple
 
 @pytest.fixture(scope="module", params=NAMES)
 def planner(request: pytest.FixtureRequest) -> Planner:
-    return build_planner(request.param, CASE, RADIUS_M)
+    return PlannerSpec(request.param, CASE, RADIUS_M).build()
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -66,7 +66,7 @@ def test_path_keeps_clear_of_discs(planner: Planner, start: Point, goal: Point, 
     [((0.5, 0.5), (4.5, 0.5), 4.39), ((0.5, 2.5), (4.5, 4.5), 4.86), ((1.0, 1.0), (1.0, 4.0), 3.03)],
 )
 def test_optimising_planner_comes_near_the_shortest_path(start: Point, goal: Point, shortest_m: float) -> None:
-    planner = build_planner("ompl-bitstar", CASE, RADIUS_M)
+    planner = PlannerSpec("ompl-bitstar", CASE, RADIUS_M).build()
     for number in range(5):
         found = length_m((start, *plan(planner, number, start, goal).path))
         assert shortest_m - 0.05 < found < shortest_m * 1.15
@@ -132,7 +132,7 @@ def test_nowhere_to_stand_is_a_failure(planner: Planner) -> None:
 @pytest.mark.parametrize("checks", [1, 10, 200])
 def test_budget_is_kept(checks: int) -> None:
     for name in NAMES:
-        result = plan(build_planner(name, CASE, RADIUS_M, {"checks": checks}), 1, (0.5, 0.5), (4.5, 0.5))
+        result = plan(PlannerSpec(name, CASE, RADIUS_M, {"checks": checks}).build(), 1, (0.5, 0.5), (4.5, 0.5))
         assert result.checks < checks + 150
 
 
@@ -142,12 +142,12 @@ def test_history_makes_no_difference(planner: Planner) -> None:
     for number in (3, 1, 1, 2, 0, 3):
         assert plan(planner, number, *asked[number]) == first[number]
         plan(planner, 77, (1.0, 1.0), (4.0, 4.0), (3.0, 2.0, 0.5))
-    fresh = build_planner(f"soter.stack.planners.sampling:{type(planner).__name__}", CASE, RADIUS_M)
+    fresh = PlannerSpec(f"soter.stack.planners.sampling:{type(planner).__name__}", CASE, RADIUS_M).build()
     assert plan(fresh, 2, *asked[2]) == first[2]
 
 
 def test_seed_robot_and_request_make_a_difference() -> None:
-    planner = build_planner("ompl-rrtconnect", CASE, RADIUS_M)
+    planner = PlannerSpec("ompl-rrtconnect", CASE, RADIUS_M).build()
     base = PlanRequest(1, 1, (0.5, 0.5), (4.5, 0.5), seed=1)
     asked = (base, replace(base, request_id=2), replace(base, robot_id=2), replace(base, seed=2))
     assert len({planner.plan(request).path for request in asked}) == 4
@@ -155,9 +155,9 @@ def test_seed_robot_and_request_make_a_difference() -> None:
 
 SCRIPT = """if True:
     import json, sys
-    from soter.stack.planners import PlanRequest, PlanService
+    from soter.stack.planners import PlannerSpec, PlanRequest, PlanService
     from tests.stack.planners.places import CASE, RADIUS_M
-    with PlanService(sys.argv[1], CASE, RADIUS_M) as service:
+    with PlanService(PlannerSpec(sys.argv[1], CASE, RADIUS_M)) as service:
         for number in json.loads(sys.argv[2]):
             service.submit(PlanRequest(number, 2, (0.5, 0.5), (4.5, number / 10), seed=3), 0.0)
         print(json.dumps(sorted([r.request_id, r.path, r.checks] for r in service.due(2.0))))
@@ -172,7 +172,7 @@ def test_processes_agree_whatever_they_did_before(name: str) -> None:
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONHASHSEED": str(hash_seed)}
         command = [sys.executable, "-c", SCRIPT, name, json.dumps(order)]
         seen.append(subprocess.run(command, capture_output=True, text=True, env=env, check=True).stdout)
-    planner = build_planner(name, CASE, RADIUS_M)
+    planner = PlannerSpec(name, CASE, RADIUS_M).build()
     here = [planner.plan(PlanRequest(n, 2, (0.5, 0.5), (4.5, n / 10), seed=3)) for n in range(12)]
     assert seen[0] == seen[1] == json.dumps([[r.request_id, r.path, r.checks] for r in here]) + "\n"
 
@@ -180,7 +180,7 @@ def test_processes_agree_whatever_they_did_before(name: str) -> None:
 def test_way_out_does_not_lead_through_a_wall() -> None:
     # The free point nearest to a robot that stands in the disc of another one is behind a thin wall.
     walled = Workspace(4.0, 4.0, (Box(0.0, 2.0, 3.0, 2.05),), ())
-    planner = build_planner("ompl-bitstar", walled, 0.1, {"clearance_m": 0.0})
+    planner = PlannerSpec("ompl-bitstar", walled, 0.1, {"clearance_m": 0.0}).build()
     result = plan(planner, 1, (1.0, 1.8), (3.5, 0.5), (1.0, 1.7, 0.4))
     assert result.ok
     assert max(y for _, y in result.path) <= 1.9 + TOLERANCE_M
@@ -198,5 +198,5 @@ def test_way_out_does_not_lead_through_a_wall() -> None:
 )
 def test_bad_options_are_named(name: str, options: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
-        build_planner(name, CASE, RADIUS_M, options)
+        PlannerSpec(name, CASE, RADIUS_M, options).build()
     assert str(caught.value).startswith(f"planners.{name}.")

@@ -1,0 +1,308 @@
+"""Distances to what is occupied in a map, found quickly however many cells it has. Metres, ENU.
+
+The distance to the occupied cells is exact up to `EXACT_CELLS` cells: what can be nearest is worked out for each cell
+when it is first asked for, and kept. Farther away a lower bound is said:
+
+    f = E + max(0, I - e - E) / sqrt(2)
+
+E being that limit, I the distances at the corners of the cell (scipy's Euclidean distance transform; a corner's
+nearest occupied place is a corner, so they are exact), interpolated in both directions, and e half of a cell's
+diagonal. I is at most d + e, because distances change by a metre a metre and the mean distance to the corners is at
+most e; so f <= d. The gradient of I has two parts that are at most 1, so f is 1-Lipschitz.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from soter.geometry.convex import Piece, Pieces, Point
+from soter.geometry.edges import Floats
+from soter.geometry.grid import GridMap, Rectangles, window
+
+EXACT_CELLS: Final = 40.0
+_HALF: Final = math.sqrt(0.5)
+_DIAGONAL: Final = math.sqrt(2.0)
+_BLOCK: Final = 8
+"""What is near is worked out for blocks of so many cells a side, then for each cell."""
+
+_LOOK: Final = 4
+"""Pieces are looked up in squares of so many cells a side, or larger ones."""
+
+_MOST: Final = 200_000
+"""So many cells are kept; after that all are forgotten."""
+
+_MOST_BLOCKS: Final = 4000
+_ENDLESS: Final = 2**60
+_HAIR: Final = 1e-9
+
+Near = tuple[tuple[tuple[float, float, float, float], ...], tuple[float, float, float, float] | None]
+"""Rectangles of which one is the nearest, and the distances at the corners where it may be farther than exact ones."""
+
+_OCCUPIED: Final[Near] = ((), None)
+
+
+class Field(Pieces):
+    """The cells of a map that are occupied.
+
+    Attributes:
+        grid: the map.
+        occupied: which cells are occupied, by row and column.
+        corners: distances from the corners of the cells in cells, by row and column, rounded down.
+    """
+
+    def __init__(self, grid: GridMap) -> None:
+        super().__init__((), grid.cell_m)
+        self.grid: Final = grid
+        self.occupied: Final = grid.occupied()
+        taken = np.zeros((grid.rows + 1, grid.columns + 1), dtype=np.bool_)
+        for down, left in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            taken[down : grid.rows + down, left : grid.columns + left] |= self.occupied
+        if taken.any():
+            away = ndimage.distance_transform_edt(~taken)
+            away *= 1.0 - 1e-6
+            self.corners: NDArray[np.float32] = away.astype(np.float32)
+        else:
+            # Nothing to keep clear of: any distance is a lower bound.
+            self.corners = np.full(taken.shape, grid.rows + grid.columns, dtype=np.float32)
+        self._cos: Final = math.cos(grid.yaw_rad) / grid.cell_m
+        self._sin: Final = math.sin(grid.yaw_rad) / grid.cell_m
+        self._known: dict[int, Near] = {}
+        self._blocks: dict[tuple[int, int], tuple[Rectangles, NDArray[np.bool_]]] = {}
+        self._looked: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
+
+    def place(self, x_m: float, y_m: float) -> Point:
+        """Return where in the map a point is, in cells from its corner."""
+        dx, dy = x_m - self.grid.x_m, y_m - self.grid.y_m
+        return dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return the signed distance from a point, or a lower bound of it where that is far; see above.
+
+        Inside, it is the depth in the cell.
+        """
+        return self._cell_m * self._away(*self.place(x_m, y_m))
+
+    def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
+        """Return the least distance from the points of a straight line, as near as `distance_m` knows it.
+
+        See `Pieces.segment_m` for the arguments.
+        """
+        ends = *self.place(ax_m, ay_m), *self.place(bx_m, by_m)
+        return self._cell_m * self._along(*ends, enough_m / self._cell_m, 0.0)
+
+    def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
+        """Return which of many straight lines keep their distance; see `Pieces.lines_keep` for the arguments."""
+        a, b = np.broadcast_arrays(a, b)
+        keep = np.ones(len(a), dtype=np.bool_)
+        if needed_m <= 0.0 or not len(a):
+            return keep
+        needed = needed_m / self._cell_m
+        start, end = (np.stack(self._places(each[:, 0], each[:, 1]), axis=1) for each in (a, b))
+        # Most lines that come too near do so at one of the places a cell apart.
+        counts = np.ceil(np.hypot(*(end - start).T)).astype(np.intp) + 1
+        line = np.repeat(np.arange(len(a)), counts)
+        step = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
+        share = (step / np.repeat(np.maximum(counts - 1, 1), counts))[:, None]
+        at = start[line] + share * (end - start)[line]
+        low, high = self._between(at[:, 0], at[:, 1])
+        keep[line[high < needed]] = False
+        # Between two of them it is no more than half of a cell to one.
+        unsure = np.zeros(len(a), dtype=np.bool_)
+        unsure[line[low < needed + 0.5]] = True
+        for index in np.flatnonzero(keep & unsure).tolist():
+            (au, av), (bu, bv) = start[index].tolist(), end[index].tolist()
+            keep[index] = self._along(au, av, bu, bv, needed, needed) >= needed
+        return keep
+
+    def within(self, x_m: float, y_m: float, reach_m: float) -> tuple[Piece, ...]:
+        u, v = self.place(x_m, y_m)
+        size = max(0, math.ceil(math.log2(max(reach_m / self._cell_m, _LOOK) / _LOOK)))
+        side = _LOOK * 2**size
+        column, row = math.floor(u / side), math.floor(v / side)
+        found = self._looked.get((column, row, size))
+        if found is None:
+            if len(self._looked) >= _MOST:
+                self._looked.clear()
+            part = window(
+                self.occupied, (column - 1) * side, (row - 1) * side, (column + 2) * side, (row + 2) * side
+            )  # fmt: skip
+            found = tuple(Piece(self.grid.ring(*each)) for each in part.tolist())
+            self._looked[column, row, size] = found
+        return found
+
+    def at_least(self, x_m: Floats, y_m: Floats, needed_m: float) -> NDArray[np.bool_]:
+        """Return which of many points in the map are so far away for sure; of those that just are, it may miss some."""
+        return self._between(*self._places(x_m, y_m))[0] >= needed_m / self._cell_m
+
+    def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> Point | None:
+        """Return the corner of a cell inside the map that is at least so far away and nearest to a point, if any."""
+        u, v = self.place(x_m, y_m)
+        reach = 16
+        while True:
+            column, row = round(min(max(u, 0), self.grid.columns)), round(min(max(v, 0), self.grid.rows))
+            low_column, low_row = max(column - reach, 1), max(row - reach, 1)
+            high_column, high_row = min(column + reach + 1, self.grid.columns), min(row + reach + 1, self.grid.rows)
+            part = self.corners[low_row:high_row, low_column:high_column]
+            rows, columns = np.nonzero(part * self._cell_m >= clearance_m + _HAIR)
+            everything = reach > max(self.grid.columns, self.grid.rows)
+            if len(rows):
+                away = np.hypot(columns + low_column - u, rows + low_row - v)
+                index = int(np.argmin(away))
+                # What lies beyond the part that was looked at is farther than its edge.
+                if everything or away[index] <= reach:
+                    return self.grid.corner(int(columns[index]) + low_column, int(rows[index]) + low_row)
+            if everything:
+                return None
+            reach *= 2
+
+    def _places(self, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
+        dx, dy = x_m - self.grid.x_m, y_m - self.grid.y_m
+        return dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin
+
+    def _away(self, u: float, v: float) -> float:
+        """Return the distance from a place of the map, in cells."""
+        columns, rows, beyond = self.grid.columns, self.grid.rows, 0.0
+        if not (0.0 <= u <= columns and 0.0 <= v <= rows):
+            # Beside the map there is nothing: the place of it that is nearest, and the way there, at right angles.
+            inside_u, inside_v = min(max(u, 0.0), columns), min(max(v, 0.0), rows)
+            beyond = math.hypot(u - inside_u, v - inside_v)
+            u, v = inside_u, inside_v
+        column, row = min(int(u), columns - 1), min(int(v), rows - 1)
+        found = self._known.get(row * columns + column) or self._near(column, row)
+        if found is _OCCUPIED:
+            depth = min(u - column, column + 1 - u, v - row, row + 1 - v)
+            return beyond or -depth
+        near, far = found
+        square = math.inf
+        for low_u, low_v, high_u, high_v in near:
+            du = low_u - u if u + u < low_u + high_u else u - high_u
+            dv = low_v - v if v + v < low_v + high_v else v - high_v
+            one = (du * du if du > 0.0 else 0.0) + (dv * dv if dv > 0.0 else 0.0)
+            if one < square:
+                square = one
+        least = math.sqrt(square)
+        if far is not None:
+            s, t = u - column, v - row
+            between = (far[0] * (1.0 - s) + far[1] * s) * (1.0 - t) + (far[2] * (1.0 - s) + far[3] * s) * t
+            least = min(least, EXACT_CELLS) + max(0.0, between - _HALF - EXACT_CELLS) * _HALF
+        return math.hypot(least, beyond) if beyond else least
+
+    def _between(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Return how far many places are away at least, and at most: what the corners of their cells allow."""
+        in_u, in_v = np.clip(u, 0.0, self.grid.columns), np.clip(v, 0.0, self.grid.rows)
+        column = np.minimum(in_u.astype(np.intp), self.grid.columns - 1)
+        row = np.minimum(in_v.astype(np.intp), self.grid.rows - 1)
+        low, high = np.full(u.shape, -math.inf), np.full(u.shape, math.inf)
+        for up, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            there = self.corners[row + up, column + right]
+            np.maximum(low, there - np.hypot(in_u - column - right, in_v - row - up), out=low)
+            np.minimum(high, there * (1.0 + 1e-5) + np.hypot(u - column - right, v - row - up), out=high)
+        return low, high
+
+    def _along(self, au: float, av: float, bu: float, bv: float, enough: float, little: float) -> float:
+        """Return the least distance along a line, in cells, or `enough` if it is more.
+
+        If it is less than `little`, 0 is returned.
+        """
+        here = self._away(au, av)
+        least, length, at = min(here, enough), math.hypot(bu - au, bv - av), 0.0
+        if least < little or least <= 0.0:
+            return min(least, 0.0)
+        if length == 0.0:
+            return least
+        du, dv = (bu - au) / length, (bv - av) / length
+        columns, rows = self.grid.columns, self.grid.rows
+        while True:
+            # The distance changes by a metre a metre at most: until there nothing is nearer than what was found.
+            at += here - least
+            if at >= length:
+                return least
+            u, v = au + at * du, av + at * dv
+            if here != least:
+                here = self._away(u, v)
+            # On the edge of a cell it is the next one that counts.
+            column, row = math.floor(u + math.copysign(_HAIR, du)), math.floor(v + math.copysign(_HAIR, dv))
+            if 0 <= column < columns and 0 <= row < rows:
+                to_u = (column + (du > 0.0) - u) / du if du else math.inf
+                to_v = (row + (dv > 0.0) - v) / dv if dv else math.inf
+                end = min(at + min(to_u, to_v), length)
+                near, far = self._near(column, row)
+            else:
+                end, near, far = min(at + max(1.0, 0.25 * here), length), (), (0.0, 0.0, 0.0, 0.0)
+            then = self._away(au + end * du, av + end * dv)
+            if far is not None:
+                # Of two places so far from each other, none between them is nearer than this.
+                least = min(least, max((here + then - (end - at)) / 2.0, 0.0))
+            else:
+                # Nearest is one of the two ends, or a corner of a box.
+                least = min(least, then)
+                for low_u, low_v, high_u, high_v in near:
+                    for cu, cv in ((low_u, low_v), (low_u, high_v), (high_u, low_v), (high_u, high_v)):
+                        along = (cu - au) * du + (cv - av) * dv
+                        if at < along < end:
+                            least = min(least, abs((cu - au) * dv - (cv - av) * du))
+            if least < little or least <= 0.0:
+                return 0.0
+            at, here = end, then
+
+    def _near(self, column: int, row: int) -> Near:
+        """Return what can be nearest to a place of a cell, and keep it."""
+        key = row * self.grid.columns + column
+        found = self._known.get(key)
+        if found is None:
+            if len(self._known) >= _MOST:
+                self._known.clear()
+            found = self._known[key] = self._candidates(column, row)
+        return found
+
+    def _candidates(self, column: int, row: int) -> Near:
+        if self.occupied[row, column]:
+            return _OCCUPIED
+        a, b, c, d = self.corners[row : row + 2, column : column + 2].ravel().tolist()
+        least = max(a, b, c, d) - _DIAGONAL
+        if least >= EXACT_CELLS:
+            return (), (a, b, c, d)
+        boxes, nearest = self._block(column // _BLOCK, row // _BLOCK)
+        chosen = boxes[nearest[row % _BLOCK, column % _BLOCK]].tolist()
+        near = tuple((low_u, low_v, high_u, high_v) for low_u, low_v, high_u, high_v in chosen)
+        return near, (a, b, c, d) if least + 2.0 * _DIAGONAL > EXACT_CELLS else None
+
+    def _block(self, column: int, row: int) -> tuple[Rectangles, NDArray[np.bool_]]:
+        """Return boxes around a block of cells, and which may be the nearest to a place of each cell, by row."""
+        found = self._blocks.get((column, row))
+        if found is None:
+            if len(self._blocks) >= _MOST_BLOCKS:
+                self._blocks.clear()
+            low_column, low_row = column * _BLOCK, row * _BLOCK
+            part = self.corners[low_row : low_row + _BLOCK + 1, low_column : low_column + _BLOCK + 1]
+            reach = math.ceil(min(float(part.max()) * (1.0 + 1e-5), EXACT_CELLS + _DIAGONAL) + _DIAGONAL) + 1
+            boxes = window(
+                self.occupied,
+                low_column - reach, low_row - reach, low_column + _BLOCK + reach, low_row + _BLOCK + reach,
+            )  # fmt: skip
+            apart_u, most_u = _apart(low_column, boxes[:, 0], boxes[:, 2])
+            apart_v, most_v = _apart(low_row, boxes[:, 1], boxes[:, 3])
+            # Anywhere in a cell the nearest is no farther than the least of the farthest.
+            most = (most_v[:, None] + most_u).min(axis=2, initial=_ENDLESS)
+            found = self._blocks[column, row] = boxes, apart_v[:, None] + apart_u <= most[..., None]
+        return found
+
+
+def _apart(low: int, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the squares of how far boxes are from the cells of a block along one axis: at least, and at most."""
+    cells = low + np.arange(_BLOCK)[:, None]
+    least = np.maximum(np.maximum(starts - cells - 1, cells - ends), 0)
+    most = np.maximum(np.maximum(starts - cells, cells + 1 - ends), 0)
+    return least * least, most * most
+
+
+@lru_cache(maxsize=2)
+def field_of(grid: GridMap) -> Field:
+    """Return the distances of a map; they take seconds to work out, and are kept."""
+    return Field(grid)

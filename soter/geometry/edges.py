@@ -1,0 +1,108 @@
+"""The edges of many convex polygons in one table: distances from points and lines to dozens of them at once. Metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Edge = tuple[float, float, float, float, float]
+"""Where it starts, its direction, its length. What it is an edge of is on its left."""
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class EdgesSeen(NamedTuple):
+    """The edges of some pieces, seen from a point.
+
+    Attributes:
+        table: one edge a row: where it starts, its direction, its length.
+        starts: the first row of each piece.
+        piece: the piece of each row, by its place among those that were asked for.
+        away: distance of each edge.
+        along: how far along each edge the point is.
+        off: how far it is beyond the line of each edge.
+    """
+
+    table: Floats
+    starts: Indices
+    piece: Indices
+    away: Floats
+    along: Floats
+    off: Floats
+
+    def facing(self, beside: NDArray[np.bool_], reach_m: float, half_m: float) -> tuple[Edge, ...]:
+        """Return the edges that may be nearest to a point of a square around the point that was looked from.
+
+        Args:
+            beside: which of the pieces; the square is outside of each.
+            reach_m: edges that are farther from the point are not.
+            half_m: half of the square's side.
+        """
+        rows, length = self.table, self.table[:, 4]
+        wide = half_m * (np.abs(rows[:, 2]) + np.abs(rows[:, 3])) + 1e-9
+        # A point is nearest to the inside of an edge straight across from it, and to a corner where it is past the
+        # edge that ends there and before the one that starts: each edge stands for its first corner, too.
+        before = np.arange(len(rows)) - 1
+        before[self.starts] = np.append(self.starts[1:], len(rows)) - 1
+        across = (self.off + wide >= 0.0) & (self.along + wide >= 0.0) & (self.along - wide <= length)
+        past = (self.along + wide >= length)[before]
+        kept = beside[self.piece] & (self.away <= reach_m) & (across | (past & (self.along - wide <= 0.0)))
+        return tuple(map(tuple, rows[kept].tolist()))
+
+
+class Edges:
+    """The edges of many pieces in one table, those of each counter-clockwise."""
+
+    def __init__(self, pieces: Sequence[Sequence[Edge]]) -> None:
+        counts = np.array([len(piece) for piece in pieces], dtype=np.intp)
+        self._starts: Final = np.cumsum(counts) - counts
+        self._counts: Final = counts
+        self._table: Final[Floats] = np.array([edge for piece in pieces for edge in piece]).reshape(-1, 5)
+
+    def rows(self, pieces: Indices) -> tuple[Floats, Indices, Indices]:
+        """Return the edges of some pieces, the first row of each piece, and the piece of each row, by its place."""
+        counts = self._counts[pieces]
+        starts = np.cumsum(counts) - counts
+        piece = np.repeat(np.arange(len(pieces)), counts)
+        return self._table[np.arange(len(piece)) + (self._starts[pieces] - starts)[piece]], starts, piece
+
+    def look(self, pieces: Indices, x_m: float, y_m: float) -> tuple[Floats, EdgesSeen]:
+        """Return the signed distances of a point from some pieces, and how it sees their edges."""
+        rows, starts, piece = self.rows(pieces)
+        dx, dy = x_m - rows[:, 0], y_m - rows[:, 1]
+        along, off = rows[:, 2] * dx + rows[:, 3] * dy, rows[:, 3] * dx - rows[:, 2] * dy
+        aside = along - np.clip(along, 0.0, rows[:, 4])
+        away = np.hypot(aside, off)
+        most = np.maximum.reduceat(off, starts)
+        signed: Floats = np.where(most <= 0.0, most, np.minimum.reduceat(away, starts))
+        return signed, EdgesSeen(rows, starts, piece, away, along, off)
+
+    def lines_m(self, pieces: Indices, a: Floats, b: Floats) -> Floats:
+        """Return the distance of each of some straight lines from the piece in the same place; 0 where they meet."""
+        rows, starts, pair = self.rows(pieces)
+        x, y, ux, uy, length = rows.T
+        a, b = a[pair], b[pair]
+        ax, ay, bx, by = a[:, 0] - x, a[:, 1] - y, b[:, 0] - x, b[:, 1] - y
+        off_a, off_b = uy * ax - ux * ay, uy * bx - ux * by
+        # A line meets a convex polygon where it has come in by every edge before it goes out by any.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = off_a / (off_a - off_b)
+        parallel = np.where(off_a >= 0.0, math.inf, -math.inf)
+        comes = np.where(off_b < off_a, at, np.where(off_b == off_a, parallel, -math.inf))
+        goes = np.where(off_b > off_a, at, math.inf)
+        meets = np.maximum(np.maximum.reduceat(comes, starts), 0.0) < np.minimum(np.minimum.reduceat(goes, starts), 1.0)
+        # Apart, the least distance is from an end of the line to an edge, or from a corner to the line.
+        on_a, on_b = ux * ax + uy * ay, ux * bx + uy * by
+        from_a = np.hypot(on_a - np.clip(on_a, 0.0, length), off_a)
+        from_b = np.hypot(on_b - np.clip(on_b, 0.0, length), off_b)
+        dx, dy = bx - ax, by - ay
+        along = np.clip(-(ax * dx + ay * dy) / np.maximum(dx * dx + dy * dy, 1e-300), 0.0, 1.0)
+        corner = np.hypot(ax + along * dx, ay + along * dy)
+        least = np.minimum.reduceat(np.minimum(np.minimum(from_a, from_b), corner), starts)
+        found: Floats = np.where(meets, 0.0, least)
+        return found

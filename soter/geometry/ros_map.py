@@ -1,0 +1,162 @@
+"""Reads a map as ROS has it: `map.yaml` and the picture that it names, PGM or PNG."""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+import warnings
+import zlib
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from soter.errors import ConfigError
+from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline
+from soter.geometry.grid import MAX_CELLS, Bits, GridMap, pack
+from soter.problems import config_error, not_allowed, pydantic_problems, read_limited, shown_value
+
+MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS
+_LEAST_CELLS: Final = 3
+_UNKNOWN: Final = 50.0 / 255.0
+_HALF_A_SHADE: Final = 0.5 / 255.0
+
+Metres = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
+Yaw = Annotated[float, Field(ge=-math.tau, le=math.tau)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class MapTable(BaseModel):
+    """What `map.yaml` says.
+
+    Attributes:
+        image: the picture, seen from the file; its last row is the southernmost one if the yaw is 0.
+        resolution: side of a cell in metres.
+        origin: the pose of the picture's lower left corner: metres east and north, and counter-clockwise radians.
+        negate: whether light is occupied and dark is free.
+        occupied_thresh: from 0 to 1; what is darker is occupied.
+        free_thresh: the same; what is lighter is free.
+        mode: what lies between the two is unknown (`trinary`, and so is the grey 205, whatever the thresholds say), or
+            occupied to some part (`scale`), which SOTER keeps out of.
+        unknown: SOTER's own; whether robots keep out of what is unknown.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    image: Annotated[str, Field(min_length=1, max_length=4096)]
+    resolution: Annotated[float, Field(ge=0.001, le=100.0)]
+    origin: Annotated[tuple[Metres, Metres, Yaw], Field(strict=False)]
+    occupied_thresh: Share
+    free_thresh: Share
+    negate: Annotated[int, Field(ge=0, le=1)] | bool = 0
+    mode: Literal["trinary", "scale"] = "trinary"
+    unknown: Literal["obstacle", "free"] = "obstacle"
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.free_thresh >= self.occupied_thresh:
+            raise not_allowed("a free_thresh below occupied_thresh")
+        return self
+
+
+def read(data: bytes, source: str) -> Draft:
+    """Return what a `map.yaml` says. Stations and starts are for others to give.
+
+    Raises:
+        ConfigError: it or its picture cannot be read, or something in them is not allowed.
+    """
+    try:
+        table = MapTable.model_validate(_yaml(data, source))
+    except ValidationError as failure:
+        raise config_error(pydantic_problems(failure, MapTable), source) from failure
+    occupied = _occupied(table, Path(source).parent / table.image, source)
+    rows, columns = occupied.shape
+    x_m, y_m, yaw_rad = table.origin
+    # Pictures begin in the north.
+    grid = GridMap(columns, rows, table.resolution, x_m, y_m, yaw_rad, pack(occupied[::-1]))
+    draft = Draft(source, map=grid)
+    draft.fences.append(Outline("edge of the map", grid.ring(0, 0, columns, rows)))
+    return draft
+
+
+def _yaml(data: bytes, source: str) -> dict[Any, Any]:
+    # Imported here: only who reads maps needs the library.
+    try:
+        import yaml  # type: ignore[import-untyped]
+    except ImportError as failure:
+        raise ConfigError(
+            f"maps need PyYAML, which cannot be imported ({failure}); install it with pip install pyyaml", source=source
+        ) from failure
+    try:
+        found = yaml.safe_load(data)
+    except yaml.MarkedYAMLError as failure:
+        line = None if failure.problem_mark is None else failure.problem_mark.line + 1
+        raise ConfigError(f"not valid YAML: {failure.problem}", source=source, line=line) from failure
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError, OverflowError) as failure:
+        raise ConfigError(f"not valid YAML: {failure}", source=source) from failure
+    if not isinstance(found, dict):
+        raise ConfigError(f"it is {shown_value(found)}, allowed: a map's keys, such as image", source=source)
+    return {str(key): value for key, value in found.items()}
+
+
+def _occupied(table: MapTable, path: Path, source: str) -> Bits:
+    """Return which cells robots keep out of, row by row as in the picture."""
+    try:
+        shade, opaque = _pixels(read_limited(path, "map's picture", MAX_IMAGE_BYTES), str(path))
+    except ConfigError as failure:
+        # What has to be mended may be the key.
+        raise ConfigError(str(failure), source=source, key="image") from failure
+    # In the numbers of ROS, 1 is occupied.
+    chance = shade if table.negate else 1.0 - shade
+    occupied, free = chance > table.occupied_thresh, (chance < table.free_thresh) & opaque
+    if table.mode == "trinary":
+        # Some programs write that grey for what is unknown, and a threshold that takes it for free.
+        free &= np.abs(chance - _UNKNOWN) > _HALF_A_SHADE
+    unknown = ~occupied & (~opaque if table.mode == "scale" else ~free)
+    kept_out = ~(free | unknown) if table.unknown == "free" else ~free
+    if kept_out.all():
+        raise ConfigError(
+            f"none of its {kept_out.size} cells is free: {np.count_nonzero(occupied)} are occupied and "
+            f"{np.count_nonzero(unknown)} unknown; see occupied_thresh, free_thresh, negate and unknown",
+            source=source,
+            key="image",
+        )
+    return kept_out
+
+
+def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bool_]:
+    """Return how light every pixel is, from 0 to 1, and which are opaque."""
+    try:
+        from PIL import Image
+    except ImportError as failure:
+        raise ConfigError(
+            f"maps need Pillow, which cannot be imported ({failure}); install it with pip install pillow", source=source
+        ) from failure
+    try:
+        with warnings.catch_warnings():
+            # What it warns of is refused below.
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(data), formats=("PPM", "PNG")) as image:
+                wide, high = image.size
+                if wide * high > MAX_CELLS or min(wide, high) < _LEAST_CELLS:
+                    raise ConfigError(
+                        f"it has {wide} x {high} pixels; allowed: at least {_LEAST_CELLS} each way, and "
+                        f"{MAX_CELLS} in all",
+                        source=source,
+                    )
+                image.load()
+                if image.mode in ("1", "L"):
+                    return np.asarray(image.convert("L"), dtype=np.float32) / 255.0, np.True_
+                if image.mode.startswith("I"):
+                    return np.asarray(image).astype(np.float32) / 65535.0, np.True_
+                if image.mode not in ("LA", "P", "RGB", "RGBA"):
+                    raise ConfigError(f"its pixels are {image.mode}, allowed: grey or coloured ones", source=source)
+                pixels = np.asarray(image.convert("RGBA"))
+    except Image.DecompressionBombError as failure:
+        raise ConfigError(f"it is too large: {failure}", source=source) from failure
+    except (OSError, SyntaxError, ValueError, OverflowError, EOFError, struct.error, zlib.error) as failure:
+        raise ConfigError(f"it is no PGM or PNG that can be read to its end: {failure}", source=source) from failure
+    return pixels[..., :3].mean(axis=2, dtype=np.float32) / 255.0, pixels[..., 3] == 255
