@@ -1,20 +1,28 @@
 """Systematic checks of safety modules: conditions, falsification. What to test is handed in."""
 
-from soter.check.conditions import Finding, Verdict, conditions
+from soter.check.conditions import Certainty, Finding, conditions
 from soter.check.falsify import Falsified, Found, falsify, search
-from soter.check.trial import Breach, Counterexample, Obligation, Row, Subject, Trial, read_counterexample
+from soter.check.trial import (
+    Attempt,
+    BrokenObligation,
+    Counterexample,
+    Obligation,
+    TrialRow,
+    TriedModule,
+    read_counterexample,
+)
 
 __all__ = [
-    "Breach",
+    "Attempt",
+    "BrokenObligation",
+    "Certainty",
     "Counterexample",
     "Falsified",
     "Finding",
     "Found",
     "Obligation",
-    "Row",
-    "Subject",
-    "Trial",
-    "Verdict",
+    "TrialRow",
+    "TriedModule",
     "conditions",
     "falsify",
     "read_counterexample",

@@ -10,12 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from soter.check import Finding, Verdict, conditions
+from soter.check import Certainty, Finding, conditions
 from soter.check.proof import prove
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
-from soter.rta import Port, Region, Situation, Topic
+from soter.rta import Port, Region, Topic
+from soter.rta.module import looks_at_peers, margin_of
 from soter.sdk import Backend, BackendConfig, Capabilities
 from soter.specs import asked, promises
 from soter.stack.actuator import PortForwarder
@@ -33,11 +34,6 @@ def declare_all(
     mission: MissionFile, workspace: Workspace, promised: Mapping[int, Capabilities]
 ) -> dict[int, Declared]:
     """Declare every robot's modules without a robot.
-
-    Args:
-        mission: its `rta` and `battery` tables.
-        workspace: where.
-        promised: what the robots promise, by id.
 
     Raises:
         IllFormedModule: a robot does not promise what the model of a module needs.
@@ -121,27 +117,21 @@ class Admission:
     @property
     def refused(self) -> bool:
         """Whether anything is rejected."""
-        return any(each.verdict is Verdict.REJECTED for each in (*self.findings, *self.proofs))
+        return any(each.verdict is Certainty.REJECTED for each in (*self.findings, *self.proofs))
 
     @property
     def ill_formed(self) -> Finding | None:
         """The first finding that nobody can accept, or None."""
-        return next((each for each in self.findings if each.verdict is Verdict.REJECTED), None)
+        return next((each for each in self.findings if each.verdict is Certainty.REJECTED), None)
 
     @property
     def unproved(self) -> list[Finding]:
         """What is run only if somebody accepts it."""
-        return [each for each in self.proofs if each.verdict is not Verdict.PROVED]
+        return [each for each in self.proofs if each.verdict is not Certainty.PROVED]
 
 
 def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:
-    """Return what is known about the modules of a mission on robots that promise so much.
-
-    Args:
-        mission: its `rta` and `battery` tables.
-        workspace: where.
-        capabilities: what the robots promise, by id.
-    """
+    """Return what is known about the modules of a mission on robots that promise so much."""
     try:
         declared = declare_all(mission, workspace, capabilities)
     except IllFormedModule as failure:
@@ -153,15 +143,9 @@ def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int,
 def admit_declared(
     mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
 ) -> Admission:
-    """Return the same of modules that have been declared.
-
-    Args:
-        mission: whose modules they are.
-        declared: the modules, by robot id.
-        capabilities: what the robots promise, by id.
-    """
+    """Return the same of modules that have been declared."""
     findings = [found for name in mission.rta.order for found in _conditions(mission, declared, name)]
-    if any(each.verdict is Verdict.REJECTED for each in findings):
+    if any(each.verdict is Certainty.REJECTED for each in findings):
         return Admission(findings)
     try:
         _check(mission, declared)
@@ -228,7 +212,7 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
         begins, docked = standing(robot_id, starts), standing(robot_id, stations)
         for module in each.modules:
             region = module.phi_safe
-            if region is not None and (margin := _margin(region, begins)) < 0.0:
+            if region is not None and (margin := margin_of(region, begins)) < 0.0:
                 raise IllFormedModule(
                     module.name,
                     "A13",
@@ -237,9 +221,17 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                     "would do",
                 )
             safer, of_users = module.phi_safer, module.name in mission.rta.module
+            if of_users and region is not None and not module.of_pairs and looks_at_peers(region, begins):
+                raise IllFormedModule(
+                    module.name,
+                    "P3",
+                    "its rule looks at situation.peers, but its model bounds what this robot alone takes from the "
+                    "margin, and peers move as well; PairBound(kit.model, kit.peer_model) would do, or a rule without "
+                    "peers",
+                )
             if not (of_users and charges and isinstance(safer, Region)):
                 continue
-            if (margin := _margin(safer, docked)) < 0.0:
+            if (margin := margin_of(safer, docked)) < 0.0:
                 raise IllFormedModule(
                     module.name,
                     "P2b",
@@ -249,18 +241,10 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                 )
 
 
-def _margin(region: Region, situation: Situation) -> float:
-    """Return the margin; no number where the user's code fails, which the run takes as outside."""
-    try:
-        return float(region.margin(situation))
-    except Exception:  # noqa: BLE001 - foreign code
-        return math.nan
-
-
 def _conditions(mission: MissionFile, declared: Mapping[int, Declared], name: str) -> list[Finding]:
     """Return P1 and P3 of a module: those of the robot that is worst off."""
     found = [conditions(each.module(name), each.timing, mission.base_tick_s) for each in declared.values()]
-    rejected = [each for each in found if any(one.verdict is Verdict.REJECTED for one in each)]
+    rejected = [each for each in found if any(one.verdict is Certainty.REJECTED for one in each)]
     return rejected[0] if rejected else min(reversed(found), key=lambda each: _spare(each[-1]))
 
 
@@ -281,10 +265,10 @@ def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[F
         for name in order[: order.index(BATTERY)]
     ]
     return [
-        Finding(each.name, "P2c", Verdict.PROVED, "it drives the return path itself while the battery's module waits")
+        Finding(each.name, "P2c", Certainty.PROVED, "it drives the return path itself while the battery's module waits")
         if math.isinf(each.lets_go_s)
         else Finding(
-            each.name, "P2c", Verdict.ASSUMED,
+            each.name, "P2c", Certainty.ASSUMED,
             f"it lets go within {each.lets_go_s:g} s (A16), for which the reserve pays; then the return path is driven "
             "where it keeps the module's rule",
         )
@@ -294,4 +278,4 @@ def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[F
 
 def _rejection(failure: IllFormedModule) -> Finding:
     text = str(failure).partition(": ")[2]
-    return Finding(failure.module, failure.condition, Verdict.REJECTED, text)
+    return Finding(failure.module, failure.condition, Certainty.REJECTED, text)

@@ -15,7 +15,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from soter.check import Breach, Obligation, Row, Trial
+from soter.check import Attempt, BrokenObligation, Obligation, TrialRow
 from soter.check.node_failures import failures_of_nodes
 from soter.check.stand_in import declared_faults, stand_ins
 from soter.check.user_rules import UserRules
@@ -25,9 +25,10 @@ from soter.faults import FaultyFleet
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
-from soter.rta import Assumption, DecisionModule, Mode, Region, RTAModule, Sample, Situation, Timing
-from soter.rta.assumptions import Breach as AssumptionBreach
-from soter.sdk import Fleet, RobotSpec, RobotState, Waypoint
+from soter.rta import Assumption, DecisionModule, Region, RTAModule, Sample, Situation, Timing
+from soter.rta.assumptions import Breach
+from soter.rta.module import margin_of
+from soter.sdk import Controller, Fleet, RobotSpec, RobotState, Waypoint
 from soter.stack.assembly import SafetySide, assemble
 from soter.stack.declaration import timing_of
 from soter.stack.right_of_way import BATTERY, COLLISION
@@ -144,16 +145,16 @@ class ModuleBench:
         # Assembled once before anything is tried: a bad declaration is to fail here, with its own error.
         with self._open(self._specs([0.5] * self.dimensions)) as fleet:
             safety = assemble(mission, self.workspace, fleet.robots, lambda _: None)
-            self._terrains: Final = safety.terrains
+            self._terrains: Final = {robot_id: each.terrain for robot_id, each in safety.robots.items()}
             # Of the first robot; in trials each has its own.
             self.module: Final[RTAModule] = _module(safety, fleet.robots[0].id, name)
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
-    def run(self, vector: Sequence[float]) -> Trial:
+    def run(self, vector: Sequence[float]) -> Attempt:
         """Try one point. See `soter.check.Subject`."""
         specs = self._specs(vector)
         if any(self._terrains[spec.id].clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
-            return Trial(valid=False)
+            return Attempt(valid=False)
         with self._open(specs) as fleet, failures_of_nodes() as failures:
             safety = assemble(self._mission, self.workspace, fleet.robots, lambda _: None)
             return _Run(self, safety, fleet, self._commands(vector), failures).trial()
@@ -226,16 +227,16 @@ class _Run:
         declared = {robot_id: (_module(safety, robot_id, name),) for robot_id in safety.modules}
         self._truth: Final = fleet.truth
         self._rules: Final = UserRules(fleet.truth, declared)
-        self._rows: list[Row] = []
-        self._breaches: list[Breach] = []
+        self._rows: list[TrialRow] = []
+        self._breaches: list[BrokenObligation] = []
         self._in_sc_since_s: dict[int, float] = dict.fromkeys(self._modules, 0.0)
         self._switched: set[int] = set()
         self._returned: set[int] = set()
         self._returns_s: list[float] = []
 
-    def trial(self) -> Trial:
+    def trial(self) -> Attempt:
         if not self._begins_inside():
-            return Trial(valid=False)
+            return Attempt(valid=False)
         tick_s, clock = self._bench.base_tick_s, self._fleet.clock
         last = round((ATTACK_S + 2.0 * self._bench.patience_s) / tick_s)
         for tick in range(last):
@@ -249,7 +250,7 @@ class _Run:
             if self._breaches or self._over(now_s):
                 break
         spare = self._spare()
-        return Trial(
+        return Attempt(
             True,
             self._rules.min_margin.get(self._bench.module.name, math.inf),
             max(self._returns_s, default=math.nan),
@@ -261,7 +262,7 @@ class _Run:
             min(((each.first_s, f"{name}: {each.cause}") for name, each in self._unfit()), default=(0.0, ""))[1],
         )
 
-    def _unfit(self) -> list[tuple[Assumption, AssumptionBreach]]:
+    def _unfit(self) -> list[tuple[Assumption, Breach]]:
         """Return the assumptions about how robots move that did not hold."""
         return [
             (assumption, breach)
@@ -277,7 +278,7 @@ class _Run:
             situation = Situation(robot.robot_id, own, 0.0)
             situation.peers = [sample for sample in samples if sample is not own]
             for module in self._safety.modules[robot.robot_id]:
-                if module.phi_safe is not None and not module.phi_safe.margin(situation) >= 0.0:
+                if module.phi_safe is not None and not margin_of(module.phi_safe, situation) >= 0.0:
                     return False
         return True
 
@@ -285,10 +286,10 @@ class _Run:
         """Note which modules under test took their robot, and which gave it back."""
         for robot_id, module in self._modules.items():
             since_s = self._in_sc_since_s.get(robot_id)
-            if module.mode is Mode.SC and since_s is None:
+            if module.mode is Controller.SC and since_s is None:
                 self._in_sc_since_s[robot_id] = now_s
                 self._switched.add(robot_id)
-            elif module.mode is Mode.AC and since_s is not None:
+            elif module.mode is Controller.AC and since_s is not None:
                 del self._in_sc_since_s[robot_id]
                 self._returns_s.append(now_s - since_s)
                 if robot_id in self._switched:
@@ -320,7 +321,7 @@ class _Run:
         for dx, dy in ((_ASIDE_M, 0.0), (0.0, _ASIDE_M)):
             there = Situation(robot_id, self._moved(here, dx, dy), situation.now_s)
             there.peers = situation.peers
-            slopes.append(region.margin(there) - region.margin(situation))
+            slopes.append(margin_of(region, there) - margin_of(region, situation))
         level = not all(map(math.isfinite, slopes)) or slopes == [0.0, 0.0]
         return 0.0 if level else math.atan2(-slopes[1], -slopes[0])
 
@@ -335,8 +336,8 @@ class _Run:
             robot_id, own = robot.robot_id, robot.situation.own
             x_m, y_m, heading_rad = self._truth.pose(robot_id)
             margin = self._rules.margin.get((robot_id, name), math.nan)
-            driver = "AC" if robot.driver is None else robot.driver.name
-            self._rows.append(Row(now_s, robot_id, x_m, y_m, heading_rad, own.battery, margin, driver))
+            driver = Controller.AC.value if robot.driver is None else robot.driver.name
+            self._rows.append(TrialRow(now_s, robot_id, x_m, y_m, heading_rad, own.battery, margin, driver))
             if margin < -_TOLERANCE:
                 self._breaches.append(self._left(now_s, robot_id, margin, x_m, y_m))
             since_s = self._in_sc_since_s.get(robot_id)
@@ -345,9 +346,9 @@ class _Run:
                 text = f"after {self._bench.patience_s:g} s of its safe controller robot {robot_id} is not given back"
                 if self._failures:
                     text += f"; {self._failures[-1]}"
-                self._breaches.append(Breach(Obligation.P2B, now_s, robot_id, x_m, y_m, text))
+                self._breaches.append(BrokenObligation(Obligation.P2B, now_s, robot_id, x_m, y_m, text))
 
-    def _left(self, now_s: float, robot_id: int, margin: float, x_m: float, y_m: float) -> Breach:
+    def _left(self, now_s: float, robot_id: int, margin: float, x_m: float, y_m: float) -> BrokenObligation:
         """Return who is to blame for a robot outside phi_safe: its safe controller, or who handed over too late."""
         region = self._bench.module.phi_safe
         capabilities = next(robot.capabilities for robot in self._fleet.robots if robot.id == robot_id)
@@ -356,13 +357,13 @@ class _Run:
         braking_s = capabilities.latency_s + capabilities.v_max_m_s / capabilities.brake_m_s2 + self._bench.base_tick_s
         where = f"robot {robot_id} at ({x_m:.2f}, {y_m:.2f}) left phi_safe by {-margin:.3f}{unit} after {now_s:.2f} s"
         if since_s is None:
-            return Breach(Obligation.P3, now_s, robot_id, x_m, y_m, f"{where}, while the AC was trusted")
+            return BrokenObligation(Obligation.P3, now_s, robot_id, x_m, y_m, f"{where}, while the AC was trusted")
         if robot_id in self._switched and now_s - since_s <= braking_s:
             late = f"{where}, {now_s - since_s:.2f} s after the switch: too late to stop"
-            return Breach(Obligation.P3, now_s, robot_id, x_m, y_m, late)
+            return BrokenObligation(Obligation.P3, now_s, robot_id, x_m, y_m, late)
         failed = f"; {self._failures[-1]}" if self._failures else ""
         text = f"{where}, {now_s - since_s:.2f} s into its safe controller{failed}"
-        return Breach(Obligation.P2A, now_s, robot_id, x_m, y_m, text)
+        return BrokenObligation(Obligation.P2A, now_s, robot_id, x_m, y_m, text)
 
     def _over(self, now_s: float) -> bool:
         """Whether the trial has nothing more to tell: all robots that were taken over have come back, or none was."""
@@ -378,7 +379,7 @@ class _Run:
             return self._bench.patience_s - longest_s
         waiting = [robot for robot in self._robots if robot.robot_id in self._in_sc_since_s]
         regions = [(self._modules[robot.robot_id].module.phi_safer, robot.situation) for robot in waiting]
-        short = [safer.margin(situation) for safer, situation in regions if isinstance(safer, Region)]
+        short = [margin_of(safer, situation) for safer, situation in regions if isinstance(safer, Region)]
         if len(short) < len(regions):
             return -1.0
         return min(-1e-3, min(short, default=-1.0))

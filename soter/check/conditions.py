@@ -11,7 +11,7 @@ from soter.errors import IllFormedModule
 from soter.rta import Region, RTAModule, Timing
 
 
-class Verdict(Enum):
+class Certainty(Enum):
     """How well a condition is known to hold.
 
     PROVED: for every state, from the assumptions that the finding names. PARTLY: for every state but those that are
@@ -39,7 +39,7 @@ class Finding:
 
     module: str
     condition: str
-    verdict: Verdict
+    verdict: Certainty
     text: str
     figures: Mapping[str, float | int | str | None] = field(default_factory=dict)
 
@@ -62,11 +62,6 @@ def conditions(module: RTAModule, timing: Timing, base_tick_s: float) -> list[Fi
     """Return what is known about P1a, P1b and P3.
 
     A module that fails one of them is judged no further than that, since the others build on it.
-
-    Args:
-        module: the declaration.
-        timing: what the robot adds to every horizon.
-        base_tick_s: period of the supervisor.
     """
     try:
         module.check(timing, base_tick_s)
@@ -74,7 +69,7 @@ def conditions(module: RTAModule, timing: Timing, base_tick_s: float) -> list[Fi
         failed = ORDER.index(failure.condition) if failure.condition in ORDER else 0
         before = [_holds(module, condition, timing, base_tick_s) for condition in ORDER[:failed]]
         text = str(failure).partition(": ")[2]
-        return [*before, Finding(module.name, failure.condition, Verdict.REJECTED, text)]
+        return [*before, Finding(module.name, failure.condition, Certainty.REJECTED, text)]
     return [_holds(module, condition, timing, base_tick_s) for condition in ORDER]
 
 
@@ -82,14 +77,14 @@ def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float
     if condition == "P1a":
         ticks = round(module.delta_s / base_tick_s)
         text = f"Delta = {module.delta_s:g} s is {ticks} base ticks; AC and SC are no slower"
-        return Finding(module.name, condition, Verdict.PROVED, text, {"delta_s": module.delta_s})
+        return Finding(module.name, condition, Certainty.PROVED, text, {"delta_s": module.delta_s})
     if condition == "P1b":
         text = f"AC and SC publish {', '.join(sorted(module.ac.publishes))}"
-        return Finding(module.name, condition, Verdict.PROVED, text)
+        return Finding(module.name, condition, Certainty.PROVED, text)
     edge, horizon_s = module.edge_margin(), module.horizon_s(timing)
     if module.model is None:
         text = "by predicates: that they look two Delta ahead is the author's word"
-        return Finding(module.name, condition, Verdict.ASSUMED, text, {"horizon_s": horizon_s})
+        return Finding(module.name, condition, Certainty.ASSUMED, text, {"horizon_s": horizon_s})
     reach = module.model.bound(horizon_s)
     noise = 0.0 if module.phi_safe is None else module.phi_safe.noise(timing.noise_m)
     figures = {
@@ -99,6 +94,6 @@ def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float
     used = f"{unit} + noise = {noise:.3f}{unit}" if noise > 0.0 else unit
     if not isinstance(module.phi_safer, Region):
         text = f"phi_safer is a predicate; the AC gets control only where the margin is at least R = {reach:.3f}{used}"
-        return Finding(module.name, condition, Verdict.PROVED, text, figures)
+        return Finding(module.name, condition, Certainty.PROVED, text, figures)
     text = f"R({horizon_s:.3f} s) = {reach:.3f}{used}, at most the margin at the edge of phi_safer, {edge:.3f}{unit}"
-    return Finding(module.name, condition, Verdict.PROVED, text, figures)
+    return Finding(module.name, condition, Certainty.PROVED, text, figures)

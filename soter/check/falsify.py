@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from soter.check.conditions import Finding, Verdict
-from soter.check.trial import Breach, Obligation, Subject, Trial
+from soter.check.conditions import Certainty, Finding
+from soter.check.trial import Attempt, BrokenObligation, Obligation, TriedModule
 
 Vector = tuple[float, ...]
 
@@ -90,7 +90,8 @@ def search(
             mean = _SMOOTHING * elite.mean(axis=0) + (1.0 - _SMOOTHING) * mean
             spread = _SMOOTHING * elite.std(axis=0) + (1.0 - _SMOOTHING) * spread
         drawn = random.normal(mean, np.maximum(spread, _LEAST_SPREAD), size=(BATCH, dimensions))
-        going = evaluate(_folded(drawn))
+        # Folded back into the unit interval, as by a mirror: angles and places near an edge stay near it.
+        going = evaluate(1.0 - np.abs(drawn % 2.0 - 1.0))
     known.sort(key=lambda each: each[1])
     if not known or not math.isfinite(known[0][1]):
         return Found((), math.inf, tried)
@@ -103,30 +104,18 @@ def _stratified(random: np.random.Generator, dimensions: int, count: int) -> np.
     return (slices + random.random((count, dimensions))) / max(count, 1)
 
 
-def _folded(points: np.ndarray) -> np.ndarray:
-    """Fold the line back into the unit interval, as a mirror does: angles and places near an edge stay near it."""
-    return 1.0 - np.abs(points % 2.0 - 1.0)
-
-
 @dataclass(frozen=True, slots=True)
 class Falsified:
-    """A point that breaks an obligation.
+    """A point that breaks an obligation."""
 
-    Attributes:
-        breach: what it broke, and where.
-        vector: the point, to be run again.
-        trial: what happened.
-        evaluations: trials it took to find it.
-    """
-
-    breach: Breach
+    breach: BrokenObligation
     vector: Vector
-    trial: Trial
+    trial: Attempt
     evaluations: int
 
 
 def falsify(
-    subject: Subject,
+    subject: TriedModule,
     budget: int = 200,
     seed: int = 0,
     on_trial: Callable[[int], None] | None = None,
@@ -145,7 +134,7 @@ def falsify(
     Returns:
         A finding for P2a and P2b, and for P3 and the model if they were broken; and the counterexamples.
     """
-    trials: list[tuple[Vector, Trial]] = []
+    trials: list[tuple[Vector, Attempt]] = []
 
     def scored(obligation: Obligation) -> Callable[[Vector], float]:
         def score(vector: Vector) -> float:
@@ -168,7 +157,7 @@ def falsify(
     return _findings(subject, trials), _broken(trials)
 
 
-def _broken(trials: Sequence[tuple[Vector, Trial]]) -> list[Falsified]:
+def _broken(trials: Sequence[tuple[Vector, Attempt]]) -> list[Falsified]:
     """Return the first counterexample of every obligation that was broken."""
     found: dict[Obligation, Falsified] = {}
     for count, (vector, trial) in enumerate(trials, start=1):
@@ -177,12 +166,12 @@ def _broken(trials: Sequence[tuple[Vector, Trial]]) -> list[Falsified]:
     return list(found.values())
 
 
-def _findings(subject: Subject, trials: Sequence[tuple[Vector, Trial]]) -> list[Finding]:
+def _findings(subject: TriedModule, trials: Sequence[tuple[Vector, Attempt]]) -> list[Finding]:
     name = subject.module.name
     valid = [trial for _, trial in trials if trial.valid]
     figures: dict[str, float | int | str | None] = {"trials": len(trials), "valid": len(valid)}
     findings = [
-        Finding(name, each.breach.obligation.value, Verdict.REJECTED, each.breach.text, {
+        Finding(name, each.breach.obligation.value, Certainty.REJECTED, each.breach.text, {
             **figures, "found_after": each.evaluations, "time_s": each.breach.time_s,
             "x_m": each.breach.x_m, "y_m": each.breach.y_m,
         })
@@ -193,7 +182,7 @@ def _findings(subject: Subject, trials: Sequence[tuple[Vector, Trial]]) -> list[
     if surprised:
         unfit = next((trial.unfit for trial in valid if trial.unfit), "the margin fell by more than R(T)")
         text = f"the model does not fit the robot at {surprised} looks: {unfit}"
-        findings.append(Finding(name, "model", Verdict.REJECTED, text, {**figures, "surprises": surprised}))
+        findings.append(Finding(name, "model", Certainty.REJECTED, text, {**figures, "surprises": surprised}))
     if "P2a" not in broken:
         findings.append(_p2a(subject, valid, figures))
     if "P2b" not in broken:
@@ -201,27 +190,27 @@ def _findings(subject: Subject, trials: Sequence[tuple[Vector, Trial]]) -> list[
     return sorted(findings, key=lambda each: each.condition)
 
 
-def _p2a(subject: Subject, valid: Sequence[Trial], figures: dict[str, float | int | str | None]) -> Finding:
+def _p2a(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
     name, phi_safe = subject.module.name, subject.module.phi_safe
     if phi_safe is None:
         text = "the rule is given by predicates only: there is no region that could be left"
-        return Finding(name, "P2a", Verdict.ASSUMED, text, figures)
+        return Finding(name, "P2a", Certainty.ASSUMED, text, figures)
     if not valid:
-        return Finding(name, "P2a", Verdict.ASSUMED, "no trial began inside phi_safe", figures)
+        return Finding(name, "P2a", Certainty.ASSUMED, "no trial began inside phi_safe", figures)
     # One that the AC, or a late switch, has led out says nothing about the safe controller.
     kept = [trial for trial in valid if not trial.breaches]
     if not kept:
-        return Finding(name, "P2a", Verdict.ASSUMED, "no trial got as far as its safe controller", figures)
+        return Finding(name, "P2a", Certainty.ASSUMED, "no trial got as far as its safe controller", figures)
     least = min(trial.least_margin for trial in kept)
     text = f"{len(kept)} trials, no safe controller left phi_safe; least margin {least:.3f} {phi_safe.unit}"
-    return Finding(name, "P2a", Verdict.TESTED, text, {**figures, "least_margin": least})
+    return Finding(name, "P2a", Certainty.TESTED, text, {**figures, "least_margin": least})
 
 
-def _p2b(subject: Subject, valid: Sequence[Trial], figures: dict[str, float | int | str | None]) -> Finding:
+def _p2b(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
     name = subject.module.name
     returns = [trial.return_s for trial in valid if not math.isnan(trial.return_s)]
     if not returns:
-        return Finding(name, "P2b", Verdict.ASSUMED, "the safe controller was never needed in any trial", figures)
+        return Finding(name, "P2b", Certainty.ASSUMED, "the safe controller was never needed in any trial", figures)
     longest = max(returns)
     text = f"{len(returns)} returns to phi_safer, the longest after {longest:.1f} s"
-    return Finding(name, "P2b", Verdict.TESTED, text, {**figures, "returns": len(returns), "longest_s": longest})
+    return Finding(name, "P2b", Certainty.TESTED, text, {**figures, "returns": len(returns), "longest_s": longest})

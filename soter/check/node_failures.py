@@ -6,6 +6,8 @@ import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from soter.errors import account_of
+
 
 class Collector(logging.Handler):
     """Keeps what the supervisor logs about nodes that fail, instead of printing it a thousand times."""
@@ -16,7 +18,7 @@ class Collector(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         failure = record.exc_info[1] if record.exc_info else None
-        self.texts.append(f"{record.getMessage()}: {failure!r}")
+        self.texts.append(f"{record.getMessage()}: {'' if failure is None else account_of(failure)}")
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Final
 
-from soter.check import Finding, Verdict
+from soter.check import Certainty, Finding
 from soter.config import MissionFile
 from soter.rta import Region, RTAModule
 from soter.sdk import Capabilities
@@ -25,7 +25,7 @@ from soter.stack.terrain import length_m
 _LOOKS: Final = 20
 """Return paths are looked at from so many places along the room, and across it."""
 
-_ORDER: Final = (Verdict.PROVED, Verdict.TESTED, Verdict.ASSUMED, Verdict.PARTLY, Verdict.REJECTED)
+_ORDER: Final = (Certainty.PROVED, Certainty.TESTED, Certainty.ASSUMED, Certainty.PARTLY, Certainty.REJECTED)
 
 
 def prove(
@@ -73,7 +73,7 @@ def _crowded(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
         "robots is needed to get past each other: they may wait for ever; smaller phi_safer_m and phi_safer_inset_m, "
         "or fewer robots, would do"
     )
-    return [Finding(COLLISION, "P2b", Verdict.PARTLY, text, {"robots": others + 1, "room": room})]
+    return [Finding(COLLISION, "P2b", Certainty.PARTLY, text, {"robots": others + 1, "room": room})]
 
 
 def _blocked(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
@@ -87,7 +87,7 @@ def _blocked(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
         "without the module 'collision' nobody makes way, and a body that stands on the return path blocks it for ever "
         f"({others + 1} robots)"
     )
-    return [Finding(name, condition, Verdict.PARTLY, text, {"robots": others + 1})]
+    return [Finding(name, condition, Certainty.PARTLY, text, {"robots": others + 1})]
 
 
 def _forbidden(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
@@ -119,7 +119,7 @@ def _crossed(name: str, rule: Region, robot_id: int, made: Declared) -> list[Fin
                 "that leaves a way around it, or a box in the workspace, would do"
             )
             figures = {"robot": robot_id, "x_m": where[0], "y_m": where[1]}
-            return [Finding(name, "P2c", Verdict.PARTLY, text, figures)]
+            return [Finding(name, "P2c", Certainty.PARTLY, text, figures)]
     return []
 
 
@@ -140,8 +140,8 @@ def _retreat(mission: MissionFile, made: Declared, promised: Capabilities, modul
         f"{way_m:.2f} m from the station lead to one; {back_s:.0f} s at the declared speeds"
     )
     return [
-        Finding(module.name, "P2a", Verdict.PROVED, stays, figures),
-        Finding(module.name, "P2b", Verdict.PROVED, returns, figures),
+        Finding(module.name, "P2a", Certainty.PROVED, stays, figures),
+        Finding(module.name, "P2b", Certainty.PROVED, returns, figures),
     ]
 
 
@@ -160,7 +160,7 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
             f"robot {robot_id}: {legs} turns on the return path use up to {100 * extra:.2f} % of a charge, more than "
             f"the reserve of {100 * module.keep:.2f} %; reserve_factor = {factor:g} would do"
         )
-        return [Finding(BATTERY, "P2a", Verdict.REJECTED, text, figures)]
+        return [Finding(BATTERY, "P2a", Certainty.REJECTED, text, figures)]
     others = len(made.others)
     waiting = f"; waiting for {others} other{'s'[: others != 1]} is tested, not proved" if others else ""
     stays = (
@@ -172,8 +172,8 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
         f"charged in {battery.charge_s:g} s"
     )
     return [
-        Finding(BATTERY, "P2a", Verdict.PROVED, stays, figures),
-        Finding(BATTERY, "P2b", Verdict.PROVED, returns, figures),
+        Finding(BATTERY, "P2a", Certainty.PROVED, stays, figures),
+        Finding(BATTERY, "P2b", Certainty.PROVED, returns, figures),
     ]
 
 
@@ -185,7 +185,7 @@ def _premise(made: Declared, name: str, promised: Capabilities) -> Finding | Non
         f"robot {made.place.id} overshoots by {promised.overshoot_m:g} m, more than its tube of {promised.tube_m:g} m, "
         "for which every leg is certified"
     )
-    return Finding(name, "P2a", Verdict.REJECTED, text)
+    return Finding(name, "P2a", Certainty.REJECTED, text)
 
 
 def _start_s(mission: MissionFile, promised: Capabilities) -> float:

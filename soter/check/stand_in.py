@@ -26,11 +26,6 @@ def stand_ins(mission: MissionFile, workspace: Workspace, robot: Capabilities) -
 
     They are built like those, and promise of the rest what is worse of their own figures and of the mission's robots'.
 
-    Args:
-        mission: the mission.
-        workspace: its robots.
-        robot: what the simulated robots declare.
-
     Raises:
         ConfigError: an option of the backend that is not allowed.
         BackendError: the mission's backend cannot be loaded.

@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
-from soter.check.conditions import Finding, Verdict, conditions
+from soter.check.conditions import Certainty, Finding, conditions
 from soter.check.falsify import falsify
-from soter.check.trial import Subject
+from soter.check.trial import TriedModule
 
 OBLIGATIONS: Final = ("P1a", "P1b", "P2a", "P2b", "P3", "model")
 """`model`: in no trial did the margin fall by more than the module's model allows."""
@@ -34,7 +34,7 @@ class ModuleSuite:
         assumed: obligations that are the author's word.
     """
 
-    subject: ClassVar[Callable[[], Subject]]
+    subject: ClassVar[Callable[[], TriedModule]]
     budget: ClassVar[int] = 100
     seed: ClassVar[int] = 0
     assumed: ClassVar[frozenset[str]] = frozenset()
@@ -51,7 +51,7 @@ class ModuleSuite:
         found = self._findings().get(obligation)
         if found is None:
             raise AssertionError(f"{obligation}: not looked at, because an earlier condition is rejected")
-        fine = {Verdict.PROVED, Verdict.TESTED, *([Verdict.ASSUMED] if obligation in self.assumed else [])}
+        fine = {Certainty.PROVED, Certainty.TESTED, *([Certainty.ASSUMED] if obligation in self.assumed else [])}
         if found.verdict not in fine:
             raise AssertionError(f"{found.module}, {obligation}: {found.verdict.value}: {found.text}")
 
@@ -61,11 +61,11 @@ class ModuleSuite:
         if "_found" not in cls.__dict__ or cls._found is None:
             subject = cls.subject()
             found = {each.condition: each for each in conditions(subject.module, subject.timing, subject.base_tick_s)}
-            if not any(each.verdict is Verdict.REJECTED for each in found.values()):
+            if not any(each.verdict is Certainty.REJECTED for each in found.values()):
                 tried, _ = falsify(subject, cls.budget, cls.seed)
                 found |= {each.condition: each for each in tried if each.condition != "model"}
                 fits = Finding(
-                    subject.module.name, "model", Verdict.TESTED, "no margin fell by more than the model allows"
+                    subject.module.name, "model", Certainty.TESTED, "no margin fell by more than the model allows"
                 )
                 found["model"] = next((each for each in tried if each.condition == "model"), fits)
             cls._found = found

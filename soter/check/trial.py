@@ -36,7 +36,7 @@ class Obligation(Enum):
         }[self]
 
 
-class Row(NamedTuple):
+class TrialRow(NamedTuple):
     """One robot at one tick of a trial, as ground truth has it.
 
     Attributes:
@@ -60,7 +60,7 @@ class Row(NamedTuple):
     driver: str
 
 
-class Breach(NamedTuple):
+class BrokenObligation(NamedTuple):
     """An obligation that a trial broke, and where.
 
     Attributes:
@@ -81,7 +81,7 @@ class Breach(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class Attempt:
     """One try.
 
     Attributes:
@@ -102,8 +102,8 @@ class Trial:
     return_s: float = math.nan
     spare: float = math.inf
     surprises: int = 0
-    breaches: tuple[Breach, ...] = ()
-    rows: Sequence[Row] = ()
+    breaches: tuple[BrokenObligation, ...] = ()
+    rows: Sequence[TrialRow] = ()
     unfit: str = ""
 
     def score(self, obligation: Obligation) -> float:
@@ -116,7 +116,7 @@ class Trial:
         return min(self.least_margin, -1e-9) if broken else max(self.least_margin, 0.0)
 
 
-class Subject(Protocol):
+class TriedModule(Protocol):
     """A module bound to robots, a world and an adversarial AC; every point of a unit cube is a way to try it."""
 
     @property
@@ -139,7 +139,7 @@ class Subject(Protocol):
     def patience_s(self) -> float:
         """How long the safe controller may take to get back to phi_safer."""
 
-    def run(self, vector: Sequence[float]) -> Trial:
+    def run(self, vector: Sequence[float]) -> Attempt:
         """Try one point: initial states and the AC's commands are read from it. The same point, the same trial."""
 
 
@@ -151,16 +151,7 @@ _TRACE_EVERY: Final = 5
 
 @dataclass(frozen=True, slots=True)
 class Counterexample:
-    """What it takes to break a module again.
-
-    Attributes:
-        subject: what was tried, in terms of whoever made the subject.
-        obligation: what broke.
-        time_s: when.
-        text: what happened.
-        vector: the point of the search.
-        trace_sha256: over all rows of the trial.
-    """
+    """What it takes to break a module again: the subject, as its maker tells it, and the point of the search."""
 
     subject: Mapping[str, Any]
     obligation: Obligation
@@ -169,7 +160,7 @@ class Counterexample:
     vector: tuple[float, ...]
     trace_sha256: str
 
-    def as_json(self, rows: Sequence[Row] = ()) -> str:
+    def as_json(self, rows: Sequence[TrialRow] = ()) -> str:
         """Return the content of its file; the rows are for people, a replay makes them anew."""
         return json.dumps(
             {
@@ -191,7 +182,7 @@ class Counterexample:
         )
 
 
-def trace_hash(trial: Trial) -> str:
+def trace_hash(trial: Attempt) -> str:
     """Return the SHA-256 over all rows of a trial."""
     return hashlib.sha256("\n".join(map(repr, map(tuple, trial.rows))).encode()).hexdigest()
 

@@ -89,7 +89,9 @@ class UserRules:
         """Return what the region says; no number where it fails, for a rule that cannot be judged is not kept."""
         try:
             return plain(region.margin(situation))
-        except Exception:
+        except KeyboardInterrupt:
+            raise
+        except BaseException:
             if name not in self._failed:
                 self._failed.add(name)
                 logger.exception("the rule of '%s' cannot be judged", name)

@@ -1,13 +1,12 @@
 """Injected faults: the `[[fault]]` tables of a mission file, on any backend."""
 
-from soter.faults.fault import Call, Command, Context, Fault, FaultOptions, Impairable, Impairment, Passage, Spacing
+from soter.faults.fault import Call, Context, Fault, FaultOptions, Impairable, Impairment, Passage, SentCommand, Spacing
 from soter.faults.kinds import BUILT_IN, FaultTable, read_faults
 from soter.faults.robot import FaultReport, FaultyFleet, FaultyRobot
 
 __all__ = [
     "BUILT_IN",
     "Call",
-    "Command",
     "Context",
     "Fault",
     "FaultOptions",
@@ -18,6 +17,7 @@ __all__ = [
     "Impairable",
     "Impairment",
     "Passage",
+    "SentCommand",
     "Spacing",
     "read_faults",
 ]

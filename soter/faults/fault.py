@@ -96,7 +96,7 @@ class Call(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class SentCommand:
     """One command on its way to the robot.
 
     Attributes:
@@ -121,7 +121,7 @@ class Passage(NamedTuple):
         overtakes: it arrives at its time even if what was sent before it has not; else the order is kept.
     """
 
-    command: Command
+    command: SentCommand
     delay_s: float = 0.0
     overtakes: bool = False
 
@@ -191,10 +191,6 @@ class Fault(Generic[O]):
 
     Times are seconds after the robot was ready. Everything is called in the supervisor's thread.
 
-    Args:
-        options: its table.
-        context: the rest.
-
     Attributes:
         affected: commands and samples that it has spoilt so far, or times that it has impaired the vehicle.
     """
@@ -219,7 +215,7 @@ class Fault(Generic[O]):
         """Return what this fault does to how often new samples come."""
         return Spacing()
 
-    def command(self, time_s: float, command: Command) -> Sequence[Passage]:
+    def command(self, time_s: float, command: SentCommand) -> Sequence[Passage]:
         """Return how a command gets through that is sent while the fault is on."""
         return (Passage(command),)
 

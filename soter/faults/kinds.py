@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,9 +9,10 @@ from random import Random
 from typing import Any, Final
 
 from soter.config import MissionFile, validate_options
-from soter.errors import ConfigError, nearest
+from soter.errors import ConfigError
 from soter.faults.fault import Context, Fault, FaultOptions
 from soter.faults.telemetry import ClockStepOptions
+from soter.loading import known_target, load_class
 from soter.sdk.robot import FUTURE_S
 
 BUILT_IN: Final[Mapping[str, str]] = {
@@ -35,13 +34,7 @@ _ROUNDING_S: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class FaultTable:
-    """One `[[fault]]` table that has been checked.
-
-    Attributes:
-        index: its place among the tables, from 0.
-        kind: the class of its faults.
-        options: what it says.
-    """
+    """One `[[fault]]` table that has been checked, with its place among them, from 0."""
 
     index: int
     kind: type[Fault[Any]]
@@ -59,10 +52,6 @@ class FaultTable:
 
 def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTable, ...]:
     """Check the `[[fault]]` tables of a mission, each with the model of its own kind.
-
-    Args:
-        mission: its tables.
-        robot_ids: the robots that there are.
 
     Raises:
         ConfigError: an unknown kind, option or robot, or a value that is not allowed.
@@ -101,17 +90,7 @@ def _read(mission: MissionFile, index: int, raw: Mapping[str, Any], robot_ids: S
 
 def _kind(name: str, refused: Callable[[str], ConfigError]) -> type[Fault[Any]]:
     """Import the class of a kind; `refused` makes the error."""
-    module_name, colon, class_name = BUILT_IN.get(name, name).partition(":")
-    if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
-        known = ", ".join(BUILT_IN)
-        hint = nearest(name, [*BUILT_IN])
-        raise refused(f"unknown kind '{name}'{hint}; known are {known}, or a class as 'module:Class'")
-    try:
-        found = getattr(importlib.import_module(module_name), class_name, None)
-    except ImportError as failure:
-        raise refused(f"kind '{name}': cannot import '{module_name}' ({failure})") from failure
-    if not (isinstance(found, type) and issubclass(found, Fault)) or inspect.isabstract(found):
-        raise refused(f"kind '{name}': '{class_name}' in '{module_name}' is not a subclass of soter.faults.Fault")
+    found = load_class(name, known_target(name, BUILT_IN, "kind", refused), Fault, refused)
     model = getattr(found, "options_model", None)
     if not (isinstance(model, type) and issubclass(model, FaultOptions)):
         raise refused(f"kind '{name}': it needs an 'options_model' that is a subclass of soter.faults.FaultOptions")

@@ -11,23 +11,13 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from soter.config.tables import wrong
-from soter.faults.fault import (
-    Call,
-    Command,
-    Context,
-    Fault,
-    FaultOptions,
-    Passage,
-    Probability,
-    Seconds,
-    Spacing,
-)
+from soter.faults import fault
 from soter.sdk import Capabilities, RobotState
 
 _ROUNDING_S = 1e-9
 
 
-class DelayOptions(FaultOptions):
+class DelayOptions(fault.FaultOptions):
     """Late commands, late samples.
 
     Attributes:
@@ -36,9 +26,9 @@ class DelayOptions(FaultOptions):
         jitter_s: up to so much more, drawn for each; the order is kept.
     """
 
-    commands_s: Seconds = 0.0
-    samples_s: Seconds = 0.0
-    jitter_s: Seconds = 0.0
+    commands_s: fault.Seconds = 0.0
+    samples_s: fault.Seconds = 0.0
+    jitter_s: fault.Seconds = 0.0
 
     @model_validator(mode="after")
     def _delays_something(self) -> Self:
@@ -47,12 +37,12 @@ class DelayOptions(FaultOptions):
         return self
 
 
-class Delay(Fault[DelayOptions]):
+class Delay(fault.Fault[DelayOptions]):
     """Commands and samples come late, in their order."""
 
-    options_model: ClassVar[type[FaultOptions]] = DelayOptions
+    options_model: ClassVar[type[fault.FaultOptions]] = DelayOptions
 
-    def __init__(self, options: DelayOptions, context: Context) -> None:
+    def __init__(self, options: DelayOptions, context: fault.Context) -> None:
         super().__init__(options, context)
         self._under_way: deque[tuple[float, RobotState]] = deque()
         self._last: RobotState | None = None
@@ -69,11 +59,11 @@ class Delay(Fault[DelayOptions]):
             sample_age_s=capabilities.sample_age_s + late_s,
         )
 
-    def spacing(self) -> Spacing:
+    def spacing(self) -> fault.Spacing:
         latest = self.ticks(self._latest_s)
         # One that comes and goes again and again lets some samples through at once, and others late.
         soonest = self.ticks(self.options.samples_s) if self.options.every_s is None and latest else 0
-        return Spacing(held=latest - soonest)
+        return fault.Spacing(held=latest - soonest)
 
     @property
     def _latest_s(self) -> float:
@@ -81,12 +71,12 @@ class Delay(Fault[DelayOptions]):
         options = self.options
         return options.samples_s + options.jitter_s if options.samples_s > 0.0 or options.commands_s == 0.0 else 0.0
 
-    def command(self, time_s: float, command: Command) -> Sequence[Passage]:
+    def command(self, time_s: float, command: fault.SentCommand) -> Sequence[fault.Passage]:
         options = self.options
         if options.commands_s == 0.0 and options.samples_s > 0.0:
-            return (Passage(command),)
+            return (fault.Passage(command),)
         self.affected += 1
-        return (Passage(command, options.commands_s + self._jitter_s()),)
+        return (fault.Passage(command, options.commands_s + self._jitter_s()),)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
         options = self.options
@@ -107,7 +97,7 @@ class Delay(Fault[DelayOptions]):
         return self.context.random.uniform(0.0, self.options.jitter_s) if self.options.jitter_s else 0.0
 
 
-class LossOptions(FaultOptions):
+class LossOptions(fault.FaultOptions):
     """Commands and samples that get lost.
 
     Attributes:
@@ -117,8 +107,8 @@ class LossOptions(FaultOptions):
         resend: a lost command is sent again at the next tick, as links do that acknowledge; else it is gone.
     """
 
-    commands: Probability = 0.0
-    samples: Probability = 0.0
+    commands: fault.Probability = 0.0
+    samples: fault.Probability = 0.0
     burst: Annotated[int, Field(ge=0, le=1_000_000)] = 1
     resend: bool = True
 
@@ -133,12 +123,12 @@ class LossOptions(FaultOptions):
         return self
 
 
-class Loss(Fault[LossOptions]):
+class Loss(fault.Fault[LossOptions]):
     """Commands and samples get lost, some in a row."""
 
-    options_model: ClassVar[type[FaultOptions]] = LossOptions
+    options_model: ClassVar[type[fault.FaultOptions]] = LossOptions
 
-    def __init__(self, options: LossOptions, context: Context) -> None:
+    def __init__(self, options: LossOptions, context: fault.Context) -> None:
         super().__init__(options, context)
         self._last: RobotState | None = None
         self._seen: RobotState | None = None
@@ -154,24 +144,24 @@ class Loss(Fault[LossOptions]):
             sample_age_s=capabilities.sample_age_s + (gap_s if options.samples > 0.0 else 0.0),
         )
 
-    def spacing(self) -> Spacing:
-        return Spacing(self.options.burst if self.options.samples > 0.0 else 0)
+    def spacing(self) -> fault.Spacing:
+        return fault.Spacing(self.options.burst if self.options.samples > 0.0 else 0)
 
-    def command(self, time_s: float, command: Command) -> Sequence[Passage]:
+    def command(self, time_s: float, command: fault.SentCommand) -> Sequence[fault.Passage]:
         options = self.options
         if not options.resend:
             lost = self._drawn(options.commands, self._commands_row)
             self._commands_row = self._commands_row + 1 if lost else 0
-            return () if lost else (Passage(command),)
+            return () if lost else (fault.Passage(command),)
         tick_s, end_s = self.context.tick_s, options.end_s(time_s)
         if options.commands == 1.0 and options.burst == 0:
             # A link that is cut: what waits gets through when it is mended.
             self.affected += 1
-            return (Passage(command, end_s - time_s),) if end_s < math.inf else ()
+            return (fault.Passage(command, end_s - time_s),) if end_s < math.inf else ()
         tries = 0
         while time_s + tries * tick_s < end_s - _ROUNDING_S and self._drawn(options.commands, tries):
             tries += 1
-        return (Passage(command, tries * tick_s),)
+        return (fault.Passage(command, tries * tick_s),)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
         if sample is self._seen:
@@ -193,7 +183,7 @@ class Loss(Fault[LossOptions]):
         return lost
 
 
-class DuplicateOptions(FaultOptions):
+class DuplicateOptions(fault.FaultOptions):
     """Commands and samples that come twice.
 
     Attributes:
@@ -203,9 +193,9 @@ class DuplicateOptions(FaultOptions):
         reorder: the copy does not hold up what was sent after the original: an old command acts after newer ones.
     """
 
-    commands: Probability = 0.0
-    samples: Probability = 0.0
-    after_s: Seconds = 0.0
+    commands: fault.Probability = 0.0
+    samples: fault.Probability = 0.0
+    after_s: fault.Seconds = 0.0
     reorder: bool = False
 
     @model_validator(mode="after")
@@ -219,12 +209,12 @@ class DuplicateOptions(FaultOptions):
         return self
 
 
-class Duplicate(Fault[DuplicateOptions]):
+class Duplicate(fault.Fault[DuplicateOptions]):
     """Commands come twice; old samples come again."""
 
-    options_model: ClassVar[type[FaultOptions]] = DuplicateOptions
+    options_model: ClassVar[type[fault.FaultOptions]] = DuplicateOptions
 
-    def __init__(self, options: DuplicateOptions, context: Context) -> None:
+    def __init__(self, options: DuplicateOptions, context: fault.Context) -> None:
         super().__init__(options, context)
         self._last: RobotState | None = None
         self._seen: RobotState | None = None
@@ -239,15 +229,15 @@ class Duplicate(Fault[DuplicateOptions]):
             sample_age_s=capabilities.sample_age_s + (self.context.tick_s if options.samples > 0.0 else 0.0),
         )
 
-    def spacing(self) -> Spacing:
-        return Spacing(1 if self.options.samples > 0.0 else 0)
+    def spacing(self) -> fault.Spacing:
+        return fault.Spacing(1 if self.options.samples > 0.0 else 0)
 
-    def command(self, time_s: float, command: Command) -> Sequence[Passage]:
+    def command(self, time_s: float, command: fault.SentCommand) -> Sequence[fault.Passage]:
         options = self.options
-        if command.call is Call.HALT or self.context.random.random() >= options.commands:
-            return (Passage(command),)
+        if command.call is fault.Call.HALT or self.context.random.random() >= options.commands:
+            return (fault.Passage(command),)
         self.affected += 1
-        return Passage(command), Passage(command, options.after_s, options.reorder)
+        return fault.Passage(command), fault.Passage(command, options.after_s, options.reorder)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
         if sample is self._seen:

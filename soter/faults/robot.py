@@ -5,13 +5,15 @@ from __future__ import annotations
 import heapq
 import logging
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from soter.clock import Clock
+from soter.config.tables import ReseedTable
 from soter.errors import SoterError, Unsupported
-from soter.faults.fault import Call, Command, Fault, Impairable, Impairment, Passage
+from soter.faults.fault import Call, Fault, Impairable, Impairment, Passage, SentCommand
 from soter.faults.kinds import FaultTable
 from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotState
 
@@ -31,15 +33,19 @@ class FaultyRobot(Robot):
         inner: the backend's robot; nobody else may use it from now on.
         clock: the clock of the faulty fleet.
         faults: what it suffers, in the order of the tables.
+        reseeds: when these begin to draw from other seeds.
     """
 
-    def __init__(self, inner: Robot, clock: Clock, faults: Sequence[Fault[Any]]) -> None:
+    def __init__(
+        self, inner: Robot, clock: Clock, faults: Sequence[Fault[Any]], reseeds: Sequence[ReseedTable] = ()
+    ) -> None:
         super().__init__(replace(inner.spec, promised=widened(inner.declared, faults)), clock)
         self.stale_after_s, self.down_after_s = inner.stale_after_s, inner.down_after_s
         self.inner: Final = inner
         self.faults: Final = tuple(faults)
+        self._reseeds: Final = deque(sorted(reseeds, key=lambda each: each.at_s))
         self._ready_s = math.inf
-        self._queue: list[tuple[float, int, Command]] = []
+        self._queue: list[tuple[float, int, SentCommand]] = []
         self._queued = 0
         self._last_due_s = -math.inf
         self._goal_behind: Goal | None = None
@@ -84,18 +90,19 @@ class FaultyRobot(Robot):
         return widened(self.inner.capabilities, self.faults)
 
     def _send_goto(self, goal: Goal) -> None:
-        self._send(Command(Call.GOTO, goal, goal.target))
+        self._send(SentCommand(Call.GOTO, goal, goal.target))
 
     def _hand_over(self, to: Controller) -> None:
-        self._send(Command(Call.SWITCH, to=to))
+        self._send(SentCommand(Call.SWITCH, to=to))
 
     def _renew_lease(self) -> None:
-        self._send(Command(Call.RENEW))
+        self._send(SentCommand(Call.RENEW))
 
     def _halt(self) -> None:
-        self._send(Command(Call.HALT))
+        self._send(SentCommand(Call.HALT))
 
     def _sample(self) -> RobotState | None:
+        self._reseed()
         self._impair()
         self.deliver()
         if self._late_failure is not None:
@@ -113,9 +120,8 @@ class FaultyRobot(Robot):
             self._vehicle.impair(*_WHOLE)
         self.inner.close(timeout_s)
 
-    # --- commands --------------------------------------------------------------------------------------------
-
-    def _send(self, command: Command) -> None:
+    def _send(self, command: SentCommand) -> None:
+        self._reseed()
         now_s = self.clock.now()
         time_s = now_s - self._ready_s
         passages = [Passage(command)]
@@ -136,7 +142,7 @@ class FaultyRobot(Robot):
                 self._queued += 1
                 heapq.heappush(self._queue, (due_s, self._queued, passage.command))
 
-    def _pass_on(self, command: Command) -> None:
+    def _pass_on(self, command: SentCommand) -> None:
         inner = self.inner
         if command.call is Call.RENEW:
             inner.renew_lease()
@@ -149,7 +155,12 @@ class FaultyRobot(Robot):
             self._goal_behind = inner.goto(command.target, command.goal.by)
             self._goal_sent = command.goal
 
-    # --- samples and the vehicle -----------------------------------------------------------------------------
+    def _reseed(self) -> None:
+        """Let the faults draw from another seed where its time has come."""
+        while self._reseeds and self._reseeds[0].at_s <= self.clock.now() + _ROUNDING_S:
+            seed = self._reseeds.popleft().seed
+            for index, fault in enumerate(self.faults):
+                fault.context.random.seed(f"fault {index}, robot {self.id}, reseed {seed}")
 
     def _read(self) -> RobotState:
         """Return the robot's own sample, with this robot's number of the goal that it works on."""
@@ -183,8 +194,8 @@ class FaultyRobot(Robot):
         self._vehicle.impair(*wanted)
         if came_back:
             # As an adapter does when its robot is there again: nothing that was before holds.
-            self._pass_on(Command(Call.SWITCH, to=Controller.SC))
-            self._send(Command(Call.SWITCH, to=self.in_charge))
+            self._pass_on(SentCommand(Call.SWITCH, to=Controller.SC))
+            self._send(SentCommand(Call.SWITCH, to=self.in_charge))
 
 
 def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabilities:
@@ -209,14 +220,7 @@ def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabil
 
 @dataclass(frozen=True, slots=True)
 class FaultReport:
-    """What one fault did to one robot.
-
-    Attributes:
-        kind: its kind.
-        robot_id: the robot.
-        declared: whether the stack was told.
-        affected: commands and samples that it spoilt, or times that it impaired the vehicle.
-    """
+    """What one fault did to one robot: how often it spoilt a command or sample, or impaired the vehicle."""
 
     kind: str
     robot_id: int
@@ -225,11 +229,7 @@ class FaultReport:
 
 
 class FaultyClock(Clock):
-    """A fleet's clock that delivers late commands at their time while it sleeps.
-
-    Args:
-        inner: the backend's clock.
-    """
+    """A fleet's clock that delivers late commands at their time while it sleeps."""
 
     def __init__(self, inner: Clock) -> None:
         self._inner: Final = inner
@@ -261,18 +261,26 @@ class FaultyFleet(Fleet):
         tables: the faults.
         seed: what is drawn, is drawn from it.
         tick_s: how often the state will be read.
+        reseeds: when the faults begin to draw from other seeds.
 
     Raises:
         Unsupported: a fault needs what a robot does not offer; nothing has moved.
     """
 
-    def __init__(self, inner: Fleet, tables: Sequence[FaultTable], seed: int, tick_s: float) -> None:
+    def __init__(
+        self,
+        inner: Fleet,
+        tables: Sequence[FaultTable],
+        seed: int,
+        tick_s: float,
+        reseeds: Sequence[ReseedTable] = (),
+    ) -> None:
         self.inner: Final = inner
         clock = FaultyClock(inner.clock)
         robots: list[Robot] = []
         for robot in inner.robots:
             faults = [table.made_for(robot.id, seed, tick_s) for table in tables if table.hits(robot.id)]
-            robots.append(FaultyRobot(robot, clock, faults) if faults else robot)
+            robots.append(FaultyRobot(robot, clock, faults, reseeds) if faults else robot)
         super().__init__(clock, robots, inner.truth)
         self._faulty: Final = tuple(robot for robot in self.robots if isinstance(robot, FaultyRobot))
         clock.robots = self._faulty

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from soter.config.tables import wrong
-from soter.faults.fault import Command, Context, Fault, FaultOptions, Passage, Spacing
+from soter.faults.fault import Context, Fault, FaultOptions, Passage, SentCommand, Spacing
 from soter.sdk import Capabilities, RobotState
 
 Offset = Annotated[float, Field(ge=-1000.0, le=1000.0, allow_inf_nan=False)]
@@ -115,7 +115,7 @@ class Bias(Fault[BiasOptions]):
             heading_noise_rad=None if noise_rad is None else noise_rad + abs(self.options.heading_rad),
         )
 
-    def command(self, time_s: float, command: Command) -> Sequence[Passage]:
+    def command(self, time_s: float, command: SentCommand) -> Sequence[Passage]:
         target, options = command.target, self.options
         if target is None:
             return (Passage(command),)

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 
 from soter.config.tables import wrong
-from soter.faults.fault import Command, Fault, FaultOptions, Impairment, Passage
+from soter.faults.fault import Fault, FaultOptions, Impairment, Passage, SentCommand
 from soter.sdk import Capabilities, RobotState
 
 Part = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
@@ -103,7 +103,7 @@ class Kill(Fault[KillOptions]):
     options_model: ClassVar[type[FaultOptions]] = KillOptions
     needs_vehicle: ClassVar[bool] = True
 
-    def command(self, time_s: float, command: Command) -> Sequence[Passage]:
+    def command(self, time_s: float, command: SentCommand) -> Sequence[Passage]:
         self.affected += 1
         return ()
 

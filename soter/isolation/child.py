@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from soter.isolation import sandbox
-from soter.isolation.sandbox import Box, InForce
+from soter.isolation.sandbox import InForce, SandboxRules
 from soter.scratch import Scratch
 
 MAX_MESSAGE_BYTES: Final = 1 << 17
@@ -88,7 +88,7 @@ class Child:
         *,
         output_fd: int | None = None,
         patience_s: float = PATIENCE_S,
-        box: Box | None = None,
+        box: SandboxRules | None = None,
     ) -> None:
         self._patience_s: Final = patience_s
         self._box: Final = box
@@ -243,7 +243,7 @@ def begin(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
     """Box this process in, if it is to be, and say first of all what is in force."""
     with contextlib.suppress(OSError):
         _OOM_SCORE_ADJ.write_text(_KILLED_FIRST, encoding="ascii")
-    boxed: tuple[Box, str, dict[str, str]] | None = pickle.load(stdin)  # noqa: S301 - from the parent
+    boxed: tuple[SandboxRules, str, dict[str, str]] | None = pickle.load(stdin)  # noqa: S301 - from the parent
     if boxed is None:
         return
     box, scratch, inherited = boxed

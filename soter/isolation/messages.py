@@ -6,10 +6,12 @@ texts and lists have a longest length. Positions in metres, workspace frame; tim
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal, TypeVar
+from typing import Annotated, Final, Self, TypeVar
 
 import msgspec
 
+from soter.errors import Garbage
+from soter.isolation.refused import Refused
 from soter.rta import ControlReport, GoalReport, Report
 from soter.sdk import Capabilities, RobotState, Waypoint
 
@@ -22,18 +24,12 @@ MAX_ANNOUNCED: Final = 16
 MAX_NEWS: Final = 1024
 MAX_MOVES: Final = 100
 MAX_TEXT: Final = 300
-MAX_LONG_TEXT: Final = 10_000
 
 Id = Annotated[int, msgspec.Meta(ge=0, lt=2**62)]
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
-LongText = Annotated[str, msgspec.Meta(max_length=MAX_LONG_TEXT)]
 
 
 M = TypeVar("M")
-
-
-class Garbage(ValueError):
-    """What came from another process is not what was agreed."""
 
 
 class _Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
@@ -43,21 +39,18 @@ class _Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fiel
 # --- to the mission ----------------------------------------------------------------------------------------
 
 
-class GoalEnd(_Message, tag="goal", frozen=True):
-    """A `GoalReport`."""
+class Reported(_Message, frozen=True):
+    """What a port has reported: one of the two."""
 
-    robot_id: int
-    goal_id: int
-    status: str
+    goal: GoalReport | None = None
+    control: ControlReport | None = None
 
-
-class Handover(_Message, tag="control", frozen=True):
-    """A `ControlReport`."""
-
-    robot_id: int
-    engaged: bool
-    module: str
-    cause: str
+    @classmethod
+    def of(cls, report: Report) -> Self:
+        """Return a report as it crosses."""
+        if isinstance(report, GoalReport):
+            return cls(goal=report)
+        return cls(control=report._replace(module=report.module[:MAX_TEXT], cause=report.cause[:MAX_TEXT]))
 
 
 class PeerSeen(_Message, frozen=True):
@@ -67,7 +60,7 @@ class PeerSeen(_Message, frozen=True):
     engaged: bool
 
 
-class Room(_Message, frozen=True):
+class Footprint(_Message, frozen=True):
     """The room that one robot takes.
 
     Attributes:
@@ -97,7 +90,7 @@ class Begin(_Message, tag="begin", frozen=True):
     fleet_s: float
     steady_s: float
     robot_ids: tuple[int, ...]
-    rooms: tuple[Room, ...]
+    rooms: tuple[Footprint, ...]
     recorded: bool = False
     peer_ids: tuple[int, ...] = ()
     capabilities: tuple[Capabilities, ...] = ()
@@ -121,7 +114,7 @@ class Tick(_Message, tag="tick", frozen=True):
     fleet_s: float
     steady_s: float
     states: tuple[RobotState | None, ...]
-    reports: tuple[GoalEnd | Handover, ...]
+    reports: tuple[Reported, ...]
     peers: tuple[PeerSeen, ...] = ()
 
 
@@ -130,16 +123,6 @@ class Tick(_Message, tag="tick", frozen=True):
 
 class Started(_Message, tag="started", frozen=True):
     """The ACs are there; `Begin` may come."""
-
-
-class Refused(_Message, tag="refused", frozen=True):
-    """The ACs cannot be made, and why: what the error says, and where a `ConfigError` is."""
-
-    kind: Literal["config", "backend", "other"]
-    message: LongText
-    source: LongText | None = None
-    line: int | None = None
-    key: LongText | None = None
 
 
 class Ask(_Message, frozen=True):
@@ -169,7 +152,7 @@ class TargetGiven(_Message, tag="given", frozen=True):
     y_m: float
 
 
-class TargetEnded(_Message, tag="ended", frozen=True):
+class TargetEndedMessage(_Message, tag="ended", frozen=True):
     """A target has ended, one way or another."""
 
     robot_id: Id
@@ -177,7 +160,7 @@ class TargetEnded(_Message, tag="ended", frozen=True):
     outcome: Text
 
 
-class Failed(_Message, frozen=True):
+class FailedForGood(_Message, frozen=True):
     """Something has failed for good: a robot's AC, or with None what all of them depend on."""
 
     robot_id: Id | None
@@ -213,8 +196,8 @@ class Turn(_Message, tag="turn", frozen=True):
 
     tick: Id
     asks: Annotated[tuple[Ask, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
-    news: Annotated[tuple[TargetGiven | TargetEnded, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
-    failures: Annotated[tuple[Failed, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
+    news: Annotated[tuple[TargetGiven | TargetEndedMessage, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
+    failures: Annotated[tuple[FailedForGood, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
     incidents: Annotated[tuple[Text, ...], msgspec.Meta(max_length=MAX_NEWS)] = ()
     paths_replaced: Id = 0
     moves: Annotated[tuple[Moved, ...], msgspec.Meta(max_length=MAX_MOVES)] = ()
@@ -235,8 +218,8 @@ _up: Final = msgspec.msgpack.Decoder(Up)
 _down: Final = msgspec.msgpack.Decoder(Down)
 
 
-def encode(message: Up | Down) -> bytes:
-    """Encode a message."""
+def encode(message: msgspec.Struct) -> bytes:
+    """Encode what another process decodes."""
     return _encoder.encode(message)
 
 
@@ -274,17 +257,3 @@ def decode_down(data: bytes) -> Down:
     """Decode a message of the supervisor's process."""
     message: Down = _down.decode(data)
     return message
-
-
-def packed(report: Report) -> GoalEnd | Handover:
-    """Return a port's report as it crosses."""
-    if isinstance(report, GoalReport):
-        return GoalEnd(report.robot_id, report.goal_id, report.status)
-    return Handover(report.robot_id, report.engaged, report.module[:MAX_TEXT], report.cause[:MAX_TEXT])
-
-
-def unpacked(message: GoalEnd | Handover) -> Report:
-    """Return a port's report as it was."""
-    if isinstance(message, GoalEnd):
-        return GoalReport(message.robot_id, message.goal_id, message.status)
-    return ControlReport(message.robot_id, message.engaged, message.module, message.cause)

@@ -20,15 +20,13 @@ from soter.isolation.messages import (
     Ask,
     Begin,
     Busy,
-    Handover,
-    Refused,
     Started,
     Tick,
     Turn,
     decode_down,
     encode,
-    unpacked,
 )
+from soter.isolation.refused import Refused
 from soter.isolation.watched_port import WatchedPort
 from soter.rta import Port, Report
 from soter.sdk import RobotState, Waypoint
@@ -158,12 +156,12 @@ class MissionEnd:
             port.state = state
         for port, seen in zip(self.peers.values(), tick.peers, strict=True):
             port.state, port.engaged = seen.state, seen.engaged
-        for report in tick.reports:
-            if isinstance(report, Handover):
-                self._handovers[report.robot_id] += 1
-                self.ports[report.robot_id].control(report.engaged, report.module, report.cause)
-            else:
-                self._hear(unpacked(report))
+        for goal, control in ((report.goal, report.control) for report in tick.reports):
+            if control is not None:
+                self._handovers[control.robot_id] += 1
+                self.ports[control.robot_id].control(control.engaged, control.module, control.cause)
+            elif goal is not None:
+                self._hear(goal)
 
     def _asks(self) -> Sequence[Ask]:
         asks = []
@@ -191,7 +189,9 @@ def _plain(command: Any) -> Waypoint | None:
         values: tuple[object, ...] = command
         plain = [float(value) if isinstance(value, Real) else value for value in values]
         return msgspec.convert(plain, Waypoint)
-    except (TypeError, ValueError, OverflowError, msgspec.ValidationError):
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - they are the AC's own objects
         return None
 
 

@@ -8,26 +8,10 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
+from soter.errors import Garbage
+from soter.isolation import messages
 from soter.isolation.child import Child, ChildDied
-from soter.isolation.messages import (
-    MAX_TURN_BYTES,
-    Ask,
-    Begin,
-    Busy,
-    Garbage,
-    GoalEnd,
-    Handover,
-    PeerSeen,
-    Refused,
-    Room,
-    Started,
-    TargetGiven,
-    Tick,
-    Turn,
-    decode_up,
-    encode,
-    packed,
-)
+from soter.isolation.refused import Refused
 from soter.rta import ControlReport, GoalReport, Port, Report, Request
 from soter.sdk import Capabilities, RobotState, Waypoint
 
@@ -68,7 +52,7 @@ class SupervisorEnd:
         self._steady: Final = steady
         self._ports: Ports = {}
         self._handovers: dict[int, int] = {}
-        self._reports: Final[deque[GoalEnd | Handover]] = deque()
+        self._reports: Final[deque[messages.Reported]] = deque()
         self._sent = 0
         self._answered = 0
         self._heard_steady_s = math.inf
@@ -77,7 +61,7 @@ class SupervisorEnd:
 
     # --- before the first tick ---------------------------------------------------------------------------------
 
-    def await_start(self, limit_s: float) -> Started | Refused | None:
+    def await_start(self, limit_s: float) -> messages.Started | Refused | None:
         """Wait for the mission's first message; None if none comes in time.
 
         Raises:
@@ -87,8 +71,8 @@ class SupervisorEnd:
         data = self._child.receive(limit_s)
         if data is None:
             return None
-        message = decode_up(data)
-        if not isinstance(message, Started | Refused):
+        message = messages.decode_up(data)
+        if not isinstance(message, messages.Started | Refused):
             raise Garbage("a first message of another kind")
         return message
 
@@ -96,7 +80,7 @@ class SupervisorEnd:
         self,
         ports: Ports,
         fleet_s: float,
-        rooms: tuple[Room, ...],
+        rooms: tuple[messages.Footprint, ...],
         *,
         recorded: bool = False,
         peers: tuple[int, ...] = (),
@@ -106,7 +90,7 @@ class SupervisorEnd:
         self._ports = ports
         self._handovers = dict.fromkeys(ports, 0)
         self._heard_steady_s = self._steady()
-        self._tell(Begin(
+        self._tell(messages.Begin(
             fleet_s, self._heard_steady_s, tuple(ports), rooms, recorded, peers, capabilities,
         ))  # fmt: skip
 
@@ -118,40 +102,42 @@ class SupervisorEnd:
             return
         if isinstance(report, ControlReport):
             self._handovers[report.robot_id] += 1
-        self._reports.append(packed(report))
+        self._reports.append(messages.Reported.of(report))
         if len(self._reports) > MAX_WAITING:
             self.fail(f"it takes no reports: {MAX_WAITING} wait for it")
 
     def send(
-        self, now_s: float, fleet_s: float, states: Sequence[RobotState | None], peers: Sequence[PeerSeen] = ()
+        self, now_s: float, fleet_s: float, states: Sequence[RobotState | None], peers: Sequence[messages.PeerSeen] = ()
     ) -> None:
         """Tell of a tick. Where there is no room the next one takes its place; what was reported is kept."""
         if self.failure:
             return
         count = min(len(self._reports), MAX_REPORTS)
         reports = tuple(self._reports[index] for index in range(count))
-        if self._tell(Tick(self._sent + 1, now_s, fleet_s, self._steady(), tuple(states), reports, tuple(peers))):
+        if self._tell(
+            messages.Tick(self._sent + 1, now_s, fleet_s, self._steady(), tuple(states), reports, tuple(peers))
+        ):
             self._sent += 1
             for _ in range(count):
                 self._reports.popleft()
 
-    def receive(self) -> list[Turn]:
+    def receive(self) -> list[messages.Turn]:
         """Return what the mission has said since the last tick, put what it asks for into the ports, judge its silence.
 
         The turns are checked: they answer ticks that were sent, each once, and concern robots that there are.
         """
-        turns: list[Turn] = []
+        turns: list[messages.Turn] = []
         read = 0
         try:
             for _ in range(MAX_MESSAGES):
-                data = None if self.failure or read > MAX_TURN_BYTES else self._child.receive()
+                data = None if self.failure or read > messages.MAX_TURN_BYTES else self._child.receive()
                 if data is None:
                     break
                 read += len(data)
-                message = decode_up(data)
-                if isinstance(message, Busy):
+                message = messages.decode_up(data)
+                if isinstance(message, messages.Busy):
                     self._handler = message.handler
-                elif isinstance(message, Turn):
+                elif isinstance(message, messages.Turn):
                     self._check(message)
                     self._take(message)
                     turns.append(message)
@@ -175,11 +161,9 @@ class SupervisorEnd:
             self._reports.clear()
             self._child.end()
 
-    # --- the rest ----------------------------------------------------------------------------------------------
-
-    def _tell(self, message: Begin | Tick) -> bool:
+    def _tell(self, message: messages.Begin | messages.Tick) -> bool:
         try:
-            return self._child.send(encode(message))
+            return self._child.send(messages.encode(message))
         except ChildDied:
             self._closed()
             return False
@@ -192,7 +176,7 @@ class SupervisorEnd:
         elif self._closed_ticks > _CLOSED_TICKS:
             self.fail("its process has closed the link")
 
-    def _check(self, turn: Turn) -> None:
+    def _check(self, turn: messages.Turn) -> None:
         if not self._answered < turn.tick <= self._sent:
             raise Garbage(f"an answer to tick {turn.tick}, expected: {self._answered + 1} to {self._sent}")
         concerned = [
@@ -204,19 +188,19 @@ class SupervisorEnd:
         if unknown:
             raise Garbage(f"there is no robot {unknown[0]}")
         for each in turn.news:
-            if isinstance(each, TargetGiven) and not math.isfinite(each.x_m + each.y_m):
+            if isinstance(each, messages.TargetGiven) and not math.isfinite(each.x_m + each.y_m):
                 raise Garbage("a target that is not finite")
         if not all(math.isfinite(moved.time_s) for moved in turn.moves):
             raise Garbage("a time that is not finite")
 
-    def _take(self, turn: Turn) -> None:
+    def _take(self, turn: messages.Turn) -> None:
         self._answered = turn.tick
         self._heard_steady_s = self._steady()
         self._handler = ""
         for ask in turn.asks:
             self._ask(ask)
 
-    def _ask(self, ask: Ask) -> None:
+    def _ask(self, ask: messages.Ask) -> None:
         if ask.handover != self._handovers[ask.robot_id]:
             # What was asked for before control was lost must not move anything after it has come back.
             self.hear(GoalReport(ask.robot_id, ask.goal_id, "rejected"))

@@ -8,8 +8,8 @@ from typing import Final
 
 from soter.config import MissionFile, validate_options
 from soter.config.tables import SURVEILLANCE
-from soter.errors import ConfigError, nearest
-from soter.loading import described, file_of, load_named
+from soter.errors import ConfigError
+from soter.loading import described, file_of, known_target, load_class
 from soter.missions.mission import Mission
 
 BUILT_IN: Final[Mapping[str, str]] = {SURVEILLANCE: "soter.missions.surveillance:Surveillance"}
@@ -27,15 +27,7 @@ def mission_class(file: MissionFile) -> type[Mission]:
     def refused(message: str) -> ConfigError:
         return file.refusal("mission", message)
 
-    if name not in BUILT_IN and ":" not in name and file_of(name) is None:
-        known = ", ".join(BUILT_IN)
-        raise refused(
-            f"there is no mission '{name}'{nearest(name, list(BUILT_IN))}; there is {known}, or a class as "
-            "'file.py:Class' or 'module:Class'"
-        )
-    found = load_named(BUILT_IN.get(name, name), refused, Mission)
-    if not (isinstance(found, type) and issubclass(found, Mission)):
-        raise refused(f"'{name}' is {found!r}, allowed: a subclass of soter.Mission")
+    found = load_class(name, known_target(name, BUILT_IN, "mission", refused, files=True), Mission, refused)
     if found.begin is Mission.begin and not inspect.iscoroutinefunction(found.run):
         raise refused(f"`run` of '{name}' is no coroutine; write it as `async def run(self, robot)`, without `yield`")
     if found.begin is Mission.begin and found.run is Mission.run:
@@ -56,7 +48,9 @@ def make_mission(file: MissionFile) -> Mission:
     options = validate_options(found.Options, file.options, file.source, "mission", overridden=file.overridden)
     try:
         return found(options)
-    except Exception as failure:  # foreign code
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code
         raise file.refusal(
             "mission", f"'{file.mission.use}' failed: {described(failure, file_of(file.mission.use))}"
         ) from failure

@@ -11,14 +11,14 @@ from typing import Final, Protocol
 
 from soter.config import MissionFile
 from soter.geometry.workspace import Workspace
-from soter.rta import Mode, Report, Request, RobotSupervisor, SwitchRecord
-from soter.sdk import Fleet, Waypoint
+from soter.rta import Report, Request, RobotSupervisor, SwitchRecord
+from soter.sdk import Controller, Fleet, Waypoint
 from soter.stack.actuator import RobotActuator
 from soter.stack.assembly import SafetySide, assemble
 
 logger = logging.getLogger(__name__)
 
-AC: Final = "AC"
+AC: Final = Controller.AC.value
 
 _ANYWHERE: Final = Waypoint(0.0, 0.0)
 
@@ -50,12 +50,6 @@ class Telling(Protocol):
 
 class Watcher:
     """The safety side of a mission without the mission.
-
-    Args:
-        mission: its `rta` and `battery` tables.
-        workspace: fence, boxes, chargers.
-        fleet: its robots, ready.
-        telling: told of everything.
 
     Attributes:
         disengagements: by robot, how often SOTER took it over.
@@ -117,7 +111,7 @@ class Watcher:
 class _Elsewhere(RobotActuator):
     """A robot whose AC commands it past SOTER: what is sent in the AC's name goes nowhere."""
 
-    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Mode) -> None:
+    def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Controller) -> None:
         if not isinstance(command, Request):
             super().drive(command, mode)
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from soter.errors import RunFailed, SoterError
+from soter.errors import SoterError
 from soter.geometry.workspace import Workspace
 from soter.loading import described
 from soter.machine import Event, Goto, Machine, MachineRef, Next, State
 from soter.missions.stage import Stage
 from soter.sdk import RobotState, Waypoint
-from soter.stack.events import TRIES, Outcome, TargetEnded, VisitTarget
+from soter.stack.events import TRIES, TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.kit import RobotPort
 from soter.stack.remote import RemoteKit, robot_agent
 
@@ -39,17 +39,17 @@ class Arrival:
         reason: why it did, or why no path led there, in words.
     """
 
-    outcome: Outcome
+    outcome: TargetOutcome
     module: str = ""
     reason: str = ""
 
     def __bool__(self) -> bool:
-        return self.outcome is Outcome.REACHED
+        return self.outcome is TargetOutcome.REACHED
 
     @property
     def why(self) -> str:
         """The end in words: reached, timed out, taken over by a module, or refused."""
-        if self.outcome in {Outcome.REACHED, Outcome.TIMED_OUT}:
+        if self.outcome in {TargetOutcome.REACHED, TargetOutcome.TIMED_OUT}:
             return "reached" if self else "timed out"
         return f"taken over by {self.module}" if self.module else f"refused: {self.reason}"
 
@@ -147,15 +147,7 @@ class Wake(Event):
 
 @dataclass(frozen=True)
 class Script:
-    """What a script's machine is told.
-
-    Attributes:
-        run: the coroutine function.
-        robot_id: whom it is for.
-        stage: where it plays.
-        target_ids: numbers targets, those of all robots of the mission.
-        on_end: to be called when the script has ended.
-    """
+    """What a script's machine is told."""
 
     run: Callable[[Robot], Coroutine[object, object, None]]
     robot_id: int
@@ -183,11 +175,13 @@ class RobotScript(Machine):
         await self.sleep(0.0)
         try:
             await script.run(Robot(self, robot_id, stage, agent))
-        except (RunFailed, KeyboardInterrupt, GeneratorExit):
+        except (KeyboardInterrupt, GeneratorExit):
             raise
         except BaseException as failure:
             file = Path(script.run.__code__.co_filename) if hasattr(script.run, "__code__") else None
-            raise ScriptFailed(described(failure, file)) from failure
+            # What asyncio says where its loop is looked for.
+            hint = "; a script waits with robot.sleep and robot.until" if "event loop" in str(failure) else ""
+            raise ScriptFailed(f"{described(failure, file)}{hint}") from failure
         script.on_end()
         return Goto(self.Ended)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from soter.geometry.workspace import Workspace
 from soter.machine import Machine, MachineRef
-from soter.stack.events import Outcome, Place
+from soter.stack.events import Place, TargetOutcome
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.remote import RemoteKit
 
@@ -37,5 +37,5 @@ class Stage:
     ports: Mapping[int, RobotPort]
     create: Callable[[type[Machine], object, str], MachineRef]
     on_target: Callable[[int, int, Place], None]
-    on_ended: Callable[[int, int, Outcome], None]
+    on_ended: Callable[[int, int, TargetOutcome], None]
     say: Callable[[str, str], None]

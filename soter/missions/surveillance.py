@@ -14,7 +14,7 @@ from soter.geometry.workspace import Workspace
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.missions.mission import Mission
 from soter.missions.stage import Stage
-from soter.stack.events import Outcome, Place, RobotJoined, TargetEnded, VisitTarget
+from soter.stack.events import Place, RobotJoined, TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.kit import RobotKit
 from soter.stack.remote import RemoteKit, robot_agent
 
@@ -103,7 +103,7 @@ class Tasks:
     kits: Mapping[int, RobotKit | RemoteKit]
     next_target: Callable[[int], Place]
     on_target: Callable[[int, int, Place], None]
-    on_ended: Callable[[int, int, Outcome], None]
+    on_ended: Callable[[int, int, TargetOutcome], None]
 
 
 class TaskPlanner(Machine):

@@ -59,15 +59,7 @@ class Target(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """What the vehicle can do; the defaults are a TurtleBot3 Burger's.
-
-    Attributes:
-        v_max_m_s: top speed.
-        yaw_rate_max_rad_s: top turn rate.
-        accel_m_s2: how fast speed grows.
-        brake_m_s2: how fast it falls.
-        yaw_accel_rad_s2: how fast the turn rate changes.
-    """
+    """What the vehicle can do; the defaults are a TurtleBot3 Burger's."""
 
     v_max_m_s: float = 0.22
     yaw_rate_max_rad_s: float = 2.84
@@ -101,10 +93,6 @@ class Drive:
     any other makes the robot brake to rest, pivot, and drive. A target with a heading is driven to backwards where
     that arrives closer to the heading; what is left is turned in place at the end. Without a heading the robot
     drives forwards.
-
-    Args:
-        limits: of the vehicle.
-        period_s: time between two calls of `command`.
     """
 
     __slots__ = (

@@ -25,10 +25,6 @@ class Mux(Generic[C, T]):
         in_charge: the controller in charge at first.
         lease_s: a lease dies this long after its last renewal, in vehicle time.
         command_s: a command dies this long after it was given; infinite for goals, short for streamed velocities.
-
-    Attributes:
-        in_charge: the controller in charge.
-        command: its latest command, or None.
     """
 
     __slots__ = ("_given_s", "_renewed_s", "_seen_s", "command", "command_s", "in_charge", "lease_s")

@@ -9,12 +9,7 @@ from soter.onboard.gate import Gate
 
 
 class Velocity(NamedTuple):
-    """What a differential-drive robot is asked for.
-
-    Attributes:
-        forward_m_s: along its heading.
-        turn_rad_s: counter-clockwise.
-    """
+    """What a differential-drive robot is asked for: along its heading, and counter-clockwise."""
 
     forward_m_s: float = 0.0
     turn_rad_s: float = 0.0

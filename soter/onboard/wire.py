@@ -10,8 +10,10 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-AC: Final = "AC"
-SC: Final = "SC"
+from soter.controller import Controller
+
+AC: Final = Controller.AC.value
+SC: Final = Controller.SC.value
 CONTROLLERS: Final = (AC, SC)
 
 CMD_VEL: Final = "cmd_vel"

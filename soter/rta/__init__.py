@@ -21,9 +21,10 @@ from soter.rta.models import (
 from soter.rta.module import Region, RTAModule, Timing
 from soter.rta.monitors import ModuleMonitor, PeerMonitor
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
-from soter.rta.situation import Mode, Sample, Situation
-from soter.rta.supervisor import SUPERVISOR, RobotSupervisor, SwitchRecord, Watch
+from soter.rta.situation import Sample, Situation
+from soter.rta.supervisor import RobotSupervisor
 from soter.rta.topics import Node, Topic
+from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 
 __all__ = [
     "PEER_SILENT_S",
@@ -39,7 +40,6 @@ __all__ = [
     "DirectedReach",
     "DischargeBound",
     "GoalReport",
-    "Mode",
     "ModuleMonitor",
     "Motion",
     "Node",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from soter.rta.situation import Mode, Sample
+from soter.controller import Controller
+from soter.rta.situation import Sample
 
 
 class Actuator(Protocol):
@@ -13,16 +14,16 @@ class Actuator(Protocol):
     def read(self) -> Sample:
         """Return the latest sample without waiting."""
 
-    def drive(self, command: Any, mode: Mode) -> None:
+    def drive(self, command: Any, mode: Controller) -> None:
         """Pass on a command of the controller in charge; None means stop."""
 
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+    def hand_over(self, mode: Controller, module: str, cause: str) -> None:
         """Put another controller in charge; flush what the one before had in flight."""
 
     def renew(self) -> None:
         """Let the robot move on for another lease."""
 
-    def reported(self, sample: Sample) -> Mode | None:
+    def reported(self, sample: Sample) -> Controller | None:
         """Return who is in charge as the robot itself reports it in a sample; None where it does not report that."""
 
     def insist(self) -> None:

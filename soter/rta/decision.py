@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from typing import Final, Protocol
 
+from soter.controller import Controller
 from soter.rta.module import Region, RTAModule, Timing, plain
 from soter.rta.monitors import ModuleMonitor
-from soter.rta.situation import Mode, Situation
+from soter.rta.situation import Situation
 
 STARTS: Final = "start"
 """The cause of a module that has been in SC since it was bound."""
@@ -38,6 +39,7 @@ class DecisionModule:
         base_tick_s: period of the supervisor.
         permission: who else has a say.
         safer_alone: give back wherever phi_safer holds, for studies: as well formed as the module must be for that.
+        foreign: its code is the user's own, which may change what it is given.
 
     Attributes:
         module: the declaration.
@@ -57,12 +59,13 @@ class DecisionModule:
         base_tick_s: float,
         permission: Permission | None = None,
         safer_alone: bool = False,
+        foreign: bool = False,
     ) -> None:
         self.module: Final = module
         self.name: Final = module.name
         self.every_ticks: Final = max(1, round(module.delta_s / base_tick_s))
         self.rank = 0
-        self.mode = Mode.SC
+        self.mode = Controller.SC
         self.cause = STARTS
         self.margin = math.nan
         self.reach = 0.0
@@ -70,6 +73,7 @@ class DecisionModule:
         self.delta_s: Final = module.delta_s
         self._permission = permission
         self._safer_alone = safer_alone
+        self._foreign = foreign
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
         # The age of the sample is known when it is judged; the horizon has its bound instead.
@@ -77,25 +81,26 @@ class DecisionModule:
         self._phi_safe = module.phi_safe
         self._model = module.model
         self._keep = module.keep
-        self._noise = module.phi_safe.noise(timing.noise_m) if module.phi_safe is not None else 0.0
+        self._noise = plain(module.phi_safe.noise(timing.noise_m)) if module.phi_safe is not None else 0.0
         unit = "" if module.phi_safe is None else module.phi_safe.unit
         self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s, unit)
         self._fixed_reach = (
-            module.model.bound(self._look_s)
+            plain(module.model.bound(self._look_s))
             if module.model is not None and not module.model.depends_on_state
             else math.nan
         )
-        self._horizon_reach = module.model.bound(module.horizon_s(timing)) if module.model is not None else math.inf
+        model = module.model
+        self._horizon_reach = math.inf if model is None else plain(model.bound(module.horizon_s(timing)))
 
     def decide(self, situation: Situation) -> bool:
         """Judge the situation, as is done every Delta; return whether the mode changed."""
         before = self.mode
-        changed = self._decide(situation)
+        changed = self._decide(situation.copy() if self._foreign else situation)
         self.monitor.look(situation.now_s, self.margin, before, self.mode)
         return changed
 
     def _decide(self, situation: Situation) -> bool:
-        if self.mode is Mode.AC:
+        if self.mode is Controller.AC:
             if self._in_danger(situation):
                 self.force(situation.now_s, self.cause)
                 return True
@@ -105,7 +110,7 @@ class DecisionModule:
             return False
         if self._permission is not None and not self._permission.permits(self.name, situation):
             return False
-        self.mode = Mode.AC
+        self.mode = Controller.AC
         self.cause = ""
         self.since_s = situation.now_s
         self._was_engaged = True
@@ -114,7 +119,7 @@ class DecisionModule:
 
     def observe(self, situation: Situation) -> None:
         """Follow the margin between two decisions while in SC, so that a dwell may be shorter than Delta."""
-        self._follow(situation)
+        self._follow(situation.copy() if self._foreign else situation)
         self.monitor.look(situation.now_s, self.margin, self.mode, self.mode)
 
     def _follow(self, situation: Situation) -> None:
@@ -127,15 +132,15 @@ class DecisionModule:
 
     def force(self, now_s: float, cause: str) -> None:
         """Go to SC, or stay there with the dwell begun anew, for a cause found outside the margin."""
-        if self.mode is Mode.AC:
-            self.mode = Mode.SC
+        if self.mode is Controller.AC:
+            self.mode = Controller.SC
             self.since_s = now_s
         self.cause = cause
         self._judged_ok_since_s = math.nan
 
     def take(self, now_s: float, cause: str) -> None:
         """Take the robot from its AC though the margin allows it, because others need it to."""
-        if self.mode is Mode.AC:
+        if self.mode is Controller.AC:
             self.monitor.to_sc += 1
             self.force(now_s, cause)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 from soter.rta.assumptions import Assumption
-from soter.rta.monitors import Finding, PeerMonitor
+from soter.rta.monitors import BrokenAssumption, PeerMonitor
 from soter.rta.situation import Sample
 from soter.rta.supervisor import RobotSupervisor
 
@@ -40,7 +40,7 @@ class RemotePeer(Protocol):
     def needs_charge(self) -> bool:
         """Return whether it is on its way to charge, and low."""
 
-    def found(self) -> Finding | None:
+    def found(self) -> BrokenAssumption | None:
         """Return what is wrong with what it reports of itself, if anything, and forget it."""
 
 
@@ -107,13 +107,7 @@ class Neighbours:
     def assign(
         self, robots: Sequence[RobotSupervisor], samples: Sequence[Sample], others: Sequence[Sample] = ()
     ) -> None:
-        """Refresh `situation.peers` of every robot.
-
-        Args:
-            robots: whose situations.
-            samples: of each of them.
-            others: of robots that are not among them, peers of all that are.
-        """
+        """Refresh `situation.peers` of every robot; the others are peers of all, and not among them."""
         count = len(robots)
         if count <= FEW:
             for index, robot in enumerate(robots):
@@ -184,7 +178,9 @@ class Supervisor:
             for robot in robots:
                 if cause := robot.uncontrolled:
                     # It may go wherever its promise lets it, and gives way to nobody.
-                    found.setdefault(robot.robot_id, Finding(Assumption.PEERS, f"robot {robot.robot_id}: {cause}"))
+                    found.setdefault(
+                        robot.robot_id, BrokenAssumption(Assumption.PEERS, f"robot {robot.robot_id}: {cause}")
+                    )
         others = self._hear(now_s, found) if self._remote else ()
         if found and self._still is not None:
             samples = [self._still.bounded(now_s, sample) for sample in samples]
@@ -202,7 +198,7 @@ class Supervisor:
             robot.act()
         self._tick = tick + 1
 
-    def _hear(self, now_s: float, found: dict[int, Finding]) -> list[Sample]:
+    def _hear(self, now_s: float, found: dict[int, BrokenAssumption]) -> list[Sample]:
         """Return what is known of the robots of other supervisors, and have all robots hold where that is not enough.
 
         Both sides hold: who does not hear the other, and who does not know that the other hears it.
@@ -220,7 +216,7 @@ class Supervisor:
                     robot.hold(held)
         return samples
 
-    def _distrust(self, found: Mapping[int, Finding]) -> None:
+    def _distrust(self, found: Mapping[int, BrokenAssumption]) -> None:
         """Tell every robot which of its peers do not keep to what is assumed of them."""
         if not found:
             return
@@ -231,16 +227,16 @@ class Supervisor:
                     robot.distrust(finding)
 
 
-def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: int) -> Finding | None:
+def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: int) -> BrokenAssumption | None:
     """Return why a robot may not move because of a peer's silence; None if it may."""
     if sample is None:
-        return Finding(Assumption.PEERS, f"robot {peer.robot_id}: not heard of yet")
+        return BrokenAssumption(Assumption.PEERS, f"robot {peer.robot_id}: not heard of yet")
     silent_s = now_s - sample.stamp_s
     if silent_s > PEER_SILENT_S + _ROUNDING_S:
         cause = f"robot {peer.robot_id}: not heard of for {silent_s:.3f} s"
-        return Finding(Assumption.PEERS, cause, silent_s - PEER_SILENT_S, "s")
+        return BrokenAssumption(Assumption.PEERS, cause, silent_s - PEER_SILENT_S, "s")
     unheard_s = now_s - peer.heard_of(robot_id)
     if unheard_s > PEER_SILENT_S + _ROUNDING_S:
         cause = f"robot {peer.robot_id} is not known to have heard of this one for {unheard_s:.3f} s"
-        return Finding(Assumption.PEERS, cause, unheard_s - PEER_SILENT_S, "s")
+        return BrokenAssumption(Assumption.PEERS, cause, unheard_s - PEER_SILENT_S, "s")
     return None

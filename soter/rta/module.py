@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from soter.errors import IllFormedModule
+from soter.errors import IllFormedModule, account_of
 from soter.rta.models import ReachModel
-from soter.rta.situation import Situation
+from soter.rta.situation import Sample, Situation
 from soter.rta.topics import Node
 
 _ROUNDING = 1e-9
@@ -108,6 +108,44 @@ class Region(ABC):
         return noise_m
 
 
+def margin_of(region: Region, situation: Situation) -> float:
+    """Return what a rule says of a situation; no number where foreign code fails, which a run takes as outside."""
+    return _answer(region, situation.copy())
+
+
+def looks_at_peers(region: Region, situation: Situation) -> bool:
+    """Return whether a rule looks at the peers of a situation that has some."""
+    watched = situation.copy()
+    watched.peers = peers = _Watched(situation.peers)
+    _answer(region, watched)
+    return peers.looked_at
+
+
+def _answer(region: Region, situation: Situation) -> float:
+    try:
+        return plain(region.margin(situation))
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - foreign code
+        return math.nan
+
+
+class _Watched(Sequence[Sample]):
+    """Samples that note that somebody looks at them."""
+
+    def __init__(self, samples: Sequence[Sample]) -> None:
+        self._samples = samples
+        self.looked_at = False
+
+    def __getitem__(self, index: Any) -> Any:
+        self.looked_at = True
+        return self._samples[index]
+
+    def __len__(self) -> int:
+        self.looked_at = True
+        return len(self._samples)
+
+
 @dataclass(frozen=True, slots=True)
 class RTAModule:
     """A safety module: who drives, who rescues, when to look, what to keep.
@@ -174,12 +212,19 @@ class RTAModule:
         Raises:
             IllFormedModule: names the condition, the numbers and a value that would do.
         """
-        self._check_declaration()
-        self._check_periods(base_tick_s)
-        if self.phi_safe is not None and self.model is not None:
-            self._check_reach(self.phi_safe, self.model, timing, base_tick_s)
-        if self.premise is not None:
-            self.premise(self, timing)
+        try:
+            self._check_declaration()
+            self._check_periods(base_tick_s)
+            if self.phi_safe is not None and self.model is not None:
+                self._check_reach(self.phi_safe, self.model, timing, base_tick_s)
+                # Samples are tested against each model once.
+                hash(self.model.of_own())
+            if self.premise is not None:
+                self.premise(self, timing)
+        except (IllFormedModule, KeyboardInterrupt):
+            raise
+        except BaseException as failure:  # foreign code
+            raise IllFormedModule(self.name, "P3", f"it fails when it is asked: {account_of(failure)}") from failure
 
     def _check_declaration(self) -> None:
         if not 0.0 < self.delta_s < math.inf:
@@ -190,6 +235,8 @@ class RTAModule:
             raise IllFormedModule(self.name, "P2c", f"lets_go_s is {self.lets_go_s}, allowed: 0 or more")
         if not self.peers_within_m >= 0.0:
             raise IllFormedModule(self.name, "P1a", f"peers_within_m is {self.peers_within_m}, allowed: 0 or more")
+        if self.phi_safe is not None and not isinstance(self.phi_safe.unit, str):
+            raise IllFormedModule(self.name, "P3", f"the unit of phi_safe is {self.phi_safe.unit!r}, allowed: a text")
         by_margin = self.phi_safe is not None and self.model is not None
         by_predicate = self.ttf_2delta is not None
         if by_margin == by_predicate:
@@ -226,9 +273,9 @@ class RTAModule:
     def _check_reach(self, phi_safe: Region, model: ReachModel, timing: Timing, base_tick_s: float) -> None:
         if not isinstance(self.phi_safer, Region):
             return
-        edge, noise = phi_safe.edge_margin(self.phi_safer), phi_safe.noise(timing.noise_m)
+        edge, noise = plain(phi_safe.edge_margin(self.phi_safer)), plain(phi_safe.noise(timing.noise_m))
         horizon_s = self.horizon_s(timing)
-        reach = model.bound(horizon_s)
+        reach = plain(model.bound(horizon_s))
         # Written so that what is not a number is refused.
         if edge - noise - self.keep - reach >= -_ROUNDING:
             return

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from soter.controller import Controller
 from soter.rta.assumptions import Assumption
 from soter.rta.models import ReachModel
 from soter.rta.module import Timing
-from soter.rta.situation import Mode, Sample
+from soter.rta.situation import Sample
 
 AHEAD_S: Final = 0.1
 """How far a stamp may be ahead of fleet time before its clock counts as wrong, not only as a little fast."""
@@ -23,7 +24,7 @@ _ROUNDING_M: Final = 1e-6
 _ROUNDING_S: Final = 1e-9
 
 
-class Finding(NamedTuple):
+class BrokenAssumption(NamedTuple):
     """An assumption that was seen not to hold, and what was seen.
 
     Attributes:
@@ -75,15 +76,15 @@ class ModuleMonitor:
     least_margin: float = field(default=math.inf, init=False)
     broken: int = field(default=0, init=False)
     surprises: int = field(default=0, init=False)
-    found: Finding | None = field(default=None, init=False)
+    found: BrokenAssumption | None = field(default=None, init=False)
     _last_margin: float = field(default=math.nan, init=False)
     _last_s: float = field(default=math.nan, init=False)
 
-    def look(self, now_s: float, margin: float, before: Mode, after: Mode) -> None:
+    def look(self, now_s: float, margin: float, before: Controller, after: Controller) -> None:
         """Take one look of the decision module."""
         self.looks += 1
         if before is not after:
-            if after is Mode.SC:
+            if after is Controller.SC:
                 self.to_sc += 1
             else:
                 self.to_ac += 1
@@ -91,7 +92,7 @@ class ModuleMonitor:
         if model is None:
             return
         elapsed_s = now_s - self._last_s
-        if before is Mode.SC and elapsed_s > 0.0:
+        if before is Controller.SC and elapsed_s > 0.0:
             self.sc_s += elapsed_s
         if margin < self.least_margin:
             self.least_margin = margin
@@ -102,59 +103,56 @@ class ModuleMonitor:
             if -math.inf < margin < -self.noise:
                 first = math.isnan(self._last_margin)
                 assumption = Assumption.START if first else Assumption.RECOVERY
-                self.found = Finding(assumption, f"margin {margin:.3f}", -margin, self.unit)
+                self.found = BrokenAssumption(assumption, f"margin {margin:.3f}", -margin, self.unit)
         elif math.inf > fall > (most := model.bound(max(0.0, elapsed_s) + self.sample_age_s) + 2.0 * self.noise):
             self.surprises += 1
             if not model.of_pairs:
                 # The samples are tested on their own: where they are right, it is the world that has changed.
                 cause = f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s"
-                self.found = Finding(Assumption.WORKSPACE, cause, fall - most, self.unit)
+                self.found = BrokenAssumption(Assumption.WORKSPACE, cause, fall - most, self.unit)
         self._last_margin, self._last_s = margin, now_s
 
 
 class SampleMonitor:
-    """Tests every sample of one robot against the clock, the declared age, and the sample before it.
-
-    Args:
-        models: whose reach sets a sample has to lie in.
-        timing: the robot's declared age and noise.
-    """
+    """Tests every sample of one robot against the clock, the declared age, and the sample before it."""
 
     def __init__(self, models: Sequence[ReachModel], timing: Timing) -> None:
         self._models: Final = tuple(models)
         self._timing: Final = timing
 
-    def look(self, now_s: float, before: Sample, sample: Sample) -> Finding | None:
+    def look(self, now_s: float, before: Sample, sample: Sample) -> BrokenAssumption | None:
         """Return what is wrong with a sample that was read at fleet time `now_s`, or None."""
         age_s = now_s - sample.stamp_s
         most_s = self._timing.sample_age_s
         if age_s > most_s + _ROUNDING_S:
             cause = f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s"
-            return Finding(Assumption.SAMPLE_AGE, cause, age_s - most_s, "s")
+            return BrokenAssumption(Assumption.SAMPLE_AGE, cause, age_s - most_s, "s")
         if sample is before:
             return None
         if age_s < -AHEAD_S:
-            return Finding(Assumption.CLOCK, f"sample is stamped {-age_s:.3f} s ahead of the clock", -age_s, "s")
+            return BrokenAssumption(
+                Assumption.CLOCK, f"sample is stamped {-age_s:.3f} s ahead of the clock", -age_s, "s"
+            )
         if sample.stamp_s < before.stamp_s:
             back_s = before.stamp_s - sample.stamp_s
-            return Finding(Assumption.CLOCK, f"stamps went back by {back_s:.3f} s", back_s, "s")
+            return BrokenAssumption(Assumption.CLOCK, f"stamps went back by {back_s:.3f} s", back_s, "s")
         for model in self._models:
             if not model.admits(before, sample, self._timing.noise_m):
                 return self._outside(model, before, sample)
         return None
 
-    def _outside(self, model: ReachModel, before: Sample, sample: Sample) -> Finding:
+    def _outside(self, model: ReachModel, before: Sample, sample: Sample) -> BrokenAssumption:
         cause = f"sample outside the reach set of {type(model).__name__}"
         if model.assumption is not Assumption.MOTION:
-            return Finding(model.assumption, cause, *model.excess(before, sample, self._timing.noise_m))
+            return BrokenAssumption(model.assumption, cause, *model.excess(before, sample, self._timing.noise_m))
         way_m, elapsed_s = _apart_m(before, sample), sample.stamp_s - before.stamp_s
         speed_m_s = max(_speed_m_s(before), _speed_m_s(sample))
         cause += f": {way_m:.3f} m in {elapsed_s:.3f} s at no more than {speed_m_s:.3f} m/s"
         # A robot that is too fast says so itself; one that is merely elsewhere has a wrong idea of where it is.
         unexplained_m = way_m - (speed_m_s * elapsed_s + 2.0 * self._timing.noise_m + _ROUNDING_M)
         if unexplained_m > 0.0:
-            return Finding(Assumption.POSITION_NOISE, cause, unexplained_m, "m")
-        return Finding(Assumption.MOTION, cause, *model.excess(before, sample, self._timing.noise_m))
+            return BrokenAssumption(Assumption.POSITION_NOISE, cause, unexplained_m, "m")
+        return BrokenAssumption(Assumption.MOTION, cause, *model.excess(before, sample, self._timing.noise_m))
 
 
 class StopMonitor:
@@ -191,12 +189,12 @@ class StopMonitor:
         """Note whether the lease was withheld."""
         self._lease.note(now_s, sample, withheld)
 
-    def look(self, now_s: float, sample: Sample) -> Finding | None:
+    def look(self, now_s: float, sample: Sample) -> BrokenAssumption | None:
         """Return what is wrong with a robot that ran on, or None."""
         overrun = self._lease.overrun(now_s, sample, self._noise_m)
         if overrun is not None:
             cause, too_far_m = overrun
-            return Finding(Assumption.LEASE, f"its lease was withheld, and it {cause}", too_far_m, "m")
+            return BrokenAssumption(Assumption.LEASE, f"its lease was withheld, and it {cause}", too_far_m, "m")
         weak = self._weak(sample)
         if weak is not None:
             return weak
@@ -207,9 +205,9 @@ class StopMonitor:
         cause, too_far_m = overrun
         brakes = _speed_m_s(sample) < _AT_SPEED * _speed_m_s(start)
         assumption = Assumption.BRAKING if brakes else Assumption.LATENCY
-        return Finding(assumption, f"told to stop, it {cause}", too_far_m, "m")
+        return BrokenAssumption(assumption, f"told to stop, it {cause}", too_far_m, "m")
 
-    def _weak(self, sample: Sample) -> Finding | None:
+    def _weak(self, sample: Sample) -> BrokenAssumption | None:
         """Return that the speed of a robot that brakes falls too slowly, or None."""
         start, since, brake_m_s2 = self._told.start, self._braking, self._brake_m_s2
         if start is None or brake_m_s2 is None or sample is since:
@@ -229,7 +227,7 @@ class StopMonitor:
         # Judged anew from here, as above.
         self._braking = sample
         cause = f"told to stop, it still did {speed_m_s:.3f} m/s after {passed_s:.3f} s, at most {most_m_s:.3f} m/s"
-        return Finding(Assumption.BRAKING, cause, speed_m_s - most_m_s, "m/s")
+        return BrokenAssumption(Assumption.BRAKING, cause, speed_m_s - most_m_s, "m/s")
 
 
 class _Order:
@@ -280,7 +278,7 @@ class PeerMonitor:
         self._silent_s: Final = silent_s
         self._before: dict[int, Sample] = {}
 
-    def look(self, now_s: float, samples: Sequence[Sample]) -> dict[int, Finding]:
+    def look(self, now_s: float, samples: Sequence[Sample]) -> dict[int, BrokenAssumption]:
         """Return what is wrong, by the id of the robot whose sample it is."""
         before, found = self._before, {}
         for sample in samples:
@@ -292,12 +290,12 @@ class PeerMonitor:
                 if last is not None and not model.admits(last, sample, noise_m):
                     cause = f"robot {robot_id}: sample outside the reach set that it promises to its peers"
                     excess = model.excess(last, sample, noise_m)
-                    found[robot_id] = Finding(Assumption.PEERS, cause, *excess)
+                    found[robot_id] = BrokenAssumption(Assumption.PEERS, cause, *excess)
                     continue
             silent_s = now_s - sample.stamp_s
             if silent_s > self._silent_s + _ROUNDING_S:
                 cause = f"robot {robot_id}: not heard of for {silent_s:.3f} s"
-                found[robot_id] = Finding(Assumption.PEERS, cause, silent_s - self._silent_s, "s")
+                found[robot_id] = BrokenAssumption(Assumption.PEERS, cause, silent_s - self._silent_s, "s")
         return found
 
 

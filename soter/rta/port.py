@@ -42,14 +42,7 @@ class GoalReport(NamedTuple):
 
 
 class ControlReport(NamedTuple):
-    """The robot changed hands.
-
-    Attributes:
-        robot_id: whose port.
-        engaged: True when the AC has got control, False when it has lost it.
-        module: the safety module that took control, or gave it back last.
-        cause: in words.
-    """
+    """The robot changed hands: the module took control from the AC, or was the last to give it back."""
 
     robot_id: int
     engaged: bool

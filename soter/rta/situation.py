@@ -3,18 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
 from typing import Protocol
-
-
-class Mode(Enum):
-    """Who drives, as a decision module sees it."""
-
-    AC = "AC"
-    SC = "SC"
-
-    def __str__(self) -> str:
-        return self.value
 
 
 class Sample(Protocol):
@@ -64,3 +53,9 @@ class Situation:
         self.now_s = now_s
         self.age_s = now_s - own.stamp_s
         self.peers: Sequence[Sample] = ()
+
+    def copy(self) -> Situation:
+        """Return one for foreign code, which may change what it is given: others must not see that."""
+        made = Situation(self.robot_id, self.own, self.now_s)
+        made.age_s, made.peers = self.age_s, tuple(self.peers)
+        return made

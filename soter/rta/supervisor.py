@@ -5,23 +5,21 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final
 
-from soter.errors import Intruder, Uncontrolled
+from soter.controller import Controller
+from soter.errors import Intruder, Uncontrolled, account_of
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule
 from soter.rta.models import ReachModel
 from soter.rta.module import Timing
-from soter.rta.monitors import Finding, SampleMonitor, StopMonitor
-from soter.rta.situation import Mode, Sample, Situation
+from soter.rta.monitors import BrokenAssumption, SampleMonitor, StopMonitor
+from soter.rta.situation import Sample, Situation
 from soter.rta.topics import Node, Topic
+from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 
 logger = logging.getLogger(__name__)
-
-SUPERVISOR = "supervisor"
-"""Named as the module when a disengagement comes from an assumption that failed, not from a module's margin."""
-
 
 _ROUNDING_S: Final = 1e-9
 
@@ -30,35 +28,6 @@ UNHEARD_S: Final = 3.0
 
 ALARM_S: Final = 0.3
 """A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
-
-
-class SwitchRecord(NamedTuple):
-    """One change of control of a robot, or of the module that drives.
-
-    Attributes:
-        time_s: fleet time.
-        robot_id: which robot.
-        before: module that drove, or None for the AC.
-        after: module that drives now, or None for the AC.
-        module: the one that caused the change: the first that fired, or the last that released.
-        cause: in words.
-        joined: further modules that fired in the same tick.
-    """
-
-    time_s: float
-    robot_id: int
-    before: str | None
-    after: str | None
-    module: str
-    cause: str
-    joined: tuple[str, ...]
-
-
-class Watch(Protocol):
-    """Somebody who is told of every switch; may not change anything."""
-
-    def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
-        """Called when a robot changed hands, before its new driver's first command."""
 
 
 class RobotSupervisor:
@@ -104,7 +73,7 @@ class RobotSupervisor:
         for rank, module in enumerate(self.modules):
             module.rank = rank
         self.actuator: Final = actuator
-        self.mode = Mode.SC if modules else Mode.AC
+        self.mode = Controller.SC if modules else Controller.AC
         first = self.modules[0] if modules else None
         self.driver: DecisionModule | None = first
         self._without_ac: Final = next((module for module in self.modules if module.name == without_ac), first)
@@ -165,30 +134,31 @@ class RobotSupervisor:
             if not math.isfinite(sample.x_m + sample.y_m + sample.stamp_s):
                 # Comparisons with NaN are false: a minimum over distances would leave it out, for this robot and peers.
                 raise ValueError(f"the sample is not finite: {sample}")
-        except Exception as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
-            situation.age_s = max(0.0, now_s - before.stamp_s)
-            self._look_for_silence()
-            self._raise_alarm(Assumption.SAMPLE_AGE, f"no state: {failure}")
+        except KeyboardInterrupt:
+            raise
+        except BaseException as failure:  # noqa: BLE001 - whatever fails here, the robot goes to its SC
+            self._take_age(before)
+            self._raise_alarm(Assumption.SAMPLE_AGE, f"no state: {account_of(failure, str)}")
             return before
         situation.own = sample
-        # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
-        situation.age_s = max(0.0, now_s - sample.stamp_s)
-        self._look_for_silence()
+        self._take_age(sample)
         try:
             for found in (self._samples.look(now_s, before, sample), self._stop.look(now_s, sample)):
                 if found is not None:
                     self._raise_alarm(*found)
             self._look_for_owner(sample)
-        except Exception as failure:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as failure:
             # Models may be the user's own, and who is in charge is an adapter's word.
             logger.exception("robot %d: its sample could not be tested", self.robot_id)
-            self._raise_alarm(Assumption.MOTION, f"its sample could not be tested: {failure!r}")
+            self._raise_alarm(Assumption.MOTION, f"its sample could not be tested: {account_of(failure)}")
         return sample
 
     def _clock_went_back(self, by_s: float) -> None:
         self.situation.now_s -= by_s
         for module in self.modules:
-            if module.mode is Mode.SC:
+            if module.mode is Controller.SC:
                 # What held since a time that is yet to come has not held for any time.
                 module.force(self.situation.now_s, module.cause)
         self._raise_alarm(Assumption.CLOCK, f"fleet time went back by {by_s:.3f} s", by_s, "s")
@@ -209,8 +179,9 @@ class RobotSupervisor:
         elif settled and self._reports and reported is None:
             self._disobeyed(f"the robot does not report any more that {self.mode} is in charge")
 
-    def _look_for_silence(self) -> None:
-        age_s = self.situation.age_s
+    def _take_age(self, sample: Sample) -> None:
+        # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
+        age_s = self.situation.age_s = max(0.0, self.situation.now_s - sample.stamp_s)
         if age_s > UNHEARD_S:
             self._lose_control(f"it has not been heard of for {age_s:.1f} s")
 
@@ -221,12 +192,12 @@ class RobotSupervisor:
         self._lose_control(cause)
         self._raise_alarm(Assumption.AUTHORITY, cause)
 
-    def distrust(self, finding: Finding) -> None:
+    def distrust(self, finding: BrokenAssumption) -> None:
         """Take control from the AC for a while, because of what was found out about a peer."""
         self._peer_unsure = True
         self._raise_alarm(*finding)
 
-    def hold(self, finding: Finding) -> None:
+    def hold(self, finding: BrokenAssumption) -> None:
         """Have the robot stand at this tick, whoever would drive it, because nobody knows where a peer is, or it."""
         self._held = True
         self.distrust(finding)
@@ -261,26 +232,28 @@ class RobotSupervisor:
                             late_s - self._timing.jitter_s, "s",
                         )  # fmt: skip
                     if module.decide(situation):
-                        if module.mode is Mode.SC:
+                        if module.mode is Controller.SC:
                             fired.append(module)
                         else:
                             released = module
-                elif module.mode is Mode.SC:
+                elif module.mode is Controller.SC:
                     module.observe(situation)
-            except Exception as failure:
-                cause = f"decision module failed: {failure!r}"
+            except KeyboardInterrupt:
+                raise
+            except BaseException as failure:
+                cause = f"decision module failed: {account_of(failure)}"
                 if module.cause != cause:
                     # Once, and not at every look: it may go on failing for as long as the run lasts.
                     logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
-                if module.mode is Mode.AC:
+                if module.mode is Controller.AC:
                     fired.append(module)
                 module.force(now_s, cause)
             self._look_at(module)
-            if driver is None and module.mode is Mode.SC:
+            if driver is None and module.mode is Controller.SC:
                 driver = module
         if driver is None and (now_s < self._alarmed_until_s or self.ac_failure):
             driver = self._without_module()
-        if driver is not self.driver or (driver is None and self.mode is Mode.SC):
+        if driver is not self.driver or (driver is None and self.mode is Controller.SC):
             self._change_driver(driver, fired, released)
         elif driver is None and not self._announced_ac:
             self._announced_ac = True
@@ -303,7 +276,7 @@ class RobotSupervisor:
             # The margin is one to where a silent peer may be, which falls without anybody moving.
             return
         cause = f"'{module.name}': {found.cause}"
-        if module.mode is Mode.AC:
+        if module.mode is Controller.AC:
             self._raise_alarm(found.assumption, cause, found.excess, found.unit)
         else:
             # The module has the robot already, and keeps it until phi_safer.
@@ -323,7 +296,9 @@ class RobotSupervisor:
                     # Where it was going was dropped.
                     node.engage(situation)
                 node.step(situation)
-            except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
+            except KeyboardInterrupt:
+                raise
+            except BaseException as failure:  # noqa: BLE001 - a controller that fails must not take others along
                 self._isolate(node, failure)
                 self._sent = waypoint.count
             if waypoint.count != self._sent:
@@ -361,16 +336,18 @@ class RobotSupervisor:
         try:
             call()
             return True
-        except Exception as failure:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as failure:
             self._refused = True
-            if repr(failure).startswith(Uncontrolled.MARK):
-                self._disobeyed(repr(failure))
-                return False
-            if repr(failure).startswith(Intruder.MARK):
-                self._raise_alarm(Assumption.AUTHORITY, repr(failure))
-                return False
-            logger.exception("robot %d: its interface failed", self.robot_id)
-            self._raise_alarm(Assumption.LATENCY, f"interface failed: {failure!r}")
+            words = account_of(failure)
+            if words.startswith(Uncontrolled.MARK):
+                self._disobeyed(words)
+            elif words.startswith(Intruder.MARK):
+                self._raise_alarm(Assumption.AUTHORITY, words)
+            else:
+                logger.exception("robot %d: its interface failed", self.robot_id)
+                self._raise_alarm(Assumption.LATENCY, f"interface failed: {words}")
             return False
 
     def _without_module(self) -> DecisionModule | None:
@@ -380,21 +357,19 @@ class RobotSupervisor:
             return None
         return self._without_ac if self.ac_failure else self.modules[0]
 
-    # --- changes of hands ------------------------------------------------------------------------------------
-
     def _change_driver(
         self, driver: DecisionModule | None, fired: Sequence[DecisionModule], released: DecisionModule | None
     ) -> None:
         before = self.driver
         was = self.mode
         self.driver = driver
-        self.mode = Mode.AC if driver is None else Mode.SC
+        self.mode = Controller.AC if driver is None else Controller.SC
         first = fired[0] if fired else released or driver or before
         name = first.name if first is not None else ""
         cause = first.cause if first is not None else ""
-        if was is Mode.AC and not fired:
+        if was is Controller.AC and not fired:
             name, cause = SUPERVISOR, self._alarm or self.ac_failure
-            if driver is not None and driver.mode is Mode.SC:
+            if driver is not None and driver.mode is Controller.SC:
                 # Nothing has failed, and its margin would do: others need room.
                 name, cause = driver.name, driver.cause
         if self.mode is not was or before is not driver:
@@ -407,7 +382,7 @@ class RobotSupervisor:
         record = SwitchRecord(
             self.situation.now_s,
             self.robot_id,
-            before.name if before is not None and was is Mode.SC else None,
+            before.name if before is not None and was is Controller.SC else None,
             driver.name if driver is not None else None,
             name,
             cause,
@@ -416,18 +391,22 @@ class RobotSupervisor:
         for watch in self._watches:
             try:
                 watch.on_switch(record, self)
-            except Exception:
+            except KeyboardInterrupt:
+                raise
+            except BaseException:
                 # Watches look at what the AC intends, which is untrusted; statistics must not cost the robots anything.
                 logger.exception("robot %d: a watch failed", self.robot_id)
         self._sent = self._waypoint.count
         if driver is not None:
             try:
                 driver.module.sc.engage(self.situation)
-            except Exception as failure:  # noqa: BLE001 - a controller that fails must not take others along
+            except KeyboardInterrupt:
+                raise
+            except BaseException as failure:  # noqa: BLE001 - a controller that fails must not take others along
                 self._isolate(driver.module.sc, failure)
 
-    def _isolate(self, node: Node, failure: Exception) -> None:
+    def _isolate(self, node: Node, failure: BaseException) -> None:
         logger.error("robot %d: node '%s' failed", self.robot_id, node.name, exc_info=failure)
         self._drive(None)
-        if self.mode is Mode.AC:
-            self.fail_ac(f"AC failed: {failure!r}")
+        if self.mode is Controller.AC:
+            self.fail_ac(f"AC failed: {account_of(failure)}")

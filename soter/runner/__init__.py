@@ -2,7 +2,8 @@
 
 from soter.runner.progress import Progress, RobotProgress
 from soter.runner.result import Run, RunResult, TargetCounts, TickTimes
-from soter.runner.run import Study, run_mission
+from soter.runner.run import run_mission
+from soter.stack.assembly import Study
 
 __all__ = [
     "Progress",

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from soter.config import MissionFile
-from soter.isolation.sandbox import Box
+from soter.isolation.sandbox import SandboxRules
 from soter.loading import file_of
 
 
-def box_of(mission: MissionFile, process: str | None = None) -> Box | None:
+def box_of(mission: MissionFile, process: str | None = None) -> SandboxRules | None:
     """Return the box of a mission's process, or of a planner; None where it is to have none.
 
     Args:
@@ -29,7 +29,7 @@ def box_of(mission: MissionFile, process: str | None = None) -> Box | None:
     if process is not None:
         table = mission.distribution
         read += _files({**table.bus, **table.processes[process].bus})
-    return Box(
+    return SandboxRules(
         mission.isolation.sandbox == "require", tuple(str(Path(path).absolute()) for path in read), process is not None
     )
 

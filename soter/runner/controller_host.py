@@ -6,13 +6,19 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
+from operator import methodcaller
 from typing import Final
 
 from soter.config import MissionFile
 from soter.controllers import Arena, Controller, build
+from soter.errors import account_of
 from soter.geometry.workspace import Workspace
+from soter.isolation.messages import MAX_TEXT
 from soter.rta import Report
-from soter.runner.mission_host import Scene
+from soter.runner.mission_host import MAX_INCIDENTS, Scene
+from soter.runner.watchdog import CutOff
+from soter.stack.site_terrain import terrain_of
 
 logger = logging.getLogger(__name__)
 
@@ -37,9 +43,9 @@ class _Driver:
         return type(self.controller).__name__
 
     @property
-    def handler(self) -> str:
+    def acts(self) -> str:
         """What runs at a tick, in messages."""
-        return f"{self.name}.{'step' if type(self.controller).act is Controller.act else 'act'}"
+        return "step" if type(self.controller).act is Controller.act else "act"
 
 
 class ControllerHost:
@@ -47,16 +53,13 @@ class ControllerHost:
 
     A controller that fails costs its own robots their AC, and nothing else.
 
-    Args:
-        mission: its `ac` names the controller.
-        workspace: with the robots.
-
     Raises:
         ConfigError: no such controller, or options that it does not allow.
     """
 
     paths_replaced = 0
     done = False
+    sandbox = None
 
     def __init__(self, mission: MissionFile, workspace: Workspace) -> None:
         self._mission: Final = mission
@@ -71,53 +74,66 @@ class ControllerHost:
     def ready(self) -> None:
         """Nothing runs elsewhere."""
 
+    def receive(self) -> None:
+        """Nothing is said elsewhere."""
+
     def start(self, scene: Scene) -> None:
         """Give every controller its ports."""
         mission = self._mission
         for driver in self._drivers:
             ids = driver.robot_ids
-            # A controller of a fleet knows one body: the largest.
-            terrain = max((scene.rooms[each].terrain for each in ids), key=lambda each: each.body_radius_m)
+            # A controller of a fleet knows one body: the largest. What it does to it no module is to see.
+            radius_m = max(scene.rooms[each].terrain.body_radius_m for each in ids)
             arena = Arena(
-                terrain, {each: scene.ports[each] for each in ids}, {**scene.ports, **scene.peers},
-                {each: scene.capabilities[each] for each in ids}, mission.rta, mission.base_tick_s, mission.seed,
+                terrain_of(scene.workspace, radius_m), {each: scene.ports[each] for each in ids},
+                {**scene.ports, **scene.peers}, {each: scene.capabilities[each] for each in ids}, mission.rta,
+                mission.base_tick_s, mission.seed,
             )  # fmt: skip
-            self._attempt(driver, partial(driver.controller.begin, arena))
+            self._attempt(driver, "begin", methodcaller("begin", arena))
 
     def hear(self, report: Report) -> None:
         """Pass on what a port reports."""
         driver = self._driver_of[report.robot_id]
-        self._attempt(driver, partial(driver.controller.hear, report))
+        self._attempt(driver, "hear", methodcaller("hear", report))
 
     def run(self, now_s: float) -> None:
         """Let every controller act."""
         tick, self._tick = self._tick, self._tick + 1
         for driver in self._drivers:
-            self.current_handler = driver.handler
-            self._attempt(driver, partial(self._act, driver, now_s, tick))
-        self.current_handler = None
+            self._attempt(driver, driver.acts, partial(self._act, driver, now_s, tick))
 
     def close(self) -> None:
         """End what the controllers started."""
         for driver in self._drivers:
+            self.current_handler = f"{driver.name}.close"
             try:
                 driver.controller.close()
-            except Exception:
+            except CutOff as failure:
+                logger.error("%s", failure)
+            except KeyboardInterrupt:
+                raise
+            except BaseException:
                 logger.exception("%s could not be closed", driver.name)
 
-    def _act(self, driver: _Driver, now_s: float, tick: int) -> None:
-        driver.controller.act(now_s, tick)
-        found = driver.controller.incidents
-        self.incidents += found[driver.incidents :]
-        driver.incidents = len(found)
+    def _act(self, driver: _Driver, now_s: float, tick: int, controller: Controller) -> None:
+        controller.act(now_s, tick)
+        found = [*islice(controller.incidents[driver.incidents :], MAX_INCIDENTS - len(self.incidents))]
+        self.incidents += [str.encode(each, errors="backslashreplace").decode()[:MAX_TEXT] for each in found]
+        driver.incidents += len(found)
 
-    def _attempt(self, driver: _Driver, call: Callable[[], None]) -> None:
+    def _attempt(self, driver: _Driver, handler: str, call: Callable[[Controller], object]) -> None:
         """Call a controller, unless it has failed already."""
         if driver.robot_ids[0] in self.failures:
             return
+        self.current_handler = f"{driver.name}.{handler}"
         try:
-            call()
-        except (Exception, SystemExit) as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
-            cause = f"{driver.name} failed: {failure!r}"
-            logger.error("robots %s: %s", ", ".join(map(str, driver.robot_ids)), cause)
+            call(driver.controller)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
+            cause = f"{driver.name} failed: {account_of(failure)}"
+            whose = "robot" if len(driver.robot_ids) == 1 else "robots"
+            logger.error("%s %s: %s", whose, ", ".join(map(str, driver.robot_ids)), cause)
             self.failures.update(dict.fromkeys(driver.robot_ids, cause))
+        finally:
+            self.current_handler = None

@@ -9,12 +9,12 @@ from typing import Final
 from soter.clock import Clock
 from soter.config import MissionFile
 from soter.distribution.bus import Bus
-from soter.errors import RunFailed, SoterError
+from soter.errors import SoterError, account_of
 from soter.geometry.workspace import Workspace
-from soter.machine import Event, Machine, MachineError, MachineRef, Runtime
+from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.missions import Stage, make_mission
-from soter.record.messages import Transition
-from soter.record.transition import DETAIL_CHARACTERS, in_words
+from soter.record.messages import TransitionEvent
+from soter.record.samples import DETAIL_CHARACTERS, in_words
 from soter.rta import ControlReport, Report
 from soter.runner.boxes import box_of
 from soter.runner.mailbox import Mailbox
@@ -24,7 +24,7 @@ from soter.stack.declaration import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
-from soter.stack.planners import PlanRequest, PlanService
+from soter.stack.planners import PlannerSpec, PlanRequest, PlanService
 from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 
 logger = logging.getLogger(__name__)
@@ -52,6 +52,8 @@ class MachineHost:
         ConfigError: options of the planner that it does not allow.
     """
 
+    sandbox = None
+
     def __init__(
         self,
         mission: MissionFile,
@@ -66,8 +68,10 @@ class MachineHost:
         self._body_radius_m: Final = body_radius_m
         # Without robots there are no paths to plan.
         self._plans: Final = None if part is not None and not part.robots else PlanService(
-            mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}),
-            source=mission.source, virtual_time=virtual_time, box=box_of(mission),
+            PlannerSpec(
+                mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}), mission.source
+            ),
+            virtual_time=virtual_time, box=box_of(mission),
         )  # fmt: skip
         self.failures: dict[int | None, str] = {}
         self._clock: Clock | None = None
@@ -90,6 +94,9 @@ class MachineHost:
         """Wait until the planner's processes answer."""
         if self._plans is not None:
             self._plans.ready()
+
+    def receive(self) -> None:
+        """Nothing is said elsewhere."""
 
     def start(self, scene: Scene) -> None:
         """Let the mission create its machines, or create what stands for it; these create the rest."""
@@ -119,13 +126,16 @@ class MachineHost:
             }  # fmt: skip
             stage = Stage(
                 scene.workspace, self._body_radius_m, seed, self._mission.base_tick_s, of_all, everybody,
-                self._create, log.on_target, log.on_ended, self._say,
+                lambda machine, payload, name: self._runtime.create(machine, payload, name=name), log.on_target,
+                log.on_ended, self._say,
             )  # fmt: skip
             try:
                 self._plays.start(stage)
-            except (Exception, SystemExit) as failure:
+            except KeyboardInterrupt:
+                raise
+            except BaseException as failure:
                 logger.exception("the mission failed")
-                self.failures[None] = f"the mission failed: {failure!r}"
+                self.failures[None] = f"the mission failed: {account_of(failure)}"
         elif part is not None and messages is not None:
             agents = {
                 robot_id: MachineRef(robot_id, f"RobotAgent {robot_id}", process)
@@ -167,7 +177,8 @@ class MachineHost:
     @property
     def current_handler(self) -> str | None:
         """The handler that runs now, or None. Readable from any thread."""
-        return self._runtime.current_handler
+        between = "of a machine that sends without end" if self._runtime.running else None
+        return self._runtime.current_handler or between
 
     @property
     def incidents(self) -> tuple[str, ...]:
@@ -199,9 +210,6 @@ class MachineHost:
     def _now(self) -> float:
         return 0.0 if self._clock is None else self._clock.now()
 
-    def _create(self, machine: type[Machine], payload: object, name: str) -> MachineRef:
-        return self._runtime.create(machine, payload, name=name)
-
     def _say(self, name: str, text: str) -> None:
         """Log what the mission says, and record it as something that happens to a machine of its name."""
         self._said += 1
@@ -212,7 +220,7 @@ class MachineHost:
         # Nobody has to set up logging to see what a script says.
         logger.warning("%s", text)
         if scene is not None and scene.on_transition is not None:
-            scene.on_transition(Transition(self._now(), name, 0, HERE, "", "", "log", text[:DETAIL_CHARACTERS]))
+            scene.on_transition(TransitionEvent(self._now(), name, 0, HERE, "", "", "log", text[:DETAIL_CHARACTERS]))
 
     def _submit(self, request: PlanRequest, reply_to: MachineRef) -> None:
         assert self._plans is not None
@@ -226,8 +234,5 @@ class MachineHost:
 
     def _failed(self, failure: MachineError) -> None:
         """One robot's machine costs that robot its AC; the task planner's failure costs all of them theirs."""
-        if isinstance(failure.__cause__, RunFailed):
-            # The watchdog ends the run; the next machine may block it as this one did.
-            raise failure.__cause__
         logger.error("a machine of the mission failed: %s", failure)
         self.failures.setdefault(self._owners.get(failure.machine), str(failure))

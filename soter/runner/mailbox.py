@@ -8,25 +8,19 @@ from functools import partial
 from typing import Final
 
 from soter.distribution.bus import Bus
-from soter.distribution.channel import MAX_REASON, Came, Ended, Joined, ReliableMessage, Visit
+from soter.distribution.channel import MAX_REASON, Came, Ended, Joined, ReliableMessage, VisitMessage
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
-from soter.stack.events import Outcome, TargetEnded, VisitTarget
+from soter.stack.events import TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.remote import RemoteCame, RemoteJoined, RemoteKit, RemoteVisit
 
 logger = logging.getLogger(__name__)
 
-_OUTCOMES: Final = {outcome.value: outcome for outcome in Outcome}
+_OUTCOMES: Final = {outcome.value: outcome for outcome in TargetOutcome}
 
 
 class Mailbox:
-    """Brings the task planner's events to robots elsewhere and theirs to it. One thread: that of the machines.
-
-    Args:
-        part: which part of the mission is here.
-        bus: open; closed with it.
-        runtime: of the machines here.
-    """
+    """Brings the task planner's events to robots elsewhere and theirs to it. One thread: that of the machines."""
 
     def __init__(self, part: Part, bus: Bus, runtime: Runtime) -> None:
         self._part: Final = part
@@ -78,16 +72,16 @@ class Mailbox:
             else:
                 yield agent, TargetEnded(message.robot_id, message.target_id, outcome, message.module, message.reason)
         elif self._task_planner is not None and sender == part.planner_home:
-            if isinstance(message, Visit):
+            if isinstance(message, VisitMessage):
                 target = VisitTarget(message.target_id, (message.x_m, message.y_m), message.timeout_s, message.tries)
                 yield self._task_planner, RemoteVisit(message.robot_id, target)
             else:
                 yield self._task_planner, RemoteJoined(message.robot_id, message.other_id)
 
 
-def _visit(robot_id: int, target: VisitTarget) -> Visit:
+def _visit(robot_id: int, target: VisitTarget) -> VisitMessage:
     x_m, y_m = target.place
-    return Visit(robot_id, target.target_id, x_m, y_m, target.timeout_s, target.tries)
+    return VisitMessage(robot_id, target.target_id, x_m, y_m, target.timeout_s, target.tries)
 
 
 _MESSAGES: Final[dict[type[Event], Callable[..., ReliableMessage]]] = {

@@ -6,7 +6,7 @@ import math
 from array import array
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -14,20 +14,13 @@ from numpy.typing import NDArray
 
 from soter.faults import FaultyFleet
 from soter.geometry.workspace import Workspace
+from soter.record.looks import Stall
+from soter.record.messages import AC
 from soter.record.tracks import RunTracks, Track
-from soter.rta import Mode, ModuleMonitor, RobotSupervisor, SwitchRecord
-from soter.runner.result import (
-    BreachFigures,
-    FaultFigures,
-    ModuleFigures,
-    StallFigures,
-    TargetCounts,
-    TickTimes,
-    UncontrolledFigures,
-    WorstFigures,
-)
-from soter.sdk import Fleet
-from soter.stack.events import Outcome, Place
+from soter.rta import ModuleMonitor, RobotSupervisor, SwitchRecord
+from soter.runner import result
+from soter.sdk import Controller, Fleet
+from soter.stack.events import Place, TargetOutcome
 from soter.stack.right_of_way import BATTERY
 
 STALL_S: Final = 300.0
@@ -39,25 +32,6 @@ LEAST_RUN_S: Final = 60.0
 
 _FULL: Final = 0.999
 """A robot with such a charge is not charging, even if it stands on its station for that."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stalled:
-    """A time of at least `STALL_S` in which a robot was without its AC and not charging.
-
-    Attributes:
-        robot_id: which robot.
-        start_s: fleet time at which it began.
-        end_s: fleet time at which it ended; None while it goes on.
-        module: whose safe controller had the robot, when it was last looked at.
-        cause: why, in words.
-    """
-
-    robot_id: int
-    start_s: float
-    end_s: float | None
-    module: str
-    cause: str
 
 
 class Standstill:
@@ -76,17 +50,11 @@ class Standstill:
         self._begin: tuple[float, float] | None = None
         self._since_s = math.nan
         self.longest_s = 0.0
-        self.stalls: list[Stalled] = []
+        self.stalls: list[Stall] = []
         self.moved_m = 0.0
 
     def look(self, now_s: float, robot: RobotSupervisor, *, charging: bool) -> None:
-        """Take one look.
-
-        Args:
-            now_s: fleet time.
-            robot: its supervisor.
-            charging: whether it stands on its station because it has to charge.
-        """
+        """Take one look; a robot is charging that stands on its station because it has to."""
         own, driver = robot.situation.own, robot.driver
         begin = self._begin = self._begin or (own.x_m, own.y_m)
         self.moved_m = max(self.moved_m, math.hypot(own.x_m - begin[0], own.y_m - begin[1]))
@@ -103,7 +71,7 @@ class Standstill:
         self.longest_s = max(self.longest_s, lasted_s)
         if lasted_s >= STALL_S:
             goes_on = bool(self.stalls) and self.stalls[-1].end_s is None
-            stalled = Stalled(self._robot_id, self._since_s, None, driver.name, driver.cause)
+            stalled = Stall(self._robot_id, self._since_s, None, driver.name, driver.cause)
             self.stalls[-1 if goes_on else len(self.stalls) :] = [stalled]
 
 
@@ -118,14 +86,14 @@ class Standstills:
         """The longest time that a robot was without its AC and not charging."""
         return max((robot.longest_s for robot in self.robots.values()), default=0.0)
 
-    def stalls(self) -> list[Stalled]:
+    def stalls(self) -> list[Stall]:
         """Return every stall up to now."""
         return [stalled for robot in self.robots.values() for stalled in robot.stalls]
 
-    def permanent(self, end_s: float) -> dict[int, StallFigures]:
+    def permanent(self, end_s: float) -> dict[int, result.StallFigures]:
         """Return, by robot, the stalls that went on at the end of the run, at fleet time `end_s`."""
         return {
-            each.robot_id: StallFigures(
+            each.robot_id: result.StallFigures(
                 since_s=round(each.start_s, 6), lasted_s=round(end_s - each.start_s, 6), module=each.module,
                 cause=each.cause,
             )
@@ -148,7 +116,7 @@ STALL_M: Final = 0.1
 _ROUNDING_S: Final = 1e-9
 
 
-class Stall:
+class LongestStay:
     """The longest time that one robot, with a target and not charging, stayed inside a circle of `STALL_M`."""
 
     __slots__ = ("_since_s", "_x_m", "_y_m", "longest_s")
@@ -170,12 +138,6 @@ class Stall:
 class Metrics:
     """Counts for a run; a `Watch` of every robot's supervisor.
 
-    Args:
-        workspace: for the tracks.
-        modules: names of the enabled modules.
-        robot_ids: of all robots.
-        safer_inset_m: for the picture.
-
     Attributes:
         standstills: robots that get nowhere.
         uncontrolled: robots that for a time did not do what they were told.
@@ -189,7 +151,7 @@ class Metrics:
         safer_inset_m: float | None,
     ) -> None:
         self.tracks: Final = RunTracks(
-            workspace, ("AC", *modules), {robot_id: Track(robot_id) for robot_id in robot_ids},
+            workspace, (AC, *modules), {robot_id: Track(robot_id) for robot_id in robot_ids},
             safer_inset_m=safer_inset_m,
         )  # fmt: skip
         self.judge: Callable[[SwitchRecord], bool] | None = None
@@ -197,14 +159,14 @@ class Metrics:
         self.disengagements_by_robot: Counter[int] = Counter()
         self.joined: Counter[str] = Counter()
         self.needless = 0
-        self.outcomes: Counter[Outcome] = Counter()
+        self.outcomes: Counter[TargetOutcome] = Counter()
         self.reached_by_robot: Counter[int] = Counter()
         self.targets: dict[int, Place] = {}
         self.no_progress_s = 0.0
         self._progress_s = 0.0
         self._begun_s = self._end_s = 0.0
         self._now_s = 0.0
-        self._stalls = {robot_id: Stall() for robot_id in robot_ids}
+        self._stalls = {robot_id: LongestStay() for robot_id in robot_ids}
         self.standstills: Final = Standstills(robot_ids)
         self._driver_index: dict[str | None, int] = {None: 0}
         self._driver_index.update({name: index for index, name in enumerate(modules, start=1)})
@@ -213,7 +175,7 @@ class Metrics:
         self._robot_ticks = 0
         self._decide_s: array[float] = array("f")
         self._late_s: array[float] = array("d")
-        self.uncontrolled: dict[int, UncontrolledFigures] = {}
+        self.uncontrolled: dict[int, result.UncontrolledFigures] = {}
 
     # --- told by others --------------------------------------------------------------------------------------
 
@@ -231,10 +193,10 @@ class Metrics:
         """Note a robot's target."""
         self.targets[robot_id] = place
 
-    def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
+    def on_ended(self, robot_id: int, target_id: int, outcome: TargetOutcome) -> None:
         """Count how a target ended."""
         self.outcomes[outcome] += 1
-        self.reached_by_robot[robot_id] += outcome is Outcome.REACHED
+        self.reached_by_robot[robot_id] += outcome is TargetOutcome.REACHED
         self.no_progress_s = max(self.no_progress_s, self._now_s - self._progress_s)
         self._progress_s = self._now_s
 
@@ -263,13 +225,13 @@ class Metrics:
                 first_s, lasted_s, cause = (
                     (now_s, 0.0, cause) if known is None else (known.first_s, known.lasted_s, known.cause)
                 )
-                self.uncontrolled[robot.robot_id] = UncontrolledFigures(
+                self.uncontrolled[robot.robot_id] = result.UncontrolledFigures(
                     first_s=round(first_s, 6), lasted_s=round(lasted_s + passed_s, 6), cause=cause
                 )
             if robot.driver is None:
                 self._ac_ticks += 1
                 self._busy_ticks += 1
-            elif not any(module.name == BATTERY and module.mode is Mode.SC for module in robot.modules):
+            elif not any(module.name == BATTERY and module.mode is Controller.SC for module in robot.modules):
                 self._busy_ticks += 1
         if tick % SAMPLE_TICKS == 0:
             self._sample(now_s, robots, charging)
@@ -287,8 +249,6 @@ class Metrics:
             charges = charging(robot_id)
             self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charges)
             self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
-
-    # --- at the end ------------------------------------------------------------------------------------------
 
     def finish(self, duration_s: float) -> None:
         """Close what is still open at the end of the run."""
@@ -315,15 +275,15 @@ class Metrics:
         """The longest stall of any robot."""
         return max((stall.longest_s for stall in self._stalls.values()), default=0.0)
 
-    def target_counts(self) -> TargetCounts:
+    def target_counts(self) -> result.TargetCounts:
         """How targets ended."""
-        return TargetCounts(**{outcome.value: self.outcomes[outcome] for outcome in Outcome})
+        return result.TargetCounts(**{outcome.value: self.outcomes[outcome] for outcome in TargetOutcome})
 
-    def tick_times(self) -> TickTimes:
+    def tick_times(self) -> result.TickTimes:
         """Host time of one robot's decisions at one tick."""
         return percentiles(np.frombuffer(self._decide_s, dtype=np.float32) * 1e6)
 
-    def tick_lateness(self) -> TickTimes:
+    def tick_lateness(self) -> result.TickTimes:
         """How late ticks came, in milliseconds."""
         return percentiles(np.frombuffer(self._late_s) * 1e3)
 
@@ -337,14 +297,14 @@ def counts(counter: Mapping[str, int], names: Sequence[str]) -> dict[str, int]:
     return {name: counter.get(name, 0) for name in (*names, *sorted(set(counter) - set(names)))}
 
 
-def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, ModuleFigures]:
+def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, result.ModuleFigures]:
     """Return what the spec monitors of every module saw, all robots together."""
     by_name: dict[str, list[ModuleMonitor]] = {}
     for robot in robots:
         for module in robot.modules:
             by_name.setdefault(module.name, []).append(module.monitor)
     return {
-        name: ModuleFigures(
+        name: result.ModuleFigures(
             looks=sum(monitor.looks for monitor in monitors),
             to_sc=sum(monitor.to_sc for monitor in monitors),
             to_ac=sum(monitor.to_ac for monitor in monitors),
@@ -357,15 +317,15 @@ def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, ModuleFigures
     }
 
 
-def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, BreachFigures]]:
+def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, result.BreachFigures]]:
     """Return which assumptions did not hold, by robot; robots for which all did are left out."""
     return {
         robot.robot_id: {
-            assumption.id: BreachFigures(
+            assumption.id: result.BreachFigures(
                 times=breach.times, first_s=round(breach.first_s, 6), cause=breach.cause,
                 last_s=round(breach.last_s, 6),
                 worst=tuple(
-                    WorstFigures(excess=round(each.excess, 6), unit=each.unit, time_s=round(each.time_s, 6),
+                    result.WorstFigures(excess=round(each.excess, 6), unit=each.unit, time_s=round(each.time_s, 6),
                                  cause=each.cause)
                     for each in breach.worst
                 ),
@@ -377,22 +337,22 @@ def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, Bre
     }  # fmt: skip
 
 
-def fault_figures(fleet: Fleet) -> tuple[FaultFigures, ...]:
+def fault_figures(fleet: Fleet) -> tuple[result.FaultFigures, ...]:
     """Return what was injected into a fleet, and how much that has spoilt."""
     if not isinstance(fleet, FaultyFleet):
         return ()
     return tuple(
-        FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
+        result.FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
         for fault in fleet.report()
     )
 
 
-def percentiles(times: NDArray[np.floating[Any]]) -> TickTimes:
+def percentiles(times: NDArray[np.floating[Any]]) -> result.TickTimes:
     """Return what results say of many times; zeros where there are none."""
     if not times.size:
-        return TickTimes(p50=0.0, p99=0.0, max=0.0)
+        return result.TickTimes(p50=0.0, p99=0.0, max=0.0)
     p50, p99 = (float(value) for value in np.percentile(times, (50, 99)))
-    return TickTimes(p50=round(p50, 2), p99=round(p99, 2), max=round(float(times.max()), 2))
+    return result.TickTimes(p50=round(p50, 2), p99=round(p99, 2), max=round(float(times.max()), 2))
 
 
 def _finite(value: float) -> float | None:

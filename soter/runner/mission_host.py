@@ -8,26 +8,19 @@ from typing import Final, Protocol
 
 from soter.clock import Clock
 from soter.geometry.workspace import Workspace
-from soter.record.messages import Transition
+from soter.record.messages import TransitionEvent
+from soter.record.recorder import TargetLog
 from soter.rta import Report
 from soter.sdk import Capabilities
-from soter.stack.events import Outcome, Place
 from soter.stack.kit import RobotPort
 from soter.stack.terrain import Terrain
 
-
-class TargetLog(Protocol):
-    """Who is told what the robots are after. Statistics: nothing that is safe depends on it."""
-
-    def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
-        """A robot has been given a target."""
-
-    def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
-        """A target has ended, one way or another."""
-
-
 ARRIVAL_M: Final = 0.10
 """How near is reached, for robots that get so near."""
+
+
+MAX_INCIDENTS: Final = 100
+"""What a mission tells of incidents beyond so many is left out."""
 
 
 def arrival_m(promised: Capabilities) -> float:
@@ -70,7 +63,7 @@ class Scene:
     rooms: Mapping[int, OwnRoom]
     ports: Mapping[int, RobotPort]
     log: TargetLog
-    on_transition: Callable[[Transition], None] | None = None
+    on_transition: Callable[[TransitionEvent], None] | None = None
     peers: Mapping[int, RobotPort] = field(default_factory=dict)
     capabilities: Mapping[int, Capabilities] = field(default_factory=dict)
 
@@ -98,6 +91,10 @@ class MissionHost(Protocol):
     def incidents(self) -> Sequence[str]:
         """What made this run one that does not repeat; empty while it does."""
 
+    @property
+    def sandbox(self) -> Mapping[str, str] | None:
+        """What is taken from the process that they run in, and by what; None where that is this one."""
+
     def ready(self) -> None:
         """Wait until everything that runs elsewhere has started."""
 
@@ -106,6 +103,9 @@ class MissionHost(Protocol):
 
     def hear(self, report: Report) -> None:
         """Take what a port reports. Called in the supervisor's thread, in the middle of a tick."""
+
+    def receive(self) -> None:
+        """Take what was said elsewhere since the last tick. Called before every tick; never waits."""
 
     def run(self, now_s: float) -> None:
         """Do what is to be done now. Called after every tick, in the supervisor's thread."""

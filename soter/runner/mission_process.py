@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import faulthandler
-import importlib
 import logging
 import os
 import pickle
@@ -14,31 +13,31 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pkgutil import resolve_name
 from typing import BinaryIO, Final, NoReturn
 
 from soter.config import MissionFile
-from soter.errors import BackendError, ConfigError
+from soter.errors import BackendError, ConfigError, account_of
 from soter.geometry.workspace import Workspace
 from soter.isolation.child import die_with_parent, yield_to_others
 from soter.isolation.messages import (
-    MAX_LONG_TEXT,
     MAX_MOVES,
     MAX_TEXT,
     Begin,
-    Failed,
+    FailedForGood,
     Moved,
-    Refused,
     Started,
-    TargetEnded,
+    TargetEndedMessage,
     TargetGiven,
     Tick,
     Turn,
 )
 from soter.isolation.mission_end import MissionEnd
-from soter.record.messages import Transition
+from soter.isolation.refused import Refused
+from soter.record.messages import TransitionEvent
 from soter.rta import Report
 from soter.runner.mission_host import MissionHost, OwnRoom, Scene
-from soter.stack.events import Outcome, Place
+from soter.stack.events import Place, TargetOutcome
 from soter.stack.site_terrain import terrain_of
 
 logger = logging.getLogger(__name__)
@@ -98,7 +97,7 @@ class _Host:
         self._spec: Final = spec
         self._end: Final = MissionEnd(link, self._hear)
         self._host: MissionHost | None = None
-        self._news: list[TargetGiven | TargetEnded] = []
+        self._news: list[TargetGiven | TargetEndedMessage] = []
         self._moves: list[Moved] = []
         self._incidents = 0
         self._turns = 0
@@ -126,33 +125,23 @@ class _Host:
         finally:
             host.close()
 
-    # --- the log of targets ------------------------------------------------------------------------------------
-
     def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
         self._news.append(TargetGiven(robot_id, target_id, float(place[0]), float(place[1])))
 
-    def on_ended(self, robot_id: int, target_id: int, outcome: Outcome) -> None:
-        self._news.append(TargetEnded(robot_id, target_id, outcome.value))
-
-    # --- the rest ----------------------------------------------------------------------------------------------
+    def on_ended(self, robot_id: int, target_id: int, outcome: TargetOutcome) -> None:
+        self._news.append(TargetEndedMessage(robot_id, target_id, outcome.value))
 
     def _made(self) -> MissionHost | None:
         spec = self._spec
-        module, _, function = spec.factory.partition(":")
         try:
-            make: Callable[..., MissionHost] = getattr(importlib.import_module(module), function)
+            make: Callable[..., MissionHost] = resolve_name(spec.factory)
             away = {} if spec.process is None else {"process": spec.process}
             host = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False, **away)
             host.ready()
-        except ConfigError as error:
-            texts = (text if text is None else text[:MAX_LONG_TEXT] for text in (error.source, error.key))
-            source, key = texts
-            self._end.say(Refused("config", str(error)[:MAX_LONG_TEXT], source, error.line, key))
-        except BackendError as error:
-            self._end.say(Refused("backend", str(error)[:MAX_LONG_TEXT]))
         except Exception as failure:
-            logger.exception("the ACs could not be made")
-            self._end.say(Refused("other", repr(failure)[:MAX_LONG_TEXT]))
+            if not isinstance(failure, ConfigError | BackendError):
+                logger.exception("the ACs could not be made")
+            self._end.say(Refused.of(failure))
         else:
             self._end.say(Started())
             return host
@@ -173,7 +162,7 @@ class _Host:
             dict(zip(begin.robot_ids, begin.capabilities, strict=True)),
         ))  # fmt: skip
 
-    def _moved(self, transition: Transition) -> None:
+    def _moved(self, transition: TransitionEvent) -> None:
         if len(self._moves) < MAX_MOVES:
             texts = (transition.source, transition.target, transition.event, transition.detail)
             source, target, event, detail = (text[:MAX_TEXT] for text in texts)
@@ -192,9 +181,9 @@ class _Host:
             return
         try:
             call()
-        except Exception as failure:
+        except BaseException as failure:
             logger.exception("the mission failed")
-            self._broken = f"the mission failed: {failure!r}"
+            self._broken = f"the mission failed: {account_of(failure)}"
 
     def _turn(self, host: MissionHost) -> Turn:
         news, self._news = tuple(self._news), []
@@ -202,7 +191,7 @@ class _Host:
         incidents = tuple(each[:MAX_TEXT] for each in host.incidents[self._incidents :])
         self._incidents += len(incidents)
         failures = {None: self._broken, **host.failures} if self._broken else host.failures
-        failed = tuple(Failed(robot_id, cause[:MAX_TEXT]) for robot_id, cause in failures.items())
+        failed = tuple(FailedForGood(robot_id, cause[:MAX_TEXT]) for robot_id, cause in failures.items())
         return Turn(
             0, news=news, failures=failed, incidents=incidents, paths_replaced=host.paths_replaced, moves=moves,
             done=host.done,

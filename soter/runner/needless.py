@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
-from soter.rta import Mode, RobotSupervisor, RTAModule, Situation, SwitchRecord
-from soter.sdk import RobotState, Waypoint
-from soter.stack.actuator import PortForwarder
+from soter.rta import RobotSupervisor, Situation, SwitchRecord
+from soter.sdk import Controller, RobotState, Waypoint
+from soter.stack.assembly import SafeRobot
 from soter.stack.terrain import length_m
 
 STEP_S: Final = 0.1
@@ -22,30 +22,21 @@ Place = tuple[float, float]
 
 
 class NeedlessJudge:
-    """Rolls the AC's pending waypoints forward, at top speed and straight from one to the next.
-
-    Args:
-        supervisors: by robot id.
-        forwarders: by robot id; they know the pending waypoints.
-        modules: declarations, by robot id.
-        v_max_m_s: by robot id, its top speed.
-    """
+    """Rolls the AC's pending waypoints forward, at top speed and straight from one to the next."""
 
     def __init__(
         self,
         supervisors: Mapping[int, RobotSupervisor],
-        forwarders: Mapping[int, PortForwarder],
-        modules: Mapping[int, Sequence[RTAModule]],
+        robots: Mapping[int, SafeRobot],
         v_max_m_s: Mapping[int, float],
     ) -> None:
         self._supervisors: Final = supervisors
-        self._forwarders: Final = forwarders
-        self._modules: Final = modules
+        self._robots: Final = robots
         self._v_max_m_s: Final = v_max_m_s
 
     def judge(self, record: SwitchRecord) -> bool:
         """Return whether the whole rest of the path would have kept the module's rule."""
-        module = next((m for m in self._modules[record.robot_id] if m.name == record.module), None)
+        module = next((m for m in self._robots[record.robot_id].declared.modules if m.name == record.module), None)
         if module is None or module.phi_safe is None:
             return False
         situation = self._supervisors[record.robot_id].situation
@@ -71,13 +62,13 @@ class NeedlessJudge:
     def _way_of_peer(self, state: RobotState) -> list[Place]:
         """A peer whose AC has no control stays where it is."""
         supervisor = self._supervisors.get(state.robot_id)
-        if supervisor is None or supervisor.mode is Mode.SC:
+        if supervisor is None or supervisor.mode is Controller.SC:
             return [(state.x_m, state.y_m)]
         return self._pending(state.robot_id, state)
 
     def _pending(self, robot_id: int, state: RobotState) -> list[Place]:
         """Return where a robot is, and the places that its AC still means to pass."""
-        request = self._forwarders[robot_id].request
+        request = self._robots[robot_id].forwarder.request
         pending: list[Waypoint] = [] if request is None else [request.command, *request.upcoming]
         return [(state.x_m, state.y_m), *(place for waypoint in pending if (place := _place(waypoint)) is not None)]
 

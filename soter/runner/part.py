@@ -60,11 +60,6 @@ class Part:
     def of(cls, mission: MissionFile, workspace: Workspace, process: str) -> Self:
         """Return the part of a process.
 
-        Args:
-            mission: the mission.
-            workspace: of the mission.
-            process: the name of the process.
-
         Raises:
             ConfigError: the mission has no such process, or is none that can be distributed.
             BackendError: its backend cannot be loaded.

@@ -13,13 +13,14 @@ import numpy as np
 from soter.clock import Clock
 from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import RobotStatus
-from soter.errors import ConfigError, RobotUnavailable
-from soter.rta import PEER_SILENT_S, Mode, RemotePeer, RobotSupervisor
+from soter.errors import RobotUnavailable, option_error
+from soter.record.messages import AC
+from soter.rta import PEER_SILENT_S, RemotePeer, RobotSupervisor
 from soter.runner.metrics import percentiles
 from soter.runner.part import Part
 from soter.runner.progress import RobotProgress
 from soter.runner.result import TickTimes
-from soter.sdk import Capabilities, Robot, RobotState
+from soter.sdk import Capabilities, Controller, Robot, RobotState
 from soter.stack.kit import RobotPort
 from soter.stack.right_of_way import needs_charge
 
@@ -124,11 +125,11 @@ class PeerSession:
 
     def _refuse_twin(self) -> None:
         if self._peer_group.has_twin():
-            raise ConfigError(
+            raise option_error(
+                "--process",
                 f"another process '{self.process}' of this mission is running; end that one, or choose another with "
                 f"--process: {', '.join(self._part.mission.distribution.processes)}",
-                source="command line", key="--process",
-            )  # fmt: skip
+            )
 
     def took_us(self) -> TickTimes:
         """Return how long hearing and telling took at a tick, of host time in microseconds."""
@@ -145,7 +146,7 @@ class PeerSession:
             state = peer.sample()
             if state is not None:
                 silent_s = now_s - state.stamp_s
-                driver, cause = peer.driver or "AC", ""
+                driver, cause = peer.driver or AC, ""
                 if silent_s > PEER_SILENT_S:
                     driver, cause = "silent", f"not heard of for {silent_s:.1f} s"
                 found.append(RobotProgress(peer.robot_id, state.x_m, state.y_m, driver, cause, state.battery, {}, 0, 0))
@@ -162,4 +163,4 @@ def _status(robot: RobotSupervisor) -> RobotStatus:
     state, driver = robot.situation.own, robot.driver
     assert isinstance(state, RobotState)
     name = "" if driver is None else driver.name
-    return RobotStatus(state, robot.mode is Mode.AC, name, needs_charge(robot))
+    return RobotStatus(state, robot.mode is Controller.AC, name, needs_charge(robot))

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
 
+from soter.record.messages import AC
 from soter.rta import RobotSupervisor
 from soter.runner.metrics import Metrics
 
@@ -60,7 +61,7 @@ class Progress(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Audience:
+class Follower:
     """Who follows a run, and may end it.
 
     Attributes:
@@ -68,12 +69,14 @@ class Audience:
         every_s: host time between two calls.
         stop: asked at every tick whether to end the run early.
         pace: called after every tick with the fleet time that has passed; returns when the next one may begin.
+        falls_of: the rule whose least margin is followed, see `soter.runner.Run`; empty for none.
     """
 
     show: Callable[[Progress], None] | None = None
     every_s: float = 0.2
     stop: Callable[[], bool] = lambda: False
     pace: Callable[[float], None] | None = None
+    falls_of: str = ""
 
 
 def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple[RobotProgress, ...]:
@@ -83,7 +86,7 @@ def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple
             robot.robot_id,
             robot.situation.own.x_m,
             robot.situation.own.y_m,
-            NOBODY if robot.uncontrolled else "AC" if robot.driver is None else robot.driver.name,
+            NOBODY if robot.uncontrolled else AC if robot.driver is None else robot.driver.name,
             robot.uncontrolled or ("" if robot.driver is None else robot.driver.cause),
             robot.situation.own.battery,
             {module.name: module.margin for module in robot.modules},

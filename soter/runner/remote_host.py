@@ -10,17 +10,18 @@ from collections.abc import Mapping
 from typing import Final
 
 from soter.config import MissionFile
-from soter.errors import BackendUnavailable, ConfigError, RunFailed
+from soter.errors import ConfigError, Garbage, RunFailed
 from soter.geometry.workspace import Workspace
 from soter.isolation.child import Child, ChildDied, NotBoxed
-from soter.isolation.messages import Garbage, PeerSeen, Refused, Room, TargetGiven, Turn
+from soter.isolation.messages import Footprint, PeerSeen, TargetGiven, Turn
+from soter.isolation.refused import Refused
 from soter.isolation.supervisor_end import SupervisorEnd
-from soter.record.messages import Transition
+from soter.record.messages import TransitionEvent
 from soter.rta import Report
 from soter.runner.boxes import box_of
-from soter.runner.mission_host import Scene
+from soter.runner.mission_host import MAX_INCIDENTS, Scene
 from soter.runner.mission_process import MissionSpec
-from soter.stack.events import Outcome
+from soter.stack.events import TargetOutcome
 
 _READ_BYTES: Final = 1 << 14
 _PASSED_LINES: Final = 20
@@ -33,9 +34,6 @@ class OutputPump:
     """A pipe for a process's output, and a thread that logs what comes out of it.
 
     A process that prints without end is heard in part, and costs its reader a few wake-ups a second.
-
-    Args:
-        name: whose words.
 
     Attributes:
         output_fd: the pipe's end to write to; to be closed with `started` once the process has it.
@@ -78,11 +76,10 @@ START_LIMIT_S: Final = 75.0
 
 NICENESS: Final = 5
 GRACE_S: Final = 1.0
-MAX_INCIDENTS: Final = 100
 
 WALL_CLOCK: Final = "it ran on a wall clock"
 
-_OUTCOMES: Final = {outcome.value: outcome for outcome in Outcome}
+_OUTCOMES: Final = {outcome.value: outcome for outcome in TargetOutcome}
 
 
 class RemoteMissionHost:
@@ -154,13 +151,8 @@ class RemoteMissionHost:
             if self._child.in_force is not None and self._child.in_force.missing:
                 logger.warning("the mission is boxed in only in part: %s", self._child.in_force.missing)
             return
-        if first.kind == "config":
-            error = ConfigError(first.message)  # which has its place in it already
-            error.source, error.line, error.key = first.source, first.line, first.key
-            raise error
-        if first.kind == "backend":
-            raise BackendUnavailable(first.message)
-        raise RunFailed(f"the mission could not be made: {first.message}")
+        error = first.error()
+        raise RunFailed(f"the mission could not be made: {error}") if isinstance(error, RunFailed) else error
 
     def start(self, scene: Scene) -> None:
         """Tell the mission that its robots are ready; it begins while the first ticks pass."""
@@ -168,7 +160,7 @@ class RemoteMissionHost:
         rooms = [scene.rooms[robot_id] for robot_id in scene.ports]
         self._end.begin(
             scene.ports, scene.clock.now(),
-            tuple(Room(room.terrain.body_radius_m, room.disc_m, room.arrival_m) for room in rooms),
+            tuple(Footprint(room.terrain.body_radius_m, room.disc_m, room.arrival_m) for room in rooms),
             recorded=scene.on_transition is not None, peers=tuple(scene.peers),
             capabilities=tuple(scene.capabilities[robot_id] for robot_id in scene.ports),
         )  # fmt: skip
@@ -202,7 +194,7 @@ class RemoteMissionHost:
         log = scene.log
         if scene.on_transition is not None:
             for each in turn.moves:
-                scene.on_transition(Transition(
+                scene.on_transition(TransitionEvent(
                     each.time_s, each.machine, each.machine_id, each.node, each.source, each.target, each.event,
                     each.detail,
                 ))  # fmt: skip

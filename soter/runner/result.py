@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from soter.config.tables import SURVEILLANCE
 from soter.record.recorder import RecordingReport
@@ -16,26 +16,24 @@ THESIS_DISENGAGEMENTS = 313
 THESIS_AC_SHARE = 0.802
 
 
-class TickTimes(BaseModel):
+class TickTimes(BaseModel, frozen=True):
     """How long something took at the ticks of a run, or how late it came: median, 99th percentile, and the worst."""
 
-    model_config = ConfigDict(frozen=True)
     p50: float
     p99: float
     max: float
 
 
-class TargetCounts(BaseModel):
+class TargetCounts(BaseModel, frozen=True):
     """How targets ended."""
 
-    model_config = ConfigDict(frozen=True)
     reached: int = 0
     unsafe: int = 0
     blocked: int = 0
     timed_out: int = 0
 
 
-class ModuleFigures(BaseModel):
+class ModuleFigures(BaseModel, frozen=True):
     """What the spec monitors of one module saw, all robots together. Not ground truth.
 
     Attributes:
@@ -48,7 +46,6 @@ class ModuleFigures(BaseModel):
         surprises: looks at which it had fallen by more than the model allows.
     """
 
-    model_config = ConfigDict(frozen=True)
     looks: int
     to_sc: int
     to_ac: int
@@ -58,24 +55,16 @@ class ModuleFigures(BaseModel):
     surprises: int
 
 
-class WorstFigures(BaseModel):
-    """The look at which an assumption failed by the most.
+class WorstFigures(BaseModel, frozen=True):
+    """The look at which an assumption failed by the most, see `soter.rta.assumptions.Worst`."""
 
-    Attributes:
-        excess: by how much what was seen was more than is assumed.
-        unit: of that.
-        time_s: fleet time.
-        cause: what was seen then.
-    """
-
-    model_config = ConfigDict(frozen=True)
     excess: float
     unit: str
     time_s: float
     cause: str
 
 
-class BreachFigures(BaseModel):
+class BreachFigures(BaseModel, frozen=True):
     """How often one assumption of the safety argument was seen not to hold for one robot.
 
     Attributes:
@@ -86,7 +75,6 @@ class BreachFigures(BaseModel):
         worst: the worst look for each unit of an excess; empty where none could be measured.
     """
 
-    model_config = ConfigDict(frozen=True)
     times: int
     first_s: float
     cause: str
@@ -94,7 +82,7 @@ class BreachFigures(BaseModel):
     worst: tuple[WorstFigures, ...] = ()
 
 
-class StallFigures(BaseModel):
+class StallFigures(BaseModel, frozen=True):
     """A robot that was without its AC, and not charging, from some time until the end of the run, for long.
 
     Attributes:
@@ -104,14 +92,13 @@ class StallFigures(BaseModel):
         cause: why, in words.
     """
 
-    model_config = ConfigDict(frozen=True)
     since_s: float
     lasted_s: float
     module: str
     cause: str = ""
 
 
-class UncontrolledFigures(BaseModel):
+class UncontrolledFigures(BaseModel, frozen=True):
     """A robot that for a time did not do what it was told.
 
     Attributes:
@@ -120,13 +107,12 @@ class UncontrolledFigures(BaseModel):
         cause: what it did instead at first.
     """
 
-    model_config = ConfigDict(frozen=True)
     first_s: float
     lasted_s: float
     cause: str
 
 
-class FaultFigures(BaseModel):
+class FaultFigures(BaseModel, frozen=True):
     """One injected fault of one robot.
 
     Attributes:
@@ -136,14 +122,13 @@ class FaultFigures(BaseModel):
         affected: commands and samples that it spoilt, or times that it impaired the vehicle.
     """
 
-    model_config = ConfigDict(frozen=True)
     kind: str
     robot: int
     declared: bool
     affected: int
 
 
-class RunResult(BaseModel):
+class RunResult(BaseModel, frozen=True):
     """What happened in a run.
 
     Attributes:
@@ -196,7 +181,6 @@ class RunResult(BaseModel):
             a mission in one process.
     """
 
-    model_config = ConfigDict(frozen=True)
     status: str
     failure: str
     mission: str
@@ -282,8 +266,11 @@ class Run:
         result: the figures.
         tracks: where the robots were, and who was in control.
         recording: how its recording went; None if there is none.
+        falls: how the least margin of one rule fell, where that was asked for: fleet time of each tick at which it had
+            fallen, and what it was then, by ground truth and as the result has it.
     """
 
     result: RunResult
     tracks: RunTracks
     recording: RecordingReport | None = None
+    falls: tuple[tuple[float, float], ...] = ()

@@ -1,50 +1,78 @@
-"""Ends a run whose mission code does not come back: in virtual time the physics waits for it."""
+"""Ends a run whose foreign code does not come back: nothing else can happen in this process until it does."""
 
 from __future__ import annotations
 
+import logging
+import math
+import os
 import signal
 import threading
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any, Final, Self
 
 from soter.errors import RunFailed
 
+logger = logging.getLogger(__name__)
+
 LIMIT_S: Final = 2.0
 """Host time that one handler may take in virtual time."""
 
+SLOW_S: Final = 10.0
+"""Host time that the rest may take: all decisions of a tick, rules that are judged by truth, the end."""
+
+BEGIN_S: Final = 60.0
+"""Host time for the beginning, when policies are loaded."""
+
+GIVE_UP_S: Final = 3.0
+"""Who catches every interruption for so long is beyond help: the process ends."""
+
 _LOOK_S: Final = 0.25
 _SIGNAL: Final = signal.SIGALRM
+_FAILED: Final = 3
+"""Exit code of a run that failed; see `soter.cli.exits`."""
 
 
-class HandlerWatchdog:
-    """Interrupts the main thread when one handler runs for longer than `LIMIT_S`. A context manager.
+class CutOff(KeyboardInterrupt):
+    """Raised in the main thread wherever it has been for too long.
 
-    The interruption is a `RunFailed` inside the handler. The machine that it belongs to fails by it, which the runtime
-    reports as any failure; `check()` then ends the run, whoever caught the exception.
-
-    Only code that the interpreter runs, or that waits in a system call, can be interrupted; a library that computes
-    without returning ends the run as soon as it returns.
-
-    Args:
-        current: names the handler that runs, or None; readable from any thread.
-        progress: a number that changes whenever a tick has passed.
+    It passes whoever contains failures of foreign code, as Ctrl-C does: where one call hangs, the next may hang too.
     """
 
-    def __init__(self, current: Callable[[], str | None], progress: Callable[[], int]) -> None:
-        self._current: Final = current
-        self._progress: Final = progress
+
+class Watchdog:
+    """Interrupts the main thread when one handler, or another part of a tick, takes too long. A context manager.
+
+    Looks are counted, not seconds: a process that was stopped for an hour has not been busy.
+
+    Only code that the interpreter runs, or that waits in a system call, can be interrupted. What catches that and goes
+    on, or waits in a library, ends the process. A library that computes and keeps the interpreter's lock ends neither.
+
+    Attributes:
+        handler: names the handler that runs, or None; called from a thread.
+        ticks: how many ticks have passed.
+        phase: what is being done, whether a handler runs or not, and the host time that it may take, handlers included;
+            None where only handlers are watched.
+        last_words: called before the process is ended, in a thread.
+    """
+
+    def __init__(self) -> None:
+        self.handler: Callable[[], str | None] = lambda: None
+        self.last_words: Callable[[], object] = lambda: None
+        self.ticks = 0
+        self.phase: tuple[str, float] | None = None
         self._done: Final = threading.Event()
         self._armed = threading.current_thread() is threading.main_thread()
         self._main_id: Final = threading.main_thread().ident or 0
         self._blamed = ""
-        self._thread: Final = threading.Thread(target=self._watch, name="handler-watchdog", daemon=True)
+        self._thread: Final = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._previous: Any = None
 
     def __enter__(self) -> Self:
         if self._armed:
-            self._previous = signal.signal(_SIGNAL, self._end_run)
+            self._previous = signal.signal(_SIGNAL, self._interrupt)
             self._thread.start()
         return self
 
@@ -54,25 +82,46 @@ class HandlerWatchdog:
             self._thread.join()
             signal.signal(_SIGNAL, self._previous)
 
+    @contextmanager
+    def over(self, name: str, limit_s: float) -> Iterator[None]:
+        """Watch what is done within as a phase."""
+        self.phase = name, limit_s
+        try:
+            yield
+        finally:
+            self.phase = None
+
     def check(self) -> None:
-        """End the run if a handler had to be interrupted.
+        """End the run if anything had to be interrupted, whoever caught that.
 
         Raises:
-            RunFailed: names the handler.
+            RunFailed: names it.
         """
         if self._blamed:
             raise RunFailed(self._blamed)
 
     def _watch(self) -> None:
-        seen, since_s = -1, 0.0
+        seen, looks = None, 0
         while not self._done.wait(_LOOK_S):
-            progress, handler, now_s = self._progress(), self._current(), time.perf_counter()
-            if handler is None or progress != seen:
-                seen, since_s = progress, now_s
-            elif now_s - since_s >= LIMIT_S:
-                self._blamed = f"handler {handler} has blocked the mission for {LIMIT_S:g} s of host time"
-                signal.pthread_kill(self._main_id, _SIGNAL)
-                return
+            phase, handler = self.phase, self.handler()
+            found = self.ticks, phase
+            if (phase is None and handler is None) or found != seen:
+                seen, looks = found, 0
+                continue
+            looks += 1
+            what, limit_s = phase or ("", LIMIT_S)
+            most = math.ceil(limit_s / _LOOK_S)
+            if looks < most:
+                continue
+            if looks == most:
+                what = what if handler is None else f"handler {handler}"
+                self._blamed = f"{what} has blocked the mission for {limit_s:g} s of host time"
+            if looks >= most + GIVE_UP_S / _LOOK_S:
+                logger.critical("%s, and cannot be interrupted: the process ends", self._blamed)
+                self.last_words()
+                os._exit(_FAILED)
+            signal.pthread_kill(self._main_id, _SIGNAL)
 
-    def _end_run(self, number: int, frame: FrameType | None) -> None:
-        raise RunFailed(self._blamed)
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        where = "" if frame is None else f" ({Path(frame.f_code.co_filename).name}, line {frame.f_lineno})"
+        raise CutOff(f"{self._blamed or 'somebody has sent SIGALRM'}{where}")

@@ -35,10 +35,6 @@ class CommandedRobot(Robot):
 
     Every call says the whole of what the robot is to do, under a new number; none waits. `receive` takes what arrives,
     in any one thread, and writes one field; all else belongs to the calling thread.
-
-    Args:
-        spec: which robot.
-        clock: follows the robots' clocks.
     """
 
     def __init__(self, spec: RobotSpec, clock: VehicleClock) -> None:
@@ -163,8 +159,6 @@ class CommandedRobot(Robot):
                 self.__settle(min(timeout_s, _LOST_S) if lost else timeout_s)
         finally:
             self._release()
-
-    # --- the rest ------------------------------------------------------------------------------------------
 
     def __say(self, **changes: object) -> None:
         """Say the whole of what the robot is to do, with these changes, under a new number."""

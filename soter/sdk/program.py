@@ -39,12 +39,7 @@ def start(
 
 
 def hand_over(process: subprocess.Popen[bytes], module: str, described: bytes) -> dict[str, Any]:
-    """Hand a world to a simulator and return what it says of where its robots are.
-
-    Args:
-        process: from `start`.
-        module: what was started, for the message.
-        described: the world; its standard input ends behind it.
+    """Hand a world to a simulator, whose input ends behind it, and return what it says of where its robots are.
 
     Raises:
         RobotUnavailable: it does not start.

@@ -9,6 +9,8 @@ from enum import Enum
 from numbers import Real
 from typing import Final, NamedTuple
 
+from soter.controller import Controller as Controller
+
 MAX_COORDINATE_M = 10_000.0
 """A coordinate beyond this is a mistake, not a place."""
 
@@ -16,16 +18,6 @@ _MOVING_M_S: Final = 0.02
 
 MAX_HEADING_RAD = 1e6
 """A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
-
-
-class Controller(Enum):
-    """Who drives: the advanced controller or the safe controller."""
-
-    AC = "AC"
-    SC = "SC"
-
-    def __str__(self) -> str:
-        return self.value
 
 
 class Link(Enum):

@@ -111,12 +111,11 @@ class WireFleet(Fleet, Generic[S]):
         simulator: a simulator to end with the fleet, or None.
         shared: closed behind the robots; the fleet takes it over.
 
-    Attributes:
-        simulator: the same.
-
     Raises:
         RobotUnavailable: nobody tells the truth there; nothing was taken over.
     """
+
+    robots: tuple[Any, ...]
 
     def __init__(
         self, clock: VehicleClock, robots: Sequence[Robot], truth: str | None, simulator: S | None, shared: ExitStack
@@ -160,21 +159,25 @@ class WireBackend(Backend):
     def connect(
         self, config: Any, robots: Sequence[RobotSpec], clock: VehicleClock, shared: ExitStack
     ) -> Sequence[Robot]:
-        """Return the robots at the addresses of `config`, all of which are given.
-
-        Args:
-            config: the options.
-            robots: which.
-            clock: follows the robots' clocks.
-            shared: takes what is to be closed behind the robots.
-        """
+        """Return the robots at the addresses of `config`, all given; `shared` takes what to close behind them."""
 
     @classmethod
-    def simulate(cls, config: WireConfig, robots: Sequence[RobotSpec]) -> Simulator:
-        """Start simulated robots in the world of `config`."""
+    def clock(cls, config: Any) -> VehicleClock:
+        """Return a clock that will follow the robots' clocks."""
+        return VehicleClock()
+
+    @classmethod
+    def simulate(cls, config: Any, robots: Sequence[RobotSpec]) -> Any:
+        """Start simulated robots in the world of `config`: a `Simulator`, or what else `located` takes."""
         return Simulator(cls.simulated_by, config.workspace, robots, config.limits)
 
-    def open(self, config: Any, robots: Sequence[RobotSpec]) -> WireFleet[Simulator]:
+    @classmethod
+    def located(cls, config: Any, simulator: Any) -> Any:
+        """Return the options with the robots of a simulator in them."""
+        # Checked like what is given by hand.
+        return type(config).model_validate({**dict(config), "robots": simulator.robots, "truth": simulator.truth})
+
+    def open(self, config: Any, robots: Sequence[RobotSpec]) -> WireFleet[Any]:
         """Open the robots; they are not ready before `init()`.
 
         Raises:
@@ -186,16 +189,13 @@ class WireBackend(Backend):
                 f"no address is given for the robots {missing}; add them to the backend's table `robots`, or take all "
                 "out to have simulated ones"
             )
-        clock = VehicleClock()
+        clock = self.clock(config)
         with ExitStack() as started, ExitStack() as shared:
             simulator = None
             if not config.robots:
                 simulator = self.simulate(config, robots)
                 started.callback(simulator.close)
-                # Checked like what is given by hand.
-                config = type(config).model_validate(
-                    {**dict(config), "robots": simulator.robots, "truth": simulator.truth}
-                )
+                config = self.located(config, simulator)
             fleet = WireFleet(clock, self.connect(config, robots, clock, shared), config.truth, simulator, shared)
             started.pop_all()
             return fleet

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from pydantic import BaseModel
+from pydantic import BaseModel, model_validator
 
 from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Topic
 from soter.sdk import Waypoint
@@ -179,8 +179,29 @@ class Options(BaseModel, extra="forbid", frozen=True):
     least_m: float
 
 
+class Anything(BaseModel, extra="allow"):
+    pass
+
+
 def with_options(kit: ModuleKit, options: Options) -> RTAModule:
     return replace(right(kit), phi_safe=EastOf(options.least_m), phi_safer=EastOf(options.least_m + 0.5))
+
+
+def without_sc(kit: ModuleKit, _: Anything) -> RTAModule:
+    return replace(right(kit), sc=None)  # type: ignore[arg-type]
+
+
+class Unchecked(BaseModel, extra="allow"):
+    """Its own check fails by what is no sign of a bad value."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fails(cls, _: object) -> object:
+        raise KeyError("no table")
+
+
+def with_unchecked_options(kit: ModuleKit, options: Unchecked) -> RTAModule:
+    return right(kit)
 
 
 _TOPIC: Topic[Waypoint] = Topic("waypoint")
@@ -207,3 +228,23 @@ def of_equals(kit: ModuleKit) -> RTAModule:
     """A rule about pairs whose peers are taken for robots like its own."""
     made = right(kit)
     return replace(made, model=PairBound(kit.model, kit.model))
+
+
+@dataclass(frozen=True)
+class Apart(Region):
+    """0.5 m from every other robot."""
+
+    least_m: float = 0.5
+
+    def margin(self, situation: Situation) -> float:
+        own = situation.own
+        away_m = [math.hypot(each.x_m - own.x_m, each.y_m - own.y_m) for each in situation.peers]
+        return min(away_m, default=9.0) - self.least_m
+
+    def edge_margin(self, safer: Region) -> float:
+        return safer.least_m - self.least_m if isinstance(safer, Apart) else math.nan
+
+
+def alone(kit: ModuleKit) -> RTAModule:
+    """A rule about pairs under a model of one robot."""
+    return replace(right(kit), phi_safe=Apart(), phi_safer=Apart(1.0))

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.check import Finding, Verdict, admission
+from soter.check import Certainty, Finding, admission
 from soter.check.admission import Admission, admit, declare_all
 from soter.cli import app
 from soter.config import MissionFile, load_mission
@@ -19,14 +19,14 @@ from soter.errors import ConfigError, IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.record.reader import Recording
 from soter.runner import run_mission
-from soter.runner.run import Study
 from soter.sdk import Capabilities
+from soter.stack.assembly import Study
 from soter.stack.own_rules import broken_on
 from tests.project.source import ROOT
 
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 QUICK: dict[str, object] = {"backend": "kinematic", "planner": "straight-line", "duration_s": 1.0}
-GAP = Finding("battery", "P2b", Verdict.PARTLY, "2 robots wait for up to 812 s, and 700 s are paid for")
+GAP = Finding("battery", "P2b", Certainty.PARTLY, "2 robots wait for up to 812 s, and 700 s are paid for")
 
 
 class NeverOpened(KinematicBackend):
@@ -86,7 +86,7 @@ def test_a_rule_of_the_users_that_stations_are_too_near_for_is_rejected_with_the
 def _gaps(loaded: MissionFile, room: Workspace) -> set[tuple[str, str]]:
     capabilities = {each.id: KinematicBackend.robot_class.declared for each in room.robots}
     unproved = admit(loaded, room, capabilities).unproved
-    return {(each.module, each.condition) for each in unproved if each.verdict is Verdict.PARTLY}
+    return {(each.module, each.condition) for each in unproved if each.verdict is Certainty.PARTLY}
 
 
 def _hall(*places: tuple[float, float]) -> Workspace:
@@ -191,10 +191,10 @@ def test_without_modules_there_is_nothing_to_prove() -> None:
 
 
 def test_verdicts_of_an_admission() -> None:
-    def of(*verdicts: Verdict) -> Admission:
+    def of(*verdicts: Certainty) -> Admission:
         return Admission([], [Finding("battery", "P2a", verdict, "") for verdict in verdicts])
 
-    assert (of(Verdict.PROVED).refused, of(Verdict.PROVED).unproved) == (False, [])
-    assert not of(Verdict.PARTLY).refused
-    assert of(Verdict.REJECTED).refused
-    assert len(of(Verdict.PROVED, Verdict.PARTLY, Verdict.ASSUMED, Verdict.REJECTED).unproved) == 3
+    assert (of(Certainty.PROVED).refused, of(Certainty.PROVED).unproved) == (False, [])
+    assert not of(Certainty.PARTLY).refused
+    assert of(Certainty.REJECTED).refused
+    assert len(of(Certainty.PROVED, Certainty.PARTLY, Certainty.ASSUMED, Certainty.REJECTED).unproved) == 3

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from soter.check import Counterexample, Falsified, Finding, Verdict, falsify, read_counterexample
+from soter.check import Certainty, Counterexample, Falsified, Finding, falsify, read_counterexample
 from soter.check.bench import ModuleBench, floor_bench
-from soter.check.mission import Report, check_module
+from soter.check.mission import MissionReport, check_module
 from soter.check.testing import OBLIGATIONS, ModuleSuite
 from soter.check.trial import trace_hash
 from soter.config import load_mission
@@ -40,11 +40,11 @@ def bench(name: str, patience_s: float = 15.0) -> ModuleBench:
     return floor_bench(f"tests.check.planted:{name}", patience_s=patience_s)
 
 
-def verdicts(findings: list[Finding]) -> dict[str, Verdict]:
+def verdicts(findings: list[Finding]) -> dict[str, Certainty]:
     return {each.condition: each.verdict for each in findings}
 
 
-def found(name: str) -> tuple[Report, Falsified]:
+def found(name: str) -> tuple[MissionReport, Falsified]:
     report = check_module(bench(name), BUDGET, 1)
     return report, report.counterexamples["module"][0]
 
@@ -53,7 +53,7 @@ def found(name: str) -> tuple[Report, Falsified]:
 def test_a_planted_bug_is_found(name: str, condition: str, within: int) -> None:
     subject = bench(name)
     findings, broken = falsify(subject, max(BUDGET, within), 1)
-    assert verdicts(findings)[condition] is Verdict.REJECTED
+    assert verdicts(findings)[condition] is Certainty.REJECTED
     falsified = next(each for each in broken if each.breach.obligation.value == condition)
     assert falsified.evaluations <= within
     # It is a trace that can be run again: the same breach, bit for bit.
@@ -77,15 +77,15 @@ def test_a_right_module_is_not_rejected(name: str) -> None:
     report = check_module(bench(name), 60, 3)
     assert not report.rejected
     assert report.complete
-    assert verdicts([*report.findings])["P2a"] is verdicts([*report.findings])["P2b"] is Verdict.TESTED
+    assert verdicts([*report.findings])["P2a"] is verdicts([*report.findings])["P2b"] is Certainty.TESTED
     assert not report.counterexamples
 
 
 def test_what_the_author_only_claims_is_called_an_assumption() -> None:
     report = check_module(bench("without_a_region"), 20, 1)
-    assert verdicts([*report.findings])["P2a"] is Verdict.ASSUMED
-    assert verdicts([*report.findings])["P3"] is Verdict.ASSUMED
-    assert verdicts([*check_module(bench("predicates"), 20, 1).findings])["P3"] is Verdict.ASSUMED
+    assert verdicts([*report.findings])["P2a"] is Certainty.ASSUMED
+    assert verdicts([*report.findings])["P3"] is Certainty.ASSUMED
+    assert verdicts([*check_module(bench("predicates"), 20, 1).findings])["P3"] is Certainty.ASSUMED
 
 
 def test_a_breach_says_where_and_why() -> None:
@@ -106,7 +106,7 @@ def test_the_same_seed_finds_the_same_and_counts_trials() -> None:
 def test_a_model_that_does_not_fit_is_named() -> None:
     findings, _ = falsify(bench("lying_model"), 20, 1)
     model = next(each for each in findings if each.condition == "model")
-    assert model.verdict is Verdict.REJECTED
+    assert model.verdict is Certainty.REJECTED
     assert "A1: " in model.text, "the number of the assumption"
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.check import Verdict, conditions
+from soter.check import Certainty, conditions
 from soter.check.admission import admitted, declare_all, refused_at
 from soter.config import load_mission
 from soter.errors import IllFormedModule
@@ -22,10 +22,18 @@ from soter.registry import load_backend
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
 from soter.specs import read_options
 from soter.stack.collision import Separation, check_halves
-from soter.stack.reach import Limits
+from soter.stack.reach import MotionLimits
+from tests.check.planted import EastOf
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, Above, FakeNode, module
 from tests.runner.test_speedup import HastyBackend, mission
+
+
+class InFives(Above):
+    """A region whose margins are in no unit that has a name."""
+
+    unit = 5  # type: ignore[assignment]
+
 
 PROMISED = KinematicBackend.robot_class.declared
 
@@ -63,9 +71,9 @@ def station(
     declared[1].check(asked.base_tick_s)
 
 
-def users_rule(modules: list[str], *robots: RobotPlace) -> None:
-    """Admit robots that a module of the user's wants east of 1 m."""
-    own = {"declare": "tests.check.planted:right"}
+def users_rule(modules: list[str], *robots: RobotPlace, name: str = "right") -> None:
+    """Admit robots with a module of the user's; `right` wants them east of 1 m."""
+    own = {"declare": f"tests.check.planted:{name}"}
     asked = load_mission(
         ROOT / "examples" / "surveillance.toml",
         {"backend": "kinematic", "rta.modules": modules, "rta.module": {"own": own}},
@@ -96,8 +104,8 @@ def hasty() -> None:
     raise refused_at(caught.value, asked, workspace, HastyBackend, config)
 
 
-def limits(**changes: object) -> Limits:
-    return Limits.of(replace(PROMISED, **changes))  # type: ignore[arg-type]
+def limits(**changes: object) -> MotionLimits:
+    return MotionLimits.of(replace(PROMISED, **changes))  # type: ignore[arg-type]
 
 
 SLOW, OTHER = FakeNode("slow", period_s=1.0), FakeNode("other")
@@ -113,12 +121,20 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
     "the SC 'slow' has a period of 1 s": ("P1a", module(sc=SLOW)),
     "no multiple of the base tick": ("P1a", module(delta_s=0.12)),
     "both must publish the same topics": ("P1b", module(sc=OTHER)),
+    "the unit of phi_safe is 5": ("P3", module(phi_safe=InFives())),
+    "it fails when it is asked": ("P3", module(phi_safer=EastOf())),
     "at the edge of phi_safer it is only 0.010 m": ("P3", module(phi_safer=Above(0.01))),
 }
 # The others, which need more than a declaration.
 OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
     "its rule does not hold where robot 1 starts, at (0.5, 1): the margin is -0.500 m": (
         "A13", lambda: users_rule(["geofence"], RobotPlace(1, 0.5, 1.0, Box(0.8, 0.8, 1.2, 1.2))),
+    ),
+    "its rule looks at situation.peers, but its model": (
+        "P3", lambda: users_rule(
+            ["geofence"], RobotPlace(1, 2.0, 1.0, Box(1.8, 0.8, 2.2, 1.2)),
+            RobotPlace(2, 4.0, 4.0, Box(3.8, 3.8, 4.2, 4.2)), name="alone",
+        ),
     ),
     "with each on its station the margin of phi_safer is": (
         "P2b", lambda: users_rule(["battery"], RobotPlace(1, 2.0, 1.0, Box(0.8, 0.8, 1.2, 1.2))),
@@ -147,8 +163,8 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
 def test_a_declaration_that_fails(text: str) -> None:
     condition, made = DECLARED[text]
     found = conditions(made, Timing(), TICK_S)
-    assert [each.verdict for each in found[:-1]] == [Verdict.PROVED] * (len(found) - 1)
-    assert (found[-1].condition, found[-1].verdict) == (condition, Verdict.REJECTED)
+    assert [each.verdict for each in found[:-1]] == [Certainty.PROVED] * (len(found) - 1)
+    assert (found[-1].condition, found[-1].verdict) == (condition, Certainty.REJECTED)
     assert text in found[-1].text
 
 
@@ -163,12 +179,12 @@ def test_another_condition_that_fails(text: str) -> None:
 
 def test_a_declaration_that_holds_says_by_how_much() -> None:
     found = {each.condition: each for each in conditions(module(), Timing(latency_s=0.05), TICK_S)}
-    assert {each.verdict for each in found.values()} == {Verdict.PROVED}
+    assert {each.verdict for each in found.values()} == {Certainty.PROVED}
     assert found["P3"].figures["reach"] == pytest.approx(0.22 * found["P3"].figures["horizon_s"] + 0.0242)  # type: ignore[operator]
     predicate = conditions(replace(module(), phi_safer=lambda s: True), Timing(), TICK_S)[-1]
     assert "phi_safer is a predicate" in predicate.text
     claimed = replace(module(), model=None, ttf_2delta=lambda s: False)
-    assert conditions(claimed, Timing(), TICK_S)[-1].verdict is Verdict.ASSUMED
+    assert conditions(claimed, Timing(), TICK_S)[-1].verdict is Certainty.ASSUMED
 
 
 @cache

@@ -75,6 +75,25 @@ def test_faults_repeat_bit_for_bit() -> None:
     assert first.faults == again.faults
 
 
+def test_faults_that_draw_anew_from_a_time_on_are_what_they_were_up_to_then() -> None:
+    def way(*seeds: int) -> tuple[list[float], list[float]]:
+        reseed = [{"at_s": 10.0 + at, "seed": seed} for at, seed in enumerate(seeds)]
+        overrides = {**QUICK, "duration_s": 20.0, "fault": [{"kind": "loss", "samples": 0.4}], "reseed": reseed}
+        done = run_mission(load_mission(ROOT / "examples" / "surveillance.toml", overrides), falls_of="geofence")
+        assert done.result.min_margin is not None
+        margins = [margin for _, margin in done.falls]
+        assert margins == sorted(set(margins), reverse=True)
+        assert margins[-1] == done.result.min_margin["geofence"]
+        times, places = done.tracks.tracks[1].time_s, done.tracks.tracks[1].x_m
+        since = next(at for at, time_s in enumerate(times) if time_s > 10.0)
+        return [*places[:since]], [*places[since:]]
+
+    ways = [way(), way(1), way(2), way(2, 1), way(2, 1)]
+    assert all(before == ways[0][0] for before, _ in ways)
+    assert len({tuple(after) for _, after in ways}) == 4
+    assert ways[3] == ways[4]
+
+
 def test_a_mission_without_faults_is_what_it_was() -> None:
     assert run(duration_s=10.0).faults == ()
 

@@ -6,7 +6,7 @@ import socket
 from collections import deque
 
 from soter.isolation.child import Child, ChildDied
-from soter.isolation.messages import Room, Turn, encode
+from soter.isolation.messages import Footprint, Turn, encode
 from soter.isolation.mission_end import MissionEnd
 from soter.isolation.supervisor_end import SupervisorEnd
 from soter.rta import Port, Report
@@ -60,7 +60,7 @@ class FakeChild(Child):
         self.killed = True
 
 
-ROOM = Room(0.1, 0.5, 0.1)
+ROOM = Footprint(0.1, 0.5, 0.1)
 
 
 class Rig:

@@ -16,9 +16,8 @@ from soter.isolation.messages import (
     Ask,
     Begin,
     Busy,
-    GoalEnd,
-    Handover,
     PeerSeen,
+    Reported,
     TargetGiven,
     Tick,
     Turn,
@@ -39,7 +38,7 @@ def pair() -> Iterator[Pair]:
     made.close()
 
 
-def tick(pair: Pair, number: int, *reports: GoalEnd | Handover, states: tuple[RobotState, ...] | None = None) -> None:
+def tick(pair: Pair, number: int, *reports: Reported, states: tuple[RobotState, ...] | None = None) -> None:
     states = states or (state(1), state(2))
     pair.supervisor.send(encode(Tick(number, 5.0, 5.0, 1.0, states, reports)))
     pair.end.wait()
@@ -53,18 +52,20 @@ def answer(pair: Pair, turn: Turn | None = None) -> Turn:
 
 
 def test_ports_show_what_the_supervisor_tells(pair: Pair) -> None:
-    tick(pair, 1, Handover(1, True, "geofence", "inside"), states=(state(1, 3.0), state(2)))
+    tick(pair, 1, Reported(control=ControlReport(1, True, "geofence", "inside")), states=(state(1, 3.0), state(2)))
     assert pair.end.ports[1].state == state(1, 3.0)
     assert (pair.end.ports[1].engaged, pair.end.ports[2].engaged) == (True, False)
     assert pair.heard == [ControlReport(1, True, "geofence", "inside")]
-    tick(pair, 2, GoalEnd(1, 4, "reached"), Handover(1, False, "battery", "low"))
+    tick(
+        pair, 2, Reported(goal=GoalReport(1, 4, "reached")), Reported(control=ControlReport(1, False, "battery", "low"))
+    )
     assert pair.heard[1:] == [GoalReport(1, 4, "reached"), ControlReport(1, False, "battery", "low")]
     assert not pair.end.ports[1].engaged
 
 
 def test_all_that_waits_is_taken_at_once_and_the_newest_states_count(pair: Pair) -> None:
     for number in (1, 2, 3):
-        reports = (GoalEnd(1, number, "failed"),)
+        reports = (Reported(goal=GoalReport(1, number, "failed")),)
         pair.supervisor.send(encode(Tick(number, 5.0, 5.0, 1.0, (state(1, float(number)), None), reports)))
     messages = pair.end.wait()
     assert messages is not None
@@ -75,7 +76,7 @@ def test_all_that_waits_is_taken_at_once_and_the_newest_states_count(pair: Pair)
 
 
 def test_the_newest_goto_of_every_robot_is_asked_for(pair: Pair) -> None:
-    tick(pair, 1, Handover(1, True, "", ""), Handover(2, True, "", ""))
+    tick(pair, 1, Reported(control=ControlReport(1, True, "", "")), Reported(control=ControlReport(2, True, "", "")))
     ports = pair.end.ports
     replaced = ports[1].goto(Waypoint(1.0, 1.0))
     first = ports[1].goto(Waypoint(2.0, 2.0), (Waypoint(3.0, 3.0),))
@@ -95,7 +96,13 @@ def test_without_control_nothing_is_asked_for(pair: Pair) -> None:
 
 
 def test_an_ask_says_how_many_hand_overs_it_knew_of(pair: Pair) -> None:
-    tick(pair, 1, Handover(1, True, "", ""), Handover(1, False, "", ""), Handover(1, True, "", ""))
+    tick(
+        pair,
+        1,
+        Reported(control=ControlReport(1, True, "", "")),
+        Reported(control=ControlReport(1, False, "", "")),
+        Reported(control=ControlReport(1, True, "", "")),
+    )
     pair.end.ports[1].goto(Waypoint(1.0, 1.0))
     assert answer(pair).asks[0].handover == 3
 
@@ -109,20 +116,20 @@ class Odd(Waypoint):
     [None, "there", (1.0, 2.0), Odd(1.0, 2.0), Waypoint("1", 2.0), Waypoint(None, 2.0), Waypoint(10**400, 2.0)],  # type: ignore[arg-type]
 )
 def test_what_is_no_waypoint_is_rejected_here_already(pair: Pair, command: Any) -> None:
-    tick(pair, 1, Handover(1, True, "", ""))
+    tick(pair, 1, Reported(control=ControlReport(1, True, "", "")))
     goal = pair.end.ports[1].goto(command)
     assert answer(pair).asks == ()
     assert pair.heard[-1] == GoalReport(1, goal, "rejected")
 
 
 def test_numbers_of_other_libraries_are_numbers(pair: Pair) -> None:
-    tick(pair, 1, Handover(1, True, "", ""))
+    tick(pair, 1, Reported(control=ControlReport(1, True, "", "")))
     pair.end.ports[1].goto(Waypoint(np.float64(1.5), 2, speed_m_s=np.float32(0.5)))  # type: ignore[arg-type]
     assert answer(pair).asks[0].target == Waypoint(1.5, 2.0, speed_m_s=0.5)
 
 
 def test_of_what_is_announced_the_first_places_cross(pair: Pair) -> None:
-    tick(pair, 1, Handover(1, True, "", ""))
+    tick(pair, 1, Reported(control=ControlReport(1, True, "", "")))
     announced: Any = (*(Waypoint(float(x), 0.0) for x in range(100)), "home")
     pair.end.ports[1].goto(Waypoint(1.0, 1.0), announced)
     assert answer(pair).asks[0].upcoming == announced[:MAX_ANNOUNCED]
@@ -133,7 +140,7 @@ def test_a_turn_that_is_too_long_announces_nothing() -> None:
     ids = tuple(range(1, 201))
     pair.supervisor.send(encode(Begin(5.0, 1.0, ids, (ROOM,) * len(ids))))
     pair.end.wait()
-    tick(pair, 1, *(Handover(i, True, "", "") for i in ids), states=tuple(state(i) for i in ids))
+    tick(pair, 1, *(Reported(control=ControlReport(i, True, "", "")) for i in ids), states=tuple(state(i) for i in ids))
     for port in pair.end.ports.values():
         port.goto(Waypoint(1.5, 2.5), (Waypoint(2.5, 3.5),) * MAX_ANNOUNCED)
     sent = answer(pair, Turn(0, news=tuple(TargetGiven(i, 1, 1.5, 2.5) for i in ids)))

@@ -6,26 +6,26 @@ import math
 
 import pytest
 
+from soter.errors import Garbage
 from soter.isolation.child import ChildDied
 from soter.isolation.messages import (
     Ask,
     Begin,
     Busy,
-    Failed,
-    Garbage,
-    Handover,
+    FailedForGood,
     Moved,
-    Refused,
+    Reported,
     Started,
-    TargetEnded,
+    TargetEndedMessage,
     TargetGiven,
     Tick,
     Turn,
     decode_down,
     encode,
 )
+from soter.isolation.refused import Refused
 from soter.isolation.supervisor_end import MAX_MESSAGES, MAX_REPORTS, MAX_WAITING
-from soter.rta import GoalReport, Request
+from soter.rta import ControlReport, GoalReport, Request
 from soter.sdk import Waypoint
 from tests.isolation.ends import SILENT_S, Rig, state
 
@@ -54,7 +54,7 @@ def test_a_mission_hears_of_its_robots_and_of_every_tick() -> None:
     tick = last_tick(rig)
     assert tick.number == 1
     assert tick.states == (state(1), state(2))
-    assert tick.reports == (Handover(2, True, "geofence", "inside again"),)
+    assert tick.reports == (Reported(control=ControlReport(2, True, "geofence", "inside again")),)
     rig.tick(Turn(2))
     assert last_tick(rig).reports == ()
     assert not rig.end.failure
@@ -76,7 +76,7 @@ def test_what_it_asked_for_before_a_hand_over_is_rejected_after_it() -> None:
     rig.tick(Turn(1, (Ask(1, 1, 5, Waypoint(1.0, 2.0)),)))
     assert rig.ports[1].take() is None
     rig.tick(Turn(2))
-    assert next(report for report in last_tick(rig).reports if not isinstance(report, Handover)).goal_id == 5
+    assert [report.goal.goal_id for report in last_tick(rig).reports if report.goal is not None][:1] == [5]
 
 
 def test_a_turn_may_leave_ticks_out_but_answers_none_twice_nor_early() -> None:
@@ -96,8 +96,8 @@ def test_a_turn_may_leave_ticks_out_but_answers_none_twice_nor_early() -> None:
     ("turn", "words"),
     [
         (Turn(1, (Ask(3, 0, 1, Waypoint(1.0, 2.0)),)), "there is no robot 3"),
-        (Turn(1, news=(TargetEnded(9, 1, "reached"),)), "there is no robot 9"),
-        (Turn(1, failures=(Failed(0, "why"),)), "there is no robot 0"),
+        (Turn(1, news=(TargetEndedMessage(9, 1, "reached"),)), "there is no robot 9"),
+        (Turn(1, failures=(FailedForGood(0, "why"),)), "there is no robot 0"),
         (Turn(1, news=(TargetGiven(1, 1, math.nan, 0.0),)), "a target that is not finite"),
         (Turn(1, moves=(Moved(math.inf, "", 1, "", "", "", "", ""),)), "a time that is not finite"),
     ],

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
-from soter.machine import Goto, Machine, Next, State, Stay
+from soter.machine import Event, Goto, Machine, Next, State, Stay
 from soter.missions import Arrival, Mission, Robot, Stage
 from soter.sdk import Waypoint
 from soter.stack.events import Disengaged, GoalEnded, Reengaged, TargetEnded, VisitTarget
@@ -103,6 +103,39 @@ class AwaitsNothing(Mission):
     async def run(self, robot: Robot) -> None:
         while True:
             pass
+
+
+class TalksToItself(Mission):
+    """Its machine never comes to rest."""
+
+    def begin(self, stage: Stage) -> None:
+        stage.create(_TalksToItself, None, "it")
+
+
+class TargetsNowhere(Mission):
+    """Tells of targets that no file can hold."""
+
+    def begin(self, stage: Stage) -> None:
+        stage.on_target(1, 1, (float("nan"), 1.0))
+        stage.on_target(2, 10**30, (1.0, 1.0))
+
+
+class Word(Event):
+    pass
+
+
+class _TalksToItself(Machine):
+    Talking: State[None] = State(start=True)
+
+    @Talking.entry
+    def _begin(self, _: None) -> Stay:
+        self.after(1.0, Word())
+        return Stay()
+
+    @Talking.on(Word)
+    def _says(self, _: Word) -> Stay:
+        self.send(self.ref, Word())
+        return Stay()
 
 
 class NeverLetsGo(Mission):

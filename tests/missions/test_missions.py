@@ -194,11 +194,19 @@ def test_a_script_that_talks_without_end_is_recorded_all_the_same(
     assert 0 < len(said) < 1000
 
 
-def test_a_script_that_never_awaits_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_targets_that_no_file_can_hold_spoil_no_recording(tmp_path: Path) -> None:
+    run = run_mission(told("TargetsNowhere", duration_s=1.0), record=tmp_path / "run.mcap")
+    assert run.recording is not None
+    assert (run.recording.failure, run.recording.refused) == ("", 2)
+    assert len([*Recording(tmp_path / "run.mcap").ticks()]) == 20
+
+
+@pytest.mark.parametrize(("name", "says"), [("AwaitsNothing", "AwaitsNothing 1"), ("TalksToItself", "has blocked")])
+def test_a_mission_that_never_comes_to_rest_ends_the_run(name: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("soter.runner.watchdog.LIMIT_S", 0.3)
-    result = ran("AwaitsNothing").result
+    result = ran(name).result
     assert result.status == "failed"
-    assert "AwaitsNothing 1" in result.failure
+    assert says in result.failure
 
 
 def test_a_mission_that_cannot_begin_leaves_its_robots_to_their_safe_controllers() -> None:
@@ -228,7 +236,7 @@ def test_in_a_process_of_its_own_it_is_the_same(caplog: pytest.LogCaptureFixture
         ("two.py:Tow", "did you mean 'Two'"),
         ("tests.missions.script:Ends", "no module 'tests.missions.script'"),
         ("surveilance.", "surveillance"),
-        ("NoMission", "allowed: a subclass of soter.Mission"),
+        ("NoMission", "allowed: a subclass of Mission"),
         ("CannotBeMade", "RuntimeError: not today"),
         ("Plain", "async def run"),
         ("Nothing", "does nothing"),

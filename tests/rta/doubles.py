@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from soter.rta import (
     DecisionModule,
-    Mode,
     Node,
     PairBound,
     ReachModel,
@@ -23,6 +22,7 @@ from soter.rta import (
     Timing,
     Topic,
 )
+from soter.sdk import Controller
 
 TICK_S = 0.05
 SPEED = SpeedBound(0.22, 1.0)
@@ -120,23 +120,23 @@ class FakeActuator:
         self.sample: Sample | Exception = At(10.0, robot_id=robot_id)
         self.calls: list[tuple[Any, ...]] = []
         self.failing: set[str] = set()
-        self.report: Mode | None = None
+        self.report: Controller | None = None
 
     def read(self) -> Sample:
         if isinstance(self.sample, Exception):
             raise self.sample
         return self.sample
 
-    def drive(self, command: Any, mode: Mode) -> None:
+    def drive(self, command: Any, mode: Controller) -> None:
         self._note("drive", command, mode)
 
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+    def hand_over(self, mode: Controller, module: str, cause: str) -> None:
         self._note("hand_over", mode, module)
 
     def renew(self) -> None:
         self._note("renew")
 
-    def reported(self, sample: Sample) -> Mode | None:
+    def reported(self, sample: Sample) -> Controller | None:
         return self.report
 
     def insist(self) -> None:
@@ -161,15 +161,35 @@ class Watcher:
             raise RuntimeError("the watch failed")
 
 
+class Unspeakable(BaseException):
+    """What foreign code may raise at worst: no `Exception`, and nobody can show it."""
+
+    def __repr__(self) -> str:
+        raise self
+
+    __str__ = __repr__
+
+
+class Meddles(Region):
+    """Changes what it is given."""
+
+    def margin(self, situation: Situation) -> float:
+        situation.own, situation.peers, situation.now_s = At(0.0), (), 0.0
+        return 10.0
+
+    def edge_margin(self, safer: Region) -> float:
+        return 5.0
+
+
 class Rule(Region):
     """A rule whose margin the test sets; an exception is raised instead."""
 
-    def __init__(self, value: float | Exception = 10.0, safer: float = 0.5) -> None:
+    def __init__(self, value: float | BaseException = 10.0, safer: float = 0.5) -> None:
         self.value = value
         self.safer = safer
 
     def margin(self, situation: Situation) -> float:
-        if isinstance(self.value, Exception):
+        if isinstance(self.value, BaseException):
             raise self.value
         return self.value
 

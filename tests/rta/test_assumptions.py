@@ -19,7 +19,6 @@ from soter.rta import (
     Assumption,
     AssumptionLog,
     DischargeBound,
-    Mode,
     PeerMonitor,
     RobotSupervisor,
     SpeedBound,
@@ -29,6 +28,7 @@ from soter.rta import (
 from soter.rta.assumptions import SPELL_S
 from soter.rta.fleet import Supervisor
 from soter.rta.supervisor import ALARM_S
+from soter.sdk import Controller
 from soter.stack.battery import Dock
 from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from tests.rta.doubles import SPEED, TICK_S, At, Rig
@@ -53,7 +53,7 @@ def put(rig: Rig, x_m: float = 10.0, **values: Any) -> None:
 def found(rig: Rig, assumption: Assumption) -> str:
     """Check that this assumption alone was found not to hold, and that it cost the AC control; return the cause."""
     assert list(rig.robot.log.breaches) == [assumption]
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     record = rig.watch.records[0]
     assert (record.before, record.module) == (None, SUPERVISOR)
     cause = rig.robot.log.breaches[assumption].cause
@@ -65,7 +65,7 @@ def found(rig: Rig, assumption: Assumption) -> str:
 def recovers(rig: Rig) -> None:
     """Check that the AC gets control back once the assumption holds again."""
     rig.tick(ALARM_TICKS + 3)
-    assert rig.robot.mode is Mode.AC
+    assert rig.robot.mode is Controller.AC
 
 
 # --- the table ---------------------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def test_a6_noise_as_declared_is_no_breach() -> None:
     for sign in (1.0, -1.0) * 20:
         put(rig, 10.0 + sign * 0.05)
         rig.tick()
-        assert rig.robot.mode is Mode.AC
+        assert rig.robot.mode is Controller.AC
     put(rig, 10.2)
     rig.tick()
     found(rig, Assumption.POSITION_NOISE)
@@ -173,7 +173,7 @@ def disengaged_at_speed(timing: Timing | None = None) -> Rig:
     rig.scs["a"].silent = True
     rig.rules["a"].value = 0.0
     rolling(rig, V_MAX, 10.0)
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     rig.robot.log.breaches.clear()
     return rig
 
@@ -246,7 +246,7 @@ def test_a3_an_interface_that_raises(call: str) -> None:
         rig.rules["a"].value = 0.0
     rig.tick(2)
     assert "OSError" in rig.robot.log.breaches[Assumption.LATENCY].cause
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
 
 
 def test_a10_a_robot_that_drives_on_without_a_lease() -> None:
@@ -272,7 +272,7 @@ def test_a12_somebody_else_moves_the_robot(monkeypatch: pytest.MonkeyPatch) -> N
         intruded.setattr(rig.actuator, "renew", renew)
         rig.tick(3)
     assert list(rig.robot.log.breaches) == [Assumption.AUTHORITY]
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     # It was found in acting, and so is the cause of the next decision.
     assert rig.watch.records[0].cause == "A12: intruder: it is driven past the mux"
     recovers(rig)
@@ -292,7 +292,7 @@ def test_a12_a_robot_that_does_not_do_what_it_is_told_is_nobodys_and_its_peers_h
             report(rigs, tick)
             supervisor.tick(tick * TICK_S)
     assert rigs[1].robot.uncontrolled == "not under control: its pilot has it"
-    assert [rig.robot.mode for rig in rigs] == [Mode.SC] * 3
+    assert [rig.robot.mode for rig in rigs] == [Controller.SC] * 3
     assert list(rigs[1].robot.log.breaches) == [Assumption.AUTHORITY]
     peers = rigs[0].robot.log.breaches[Assumption.PEERS]
     assert (peers.cause, peers.first_s) == ("robot 2: not under control: its pilot has it", 21 * TICK_S)
@@ -345,7 +345,7 @@ def test_a15_a_clock_that_goes_back() -> None:
     # The clock and, with it, the stamps of the samples.
     assert list(rig.robot.log.breaches) == [Assumption.CLOCK]
     assert rig.robot.log.breaches[Assumption.CLOCK].cause == "fleet time went back by 0.950 s"
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     rig.fresh = True
     recovers(rig)
 
@@ -358,7 +358,7 @@ def test_a15_after_a_clock_went_back_a_dwell_begins_anew_instead_of_lasting_for_
     rig.rules["a"].value = 10.0
     rig.ticks -= 300
     rig.tick(ALARM_TICKS + 3)
-    assert rig.robot.mode is Mode.AC
+    assert rig.robot.mode is Controller.AC
 
 
 def test_a15_a_sample_from_the_future() -> None:
@@ -414,7 +414,7 @@ def test_a5_a_tick_that_is_as_late_as_declared_is_no_breach() -> None:
     for _ in range(20):
         rig.ticks += 1
         rig.tick()
-        assert rig.robot.mode is Mode.AC
+        assert rig.robot.mode is Controller.AC
 
 
 # --- A7: peers ---------------------------------------------------------------------------------------------
@@ -450,7 +450,7 @@ def test_a7_a_peer_that_breaks_its_bound_costs_those_who_hear_it_control_and_is_
     report(rigs, 20, r2=12.5)
     supervisor.tick(20 * TICK_S)
     for rig in (rigs[0], rigs[2]):
-        assert rig.robot.mode is Mode.SC
+        assert rig.robot.mode is Controller.SC
         assert list(rig.robot.log.breaches) == [Assumption.PEERS]
         assert rig.robot.log.breaches[Assumption.PEERS].cause.startswith("robot 2: sample outside the reach set")
         assert rig.watch.records[-1].module == SUPERVISOR
@@ -469,7 +469,7 @@ def test_a7_a_peer_that_falls_silent_is_named() -> None:
         rigs[2].actuator.sample = At(13.0, stamp_s=19 * TICK_S, robot_id=3)
         supervisor.tick(tick * TICK_S)
         silent_s = (tick - 19) * TICK_S
-        assert (rigs[0].robot.mode is Mode.SC) is (silent_s > SILENT_S + 1e-9)
+        assert (rigs[0].robot.mode is Controller.SC) is (silent_s > SILENT_S + 1e-9)
     assert "robot 3: not heard of for 0.5" in rigs[0].robot.log.breaches[Assumption.PEERS].cause
 
 
@@ -547,7 +547,7 @@ def test_a13_a_robot_that_starts_outside() -> None:
     rig = Rig("a")
     rig.rules["a"].value = -0.5
     rig.tick(5)
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     breach = rig.robot.log.breaches[Assumption.START]
     assert breach[:3] == (1, 0.0, "'a': margin -0.500")
     assert breach.worst == (Worst(0.5, "m", 0.0, "'a': margin -0.500"),)
@@ -570,7 +570,7 @@ def test_a14_a_margin_that_is_used_up_under_the_safe_controller() -> None:
 
 def test_a12_a_robot_that_obeys_somebody_else_loses_its_lease_and_is_told_again() -> None:
     rig = started()
-    rig.actuator.report = Mode.AC
+    rig.actuator.report = Controller.AC
     rig.tick(10)
     assert rig.robot.log.breaches == {}
     rig.rules["a"].value = 0.0
@@ -584,23 +584,23 @@ def test_a12_a_robot_that_obeys_somebody_else_loses_its_lease_and_is_told_again(
         assert names[0] == "insist"
     assert list(rig.robot.log.breaches) == [Assumption.AUTHORITY]
     assert rig.robot.log.breaches[Assumption.AUTHORITY].cause == "the robot reports AC in charge, not SC"
-    rig.actuator.report = Mode.SC
+    rig.actuator.report = Controller.SC
     rig.tick()
     assert rig.names()[-1] == "renew"
 
 
 def test_a12_a_robot_that_calls_itself_the_safe_controllers_while_the_ac_has_it() -> None:
     rig = started()
-    rig.actuator.report = Mode.SC
+    rig.actuator.report = Controller.SC
     rig.tick(2)
     assert list(rig.robot.log.breaches) == [Assumption.AUTHORITY]
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     assert rig.watch.records[0].cause.startswith("A12: the robot reports SC in charge")
 
 
 def test_a12_a_robot_that_no_longer_says_whom_it_obeys_is_not_left_to_the_ac() -> None:
     rig = started()
-    rig.actuator.report = Mode.AC
+    rig.actuator.report = Controller.AC
     rig.tick(2)
     assert rig.driver() is None
     rig.actuator.report = None
@@ -612,10 +612,10 @@ def test_a12_a_robot_that_no_longer_says_whom_it_obeys_is_not_left_to_the_ac() -
     assert rig.driver() == "a"
     assert "renew" in rig.names()
     assert "insist" not in rig.names()
-    rig.actuator.report = Mode.SC
+    rig.actuator.report = Controller.SC
     rig.tick(7)
     assert rig.driver() is None
-    rig.actuator.report = Mode.AC
+    rig.actuator.report = Controller.AC
     rig.tick(3)
     assert rig.driver() is None
 

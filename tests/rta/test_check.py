@@ -12,10 +12,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from soter.errors import IllFormedModule
-from soter.rta import DecisionModule, Mode, RTAModule, Situation, Timing
+from soter.rta import DecisionModule, RTAModule, Situation, Timing
+from soter.sdk import Controller
 from soter.stack.collision import Separation
 from soter.stack.static_rules import Fence
-from tests.rta.doubles import PAIR, SPEED, TICK_S, Above, At, FakeNode, module
+from tests.rta.doubles import PAIR, SPEED, TICK_S, Above, At, FakeNode, Unspeakable, module
 
 TIMING = Timing(latency_s=0.05)
 
@@ -31,6 +32,23 @@ def number(pattern: str, error: IllFormedModule) -> float:
     found = re.search(pattern, str(error))
     assert found is not None, str(error)
     return float(found.group(1))
+
+
+def test_a_unit_that_is_no_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Above, "unit", 5)
+    assert "the unit of phi_safe is 5, allowed: a text" in str(refusal(module()))
+
+
+@pytest.mark.parametrize("answer", [None, "5", [1.0, 2.0], Unspeakable(), SystemExit(0)])
+@pytest.mark.parametrize("asked", ["edge_margin", "noise"])
+def test_a_rule_that_cannot_be_asked(asked: str, answer: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    def answers(*_: object) -> object:
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(Above, asked, answers)
+    assert "it fails when it is asked" in str(refusal(module()))
 
 
 @pytest.mark.parametrize("delta_s", [0.0, -0.1, math.nan, math.inf])
@@ -157,7 +175,7 @@ def test_p3_is_what_the_first_lemma_starts_from(ticks: int, edge: float, own_m: 
     spare = edge - own_m - peers_m - PAIR.bound(made.horizon_s(timing))
     assume(abs(spare) > 1e-6)
     decision = DecisionModule(made, timing, TICK_S)
-    decision.mode = Mode.AC
+    decision.mode = Controller.AC
     situation = Situation(1, At(), 0.0)
     situation.peers = (At(0.3 + edge, robot_id=2),)
     fires = decision.decide(situation)
@@ -215,5 +233,5 @@ def test_the_other_modules_of_the_surveillance_case_are_well_formed() -> None:
 
 
 def test_nodes_without_a_common_unit_of_regions_are_refused() -> None:
-    with pytest.raises(TypeError, match="phi_safer of a separation"):
-        module(phi_safe=Separation(0.3, 0.2), phi_safer=Fence(0, 1, 0, 1)).check(TIMING, TICK_S)
+    made = module(phi_safe=Separation(0.3, 0.2), phi_safer=Fence(0, 1, 0, 1))
+    assert "TypeError('phi_safer of a separation" in str(refusal(made))

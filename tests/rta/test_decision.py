@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.rta import DecisionModule, Mode, Situation, SpeedBound, Timing
+from soter.rta import DecisionModule, Situation, SpeedBound, Timing
+from soter.sdk import Controller
 from tests.rta.doubles import NAN, SPEED, TICK_S, Above, At, module, situation
 
 TIMING = Timing(latency_s=0.05)
@@ -39,7 +40,7 @@ def engaged(permission: Say | None = None, **values: Any) -> DecisionModule:
     made = decision(permission, **values)
     made.decide(situation(10.0, 0.0))
     made.decide(situation(10.0, 0.3))
-    assert made.mode is Mode.AC
+    assert made.mode is Controller.AC
     return made
 
 
@@ -56,7 +57,7 @@ def test_time_in_sc_counts_from_the_first_look_whatever_the_clock_says(clock_s: 
     assert made.since_s == math.inf
     for now_s in (clock_s, clock_s + 0.1):
         made.decide(situation(0.0, now_s))
-        assert (made.mode, made.since_s) == (Mode.SC, clock_s)
+        assert (made.mode, made.since_s) == (Controller.SC, clock_s)
 
 
 # --- AC -> SC ----------------------------------------------------------------------------------------------
@@ -67,7 +68,7 @@ def test_control_is_taken_at_the_very_look_at_which_the_margin_may_be_used_up(x_
     made = engaged()
     changed = made.decide(situation(x_m, 0.4))
     assert changed is (x_m < REACH)
-    assert (made.mode is Mode.SC) is changed
+    assert (made.mode is Controller.SC) is changed
     assert made.since_s == (0.4 if changed else 0.3)
 
 
@@ -90,7 +91,7 @@ def test_taking_control_asks_nobody_and_waits_for_nothing() -> None:
 def test_a_margin_that_is_no_number_is_danger(x_m: float) -> None:
     made = engaged()
     assert made.decide(situation(x_m, 0.4))
-    assert made.mode is Mode.SC
+    assert made.mode is Controller.SC
 
 
 class Answers(Above):
@@ -170,11 +171,11 @@ def test_a_model_that_looks_at_the_state_is_asked() -> None:
 
 def test_it_starts_in_sc_and_gives_control_after_the_dwell() -> None:
     made = decision(dwell_s=0.3)
-    assert (made.mode, made.cause) == (Mode.SC, "start")
+    assert (made.mode, made.cause) == (Controller.SC, "start")
     times = [0.0, 0.1, 0.2, 0.29]
     assert not any(made.decide(situation(10.0, now_s)) for now_s in times)
     assert made.decide(situation(10.0, 0.3))
-    assert (made.mode, made.cause, made.since_s) == (Mode.AC, "", 0.3)
+    assert (made.mode, made.cause, made.since_s) == (Controller.AC, "", 0.3)
 
 
 def test_at_the_start_the_horizon_is_enough_and_phi_safer_not_needed() -> None:
@@ -228,7 +229,7 @@ def test_observing_never_gives_control() -> None:
     made = decision(dwell_s=0.0)
     for tick in range(100):
         made.observe(situation(10.0, tick * TICK_S))
-    assert made.mode is Mode.SC
+    assert made.mode is Controller.SC
 
 
 def test_the_arbiter_is_asked_last_and_its_no_costs_no_dwell() -> None:
@@ -250,12 +251,12 @@ def test_whatever_the_margins_control_changes_only_as_declared(margins: list[flo
         now_s = 0.4 + tick * 0.1
         before = made.mode
         made.decide(situation(x_m, now_s))
-        if before is Mode.AC:
-            assert (made.mode is Mode.SC) is (x_m < REACH)
+        if before is Controller.AC:
+            assert (made.mode is Controller.SC) is (x_m < REACH)
             fine_since_s = math.nan
         else:
             fine_since_s = math.nan if x_m < 0.5 else now_s if math.isnan(fine_since_s) else fine_since_s
-            assert (made.mode is Mode.AC) is (now_s - fine_since_s >= 0.2 - 1e-9)
+            assert (made.mode is Controller.AC) is (now_s - fine_since_s >= 0.2 - 1e-9)
 
 
 # --- predicates --------------------------------------------------------------------------------------------

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from soter.rta import Mode, RobotSupervisor, Supervisor, Topic
+from soter.rta import RobotSupervisor, Supervisor, Topic
+from soter.sdk import Controller
 from tests.rta.doubles import TICK_S, At, Rig
 
 
@@ -65,7 +66,7 @@ def test_a_robot_that_fails_costs_the_others_nothing(failure: str, which: int) -
                 assert rig.driver() is None
                 assert rig.names() == ["drive", "renew"]
     assert rigs[which].driver() == "a"
-    assert rigs[which].robot.mode is Mode.SC
+    assert rigs[which].robot.mode is Controller.SC
 
 
 def test_the_arbiter_sees_all_robots_sensed_and_none_decided() -> None:

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.rta import Assumption, Mode, ModuleMonitor, PairBound, ReachModel, SpeedBound, Timing
-from soter.rta.monitors import Finding, SampleMonitor, StopMonitor
+from soter.rta import Assumption, ModuleMonitor, PairBound, ReachModel, SpeedBound, Timing
+from soter.rta.monitors import BrokenAssumption, SampleMonitor, StopMonitor
+from soter.sdk import Controller
 from tests.rta.doubles import PAIR, SPEED, At
 
-AC, SC = Mode.AC, Mode.SC
+AC, SC = Controller.AC, Controller.SC
 
 
 def monitor(model: ReachModel | None = SPEED, noise: float = 0.0, sample_age_s: float = 0.0) -> ModuleMonitor:
@@ -80,9 +81,9 @@ def test_a_rule_given_by_predicates_has_decisions_only() -> None:
 def test_the_first_margin_that_is_negative_is_one_of_the_start_and_later_ones_are_of_the_recovery() -> None:
     made = monitor()
     made.look(0.0, -1.0, SC, SC)
-    assert made.found == Finding(Assumption.START, "margin -1.000", 1.0, "m")
+    assert made.found == BrokenAssumption(Assumption.START, "margin -1.000", 1.0, "m")
     made.look(0.1, -1.5, SC, SC)
-    assert made.found == Finding(Assumption.RECOVERY, "margin -1.500", 1.5, "m")
+    assert made.found == BrokenAssumption(Assumption.RECOVERY, "margin -1.500", 1.5, "m")
 
 
 def test_noise_is_no_finding() -> None:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from soter.rta import (
     PEER_SILENT_S,
-    Mode,
     PeerMonitor,
     Sample,
     SpeedBound,
@@ -18,7 +17,8 @@ from soter.rta import (
     Supervisor,
 )
 from soter.rta.assumptions import Assumption
-from soter.rta.monitors import Finding
+from soter.rta.monitors import BrokenAssumption
+from soter.sdk import Controller
 from tests.rta.doubles import TICK_S, At, Rig
 
 V_MAX, BRAKE = 0.22, 1.0
@@ -32,7 +32,7 @@ class Far:
         self.robot_id = robot_id
         self.latest: Sample | None = None
         self.heard_s = -math.inf
-        self.wrong: Finding | None = None
+        self.wrong: BrokenAssumption | None = None
 
     def sample(self) -> Sample | None:
         return self.latest
@@ -43,7 +43,7 @@ class Far:
     def needs_charge(self) -> bool:
         return False
 
-    def found(self) -> Finding | None:
+    def found(self) -> BrokenAssumption | None:
         wrong, self.wrong = self.wrong, None
         return wrong
 
@@ -70,7 +70,7 @@ class Meeting:
     @property
     def engaged(self) -> bool:
         """Whether the AC has control."""
-        return self.rig.robot.mode is Mode.AC
+        return self.rig.robot.mode is Controller.AC
 
     def tick(self, count: int = 1, *, hears: bool = True, is_heard: bool = True) -> None:
         for _ in range(count):
@@ -191,7 +191,7 @@ def test_a_margin_that_falls_for_silence_alone_is_no_failure_of_the_safe_control
 
 
 def test_a_remote_peer_that_breaks_its_bound_costs_control(meeting: Meeting) -> None:
-    meeting.far.wrong = Finding(Assumption.PEERS, "robot 1: sample outside the reach set")
+    meeting.far.wrong = BrokenAssumption(Assumption.PEERS, "robot 1: sample outside the reach set")
     meeting.tick()
     assert not meeting.engaged
     assert not meeting.stands

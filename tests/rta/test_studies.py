@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from soter.rta import DecisionModule, Mode, Timing
+from soter.rta import DecisionModule, Timing
+from soter.sdk import Controller
 from tests.rta.doubles import SPEED, TICK_S, Above, module, situation
 
 SAFER_M = 0.02
@@ -26,7 +27,7 @@ def test_a_study_takes_control_later() -> None:
     for deltas, reach_m in ((None, SPEED.bound(0.2)), (1.0, SPEED.bound(0.1)), (0.0, SPEED.bound(0.0))):
         made = decision(timing=Timing(deltas=deltas))
         made.decide(situation(10.0, 0.0))
-        assert made.mode is Mode.AC
+        assert made.mode is Controller.AC
         assert not made.decide(situation(reach_m + 1e-6, 0.1))
         assert made.decide(situation(reach_m - 1e-6, 0.2))
 
@@ -44,4 +45,4 @@ def test_a_study_does_not_give_back_outside_phi_safer() -> None:
     made.decide(situation(10.0, 0.0))
     made.decide(situation(0.0, 0.1))
     made.decide(situation(SAFER_M - 1e-6, 0.2))
-    assert made.mode is Mode.SC
+    assert made.mode is Controller.SC

@@ -6,9 +6,10 @@ import math
 
 import pytest
 
-from soter.rta import SUPERVISOR, Mode, Sample, SpeedBound, Timing
+from soter.rta import SUPERVISOR, Sample, SpeedBound, Timing
 from soter.rta.supervisor import ALARM_S
-from tests.rta.doubles import TICK_S, At, Rig
+from soter.sdk import Controller
+from tests.rta.doubles import TICK_S, At, Rig, Unspeakable
 
 ALARM_TICKS = round(ALARM_S / TICK_S)
 
@@ -25,16 +26,16 @@ def test_a_robot_starts_in_sc_and_is_given_to_the_ac_when_all_modules_agree() ->
     rig.rules["b"].value = 0.0
     rig.tick(20)
     assert rig.driver() == "b"
-    assert rig.robot.mode is Mode.SC
+    assert rig.robot.mode is Controller.SC
     assert rig.ac.steps == 0
     rig.rules["b"].value = 10.0
-    assert rig.tick() == [("hand_over", Mode.AC, "b"), ("drive", "ac 1", Mode.AC), ("renew",)]
+    assert rig.tick() == [("hand_over", Controller.AC, "b"), ("drive", "ac 1", Controller.AC), ("renew",)]
 
 
 def test_without_modules_the_ac_drives_from_the_first_tick_and_is_told_so_once() -> None:
     rig = Rig()
-    assert rig.tick() == [("hand_over", Mode.AC, ""), ("drive", "ac 1", Mode.AC), ("renew",)]
-    assert rig.tick() == [("drive", "ac 2", Mode.AC), ("renew",)]
+    assert rig.tick() == [("hand_over", Controller.AC, ""), ("drive", "ac 1", Controller.AC), ("renew",)]
+    assert rig.tick() == [("drive", "ac 2", Controller.AC), ("renew",)]
 
 
 def test_without_modules_a_robot_without_a_state_is_stopped() -> None:
@@ -42,7 +43,7 @@ def test_without_modules_a_robot_without_a_state_is_stopped() -> None:
     rig.tick(3)
     rig.ac.silent = True
     rig.actuator.sample = OSError("gone")
-    assert ("drive", None, Mode.AC) in rig.tick()
+    assert ("drive", None, Controller.AC) in rig.tick()
 
 
 def test_the_highest_module_in_sc_drives() -> None:
@@ -91,7 +92,7 @@ def test_a_lower_module_that_fires_while_another_drives_changes_nothing() -> Non
     calls = rig.tick()
     assert len(rig.watch.records) == 1
     assert [call[0] for call in calls] == ["drive", "renew"]
-    assert rig.modules["b"].mode is Mode.SC, "it keeps judging whoever drives"
+    assert rig.modules["b"].mode is Controller.SC, "it keeps judging whoever drives"
 
 
 def test_a_release_is_recorded_with_the_last_module_that_released() -> None:
@@ -113,7 +114,7 @@ def test_a_disengagement_is_one_hand_over_then_the_scs_command_then_the_lease() 
     rig.start()
     rig.rules["a"].value = 0.0
     steps = rig.scs["a"].steps
-    assert rig.tick() == [("hand_over", Mode.SC, "a"), ("drive", f"a {steps + 1}", Mode.SC), ("renew",)]
+    assert rig.tick() == [("hand_over", Controller.SC, "a"), ("drive", f"a {steps + 1}", Controller.SC), ("renew",)]
 
 
 def test_a_change_between_safe_controllers_flushes_the_goal() -> None:
@@ -123,7 +124,7 @@ def test_a_change_between_safe_controllers_flushes_the_goal() -> None:
     rig.tick()
     rig.rules["a"].value = 0.0
     rig.scs["a"].silent = True
-    assert rig.tick() == [("drive", None, Mode.SC), ("renew",)]
+    assert rig.tick() == [("drive", None, Controller.SC), ("renew",)]
 
 
 def test_a_command_is_sent_once() -> None:
@@ -132,7 +133,7 @@ def test_a_command_is_sent_once() -> None:
     rig.ac.silent = True
     assert rig.tick() == [("renew",)]
     rig.topic.publish("new")
-    assert rig.tick() == [("drive", "new", Mode.AC), ("renew",)]
+    assert rig.tick() == [("drive", "new", Controller.AC), ("renew",)]
     assert rig.tick() == [("renew",)]
 
 
@@ -168,7 +169,7 @@ def test_an_ac_that_raises_loses_control_for_good_and_its_robot_goes_home() -> N
     rig.start()
     rig.ac.failing = True
     calls = rig.tick()
-    assert calls == [("drive", None, Mode.AC), ("renew",)], "nothing that it published before it raised is sent"
+    assert calls == [("drive", None, Controller.AC), ("renew",)], "nothing that it published before it raised is sent"
     rig.ac.failing = False
     rig.tick()
     assert rig.driver() == "home"
@@ -191,8 +192,10 @@ def test_a_failure_reported_from_outside_takes_control_too() -> None:
     assert rig.watch.records[-1].cause == "the mission ended"
 
 
-@pytest.mark.parametrize("value", [math.nan, OSError("broken"), -math.inf])
-def test_a_decision_module_that_fails_takes_control(value: float | Exception) -> None:
+@pytest.mark.parametrize(
+    "value", [math.nan, OSError("broken"), SystemExit(0), GeneratorExit(), Unspeakable(), -math.inf]
+)
+def test_a_decision_module_that_fails_takes_control(value: float | BaseException) -> None:
     rig = Rig("a", "b")
     rig.start()
     rig.rules["b"].value = value
@@ -226,7 +229,7 @@ def test_a_safe_controller_that_raises_leaves_the_robot_stopped() -> None:
     for _ in range(3):
         calls = rig.tick()
         drives = [call for call in calls if call[0] == "drive"]
-        assert drives == [("drive", None, Mode.SC)]
+        assert drives == [("drive", None, Controller.SC)]
     rig.scs["a"].failing = False
     rig.scs["a"].silent = True
     assert rig.tick() == [("renew",)], "what it published before it raised is never sent"
@@ -240,7 +243,7 @@ def test_a_safe_controller_that_cannot_engage_leaves_the_robot_stopped() -> None
     rig.rules["a"].value = 0.0
     rig.scs["a"].failing_to_engage = True
     rig.scs["a"].silent = True
-    assert rig.tick() == [("hand_over", Mode.SC, "a"), ("drive", None, Mode.SC), ("renew",)]
+    assert rig.tick() == [("hand_over", Controller.SC, "a"), ("drive", None, Controller.SC), ("renew",)]
 
 
 def test_a_watch_that_fails_costs_nothing() -> None:
@@ -253,11 +256,11 @@ def test_a_watch_that_fails_costs_nothing() -> None:
     assert rig.names() == ["hand_over", "drive", "renew"]
 
 
-@pytest.mark.parametrize("mode", [Mode.SC, Mode.AC])
-def test_a_hand_over_that_fails_is_repeated_and_the_lease_runs_out_until_it_is_done(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [Controller.SC, Controller.AC])
+def test_a_hand_over_that_fails_is_repeated_and_the_lease_runs_out_until_it_is_done(mode: Controller) -> None:
     rig = Rig("a")
     rig.start()
-    if mode is Mode.AC:
+    if mode is Controller.AC:
         rig.rules["a"].value = 0.0
         rig.tick()
         rig.rules["a"].value = 10.0
@@ -297,9 +300,9 @@ def test_a_stop_that_fails_is_owed_and_the_lease_runs_out_until_the_robot_has_be
     rig.tick()
     rig.scs["a"].failing, rig.scs["a"].silent = False, True
     for _ in range(3):
-        assert rig.tick() == [("drive", None, Mode.SC)], "its safe controller has nothing to say any more"
+        assert rig.tick() == [("drive", None, Controller.SC)], "its safe controller has nothing to say any more"
     rig.actuator.failing.clear()
-    assert rig.tick() == [("drive", None, Mode.SC), ("renew",)]
+    assert rig.tick() == [("drive", None, Controller.SC), ("renew",)]
     assert rig.tick() == [("renew",)], "once is enough"
 
 
@@ -312,7 +315,7 @@ def test_what_is_sent_after_a_stop_that_failed_takes_its_place() -> None:
     rig.tick()
     rig.scs["a"].failing = False
     rig.actuator.failing.clear()
-    assert rig.tick() == [("drive", "a 3", Mode.SC), ("renew",)]
+    assert rig.tick() == [("drive", "a 3", Controller.SC), ("renew",)]
     rig.scs["a"].silent = True
     assert rig.tick() == [("renew",)]
 
@@ -321,7 +324,7 @@ def test_a_hand_over_that_worked_is_not_repeated_for_what_failed_beside_it() -> 
     rig = Rig("a")
     rig.start()
     rig.tick(2)
-    rig.actuator.report = Mode.SC
+    rig.actuator.report = Controller.SC
     rig.actuator.failing.add("insist")
     rig.tick()
     assert rig.names() == ["insist", "hand_over", "drive"], "the lease is left to run out"
@@ -359,7 +362,7 @@ def test_a_report_of_who_is_in_charge_that_makes_no_sense_costs_the_ac_control(
     rig = Rig("a")
     rig.start()
 
-    def senseless(sample: Sample) -> Mode | None:
+    def senseless(sample: Sample) -> Controller | None:
         raise KeyError("the pilot")
 
     monkeypatch.setattr(rig.actuator, "reported", senseless)
@@ -376,7 +379,7 @@ def test_a_sample_outside_the_reach_set_takes_control_for_a_while() -> None:
     assert rig.driver() == "a"
     assert rig.watch.records[-1].module == SUPERVISOR
     assert "reach set of SpeedBound" in rig.watch.records[-1].cause
-    assert rig.modules["a"].mode is Mode.AC, "it costs the modules nothing of what they know"
+    assert rig.modules["a"].mode is Controller.AC, "it costs the modules nothing of what they know"
     rig.tick(ALARM_TICKS - 1)
     assert rig.driver() == "a"
     rig.tick(2)
@@ -450,7 +453,7 @@ def test_a_look_later_than_declared_takes_control() -> None:
     assert rig.driver() == "a"
     assert rig.watch.records[-1].module == SUPERVISOR
     assert "'a' looked after 0.100 s, not 0.05 s" in rig.watch.records[-1].cause
-    assert all(module.mode is Mode.AC for module in rig.robot.modules), "a late look says nothing about margins"
+    assert all(module.mode is Controller.AC for module in rig.robot.modules), "a late look says nothing about margins"
 
 
 # --- Delta -------------------------------------------------------------------------------------------------

@@ -20,15 +20,16 @@ from soter.distribution.bus import Bus
 from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.runner import RunResult
+from soter.runner.loop import Loop
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
 from soter.runner.peer_session import PeerSession
-from soter.runner.planner_run import _PlannerLoop
-from soter.runner.progress import Audience
-from soter.runner.run import Study, _Loop
+from soter.runner.progress import Follower
+from soter.runner.run import NoRobots
 from soter.sdk import Capabilities, Fleet, RobotSpec, RobotState, TruthReport
 from soter.specs import robot_specs
+from soter.stack.assembly import Study
 from soter_sim import World
 from tests.distribution.air import MemoryBus, Network
 
@@ -163,8 +164,8 @@ class Site:
         self.make_side: Final[MakeSide] = make_side or _mission_side
         self._record: Final = record
         self.said: dict[str, list[str]] = {}
-        self.loops: dict[str, _Loop] = {}
-        self.planner: _PlannerLoop | None = None
+        self.loops: dict[str, Loop] = {}
+        self.planner: Loop | None = None
         self.poses: list[tuple[float, dict[int, tuple[float, float]]]] = []
         self._plan: list[tuple[float, Callable[[], None]]] = []
         self._processes: dict[str, _Process] = {}
@@ -275,8 +276,10 @@ class Site:
             if not part.robots:
                 host = _mission_side(self, part)
                 try:
-                    self.planner = _PlannerLoop(part, self.workspace, host, session, clock)
-                    return self.planner.run(Audience(), say).result
+                    fleet = NoRobots()
+                    fleet.clock = clock
+                    self.planner = Loop(part.mission, self.workspace, fleet, host, Study(), None, session)
+                    return self._result(self.planner, session, say)
                 finally:
                     host.close()
             return self._robots_loop(part, clock, session, say)
@@ -291,16 +294,19 @@ class Site:
             host.ready()
             for robot in fleet.robots:
                 robot.init(1.0)
-            loop = _Loop(part.mission, self.workspace, fleet, host, Study(), recorder, session)
+            loop = Loop(part.mission, self.workspace, fleet, host, Study(), recorder, session)
             self.loops[part.name] = loop
-            assert session.wait(fleet.robots, say, lambda: False)
-            loop.begin(self.workspace)
-            status, failure = loop.run(Audience())
-            return loop.result(status, failure, None)
+            return self._result(loop, session, say)
         finally:
             host.close()
             if recorder is not None:
                 recorder.close()
+
+    def _result(self, loop: Loop, session: PeerSession, say: Callable[[str], None]) -> RunResult:
+        assert session.wait(loop.fleet.robots, say, lambda: False)
+        loop.begin()
+        status, failure = loop.run(Follower())
+        return loop.result(status, failure, None)
 
     def _advance(self, time_s: float) -> None:
         while self.world.now_s + PERIOD_S <= time_s + 1e-9:

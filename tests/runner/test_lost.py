@@ -1,9 +1,11 @@
-"""A run whose world ends under it has failed, whichever process of it was killed, on every backend that starts one."""
+"""A run whose world ends under it has failed, whichever process of it was killed; who waits for one can be stopped."""
 
 from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 
 from soter.config import load_mission
 from soter.runner import run_mission
+from soter.runner.remote_host import RemoteMissionHost
 from tests.project.source import ROOT
 
 BACKENDS = [
@@ -45,3 +48,22 @@ def process_of(module: str) -> int:
             if module in Path(f"/proc/{pid}/cmdline").read_text():
                 return int(pid)
     raise AssertionError(f"nothing runs {module}")
+
+
+def test_waiting_for_the_missions_process_can_be_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits = []
+
+    @contextmanager
+    def connecting() -> Iterator[None]:
+        waits.append(True)
+        yield
+        waits.clear()
+
+    def ready(_host: RemoteMissionHost) -> None:
+        assert waits
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RemoteMissionHost, "ready", ready)
+    mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "mavlink", "planner": "straight-line"})
+    with pytest.raises(KeyboardInterrupt):
+        run_mission(mission, connecting=connecting())

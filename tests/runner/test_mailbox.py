@@ -10,12 +10,13 @@ import pytest
 
 from soter.clock import VirtualClock
 from soter.config import load_mission
-from soter.distribution.channel import Ended, Frame, Joined, Post, ReliableMessage, Visit, encode_frame
+from soter.distribution.channel import ChannelFrame, Ended, Joined, Post, ReliableMessage, VisitMessage
+from soter.isolation.messages import encode
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.runner.mailbox import Mailbox
 from soter.runner.part import Part
 from soter.runner.peer_session import PeerSession
-from soter.stack.events import Outcome, TargetEnded, VisitTarget
+from soter.stack.events import TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.remote import RemoteCame, RemoteJoined, RemoteVisit
 from tests.distribution.air import MemoryBus, Network
 from tests.runner.lockstep import OwnPart
@@ -83,16 +84,16 @@ def test_events_of_the_task_planner_reach_robots_elsewhere_and_theirs_reach_it()
     assert ground.heard == alpha.heard == [RemoteCame()]
     ground.messages.kit(1).tell(RemoteJoined(1, 2))
     ground.messages.kit(1).tell(RemoteVisit(1, VisitTarget(5, (1.0, 2.0), 30.0, 1)))
-    alpha.messages.tell_task_planner(TargetEnded(1, 5, Outcome.REACHED))
+    alpha.messages.tell_task_planner(TargetEnded(1, 5, TargetOutcome.REACHED))
     pumped(network, ground, alpha)
     assert alpha.heard[1:] == [RemoteJoined(1, 2), RemoteVisit(1, VisitTarget(5, (1.0, 2.0), 30.0, 1))]
-    assert ground.heard[1:] == [TargetEnded(1, 5, Outcome.REACHED)]
+    assert ground.heard[1:] == [TargetEnded(1, 5, TargetOutcome.REACHED)]
     for host in (ground, alpha):
         host.messages.close()
 
 
 NONSENSE: Final[list[ReliableMessage]] = [
-    Ended(1, 5, "vanished"), Ended(2, 5, "reached"), Ended(9, 5, "reached"), Visit(1, 5, 0.0, 0.0, None, 3),
+    Ended(1, 5, "vanished"), Ended(2, 5, "reached"), Ended(9, 5, "reached"), VisitMessage(1, 5, 0.0, 0.0, None, 3),
     Joined(1, 2),
 ]  # fmt: skip
 
@@ -125,9 +126,9 @@ def test_another_missions_messages_and_garbage_are_ignored_and_said_once(caplog:
     network = Network()
     ground, stranger = Side(network, "ground"), MemoryBus(network, "stranger")
     for _ in range(3):
-        stranger.publish("soter/alpha/messages/ground", encode_frame(Frame(7, 0, "another")))
+        stranger.publish("soter/alpha/messages/ground", encode(ChannelFrame(7, 0, "another")))
         stranger.publish("soter/alpha/messages/ground", b"garbage")
-        stranger.publish("soter/nobody/messages/ground", encode_frame(Frame(7, 0, "another")))
+        stranger.publish("soter/nobody/messages/ground", encode(ChannelFrame(7, 0, "another")))
         pumped(network, ground)
     assert ground.heard == []
     said = [record.getMessage() for record in caplog.records]

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +17,13 @@ import pytest
 
 from soter.config import MissionFile, load_mission
 from soter.config.tables import MODULES
-from soter.errors import ConfigError, IllFormedModule
+from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
 from soter.missions.surveillance import Targets
+from soter.record.reader import Recording
 from soter.runner import Progress, Run, run_mission
-from soter.runner.watchdog import HandlerWatchdog
+from soter.runner.watchdog import CutOff, Watchdog
 from soter.stack.planners import PlanRequest
+from soter_sim import World
 
 ROOT = Path(__file__).parents[2]
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
@@ -89,13 +93,12 @@ def test_a_seed_gives_one_trace_whatever_the_machine_does() -> None:
         f"m = load_mission({str(SURVEILLANCE)!r}, {{**{QUICK!r}, 'duration_s': 120.0, 'seed': 9}})\n"
         "print(run_mission(m).result.trace_sha256)\n"
     )
-    load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
+    load = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     try:
         there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
     finally:
-        for process in load:
-            process.kill()
-            process.wait()
+        load.kill()
+        load.wait()
     assert there == here
     assert run_mission(mission(duration_s=120.0, seed=10)).result.trace_sha256 != here
 
@@ -227,6 +230,25 @@ def test_a_task_planner_that_raises_costs_all_robots_their_ac(monkeypatch: pytes
     assert not run.result.violated
 
 
+def test_a_world_that_breaks_ends_the_run_with_what_there_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    advance, broken = World.advance, False
+
+    def breaks(self: World, until_s: float) -> None:
+        nonlocal broken
+        if broken:
+            return
+        if broken := until_s > 5.0:
+            raise BackendError("its window is closed")
+        advance(self, until_s)
+
+    monkeypatch.setattr(World, "advance", breaks)
+    run = run_mission(mission(duration_s=20.0), record=tmp_path / "run.mcap")
+    assert (run.result.status, run.result.failure) == ("failed", "its window is closed")
+    assert violations(run) == dict.fromkeys(MODULES, 0)
+    series = Recording(tmp_path / "run.mcap").content(1).series[1]
+    assert series.time_s[-1] == pytest.approx(5.0, abs=0.1)
+
+
 def test_a_handler_that_never_returns_ends_the_run_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     sabotage(monkeypatch, 2, block)
     run = run_mission(mission(duration_s=600.0))
@@ -238,6 +260,24 @@ def test_a_handler_that_never_returns_ends_the_run_by_name(monkeypatch: pytest.M
 
 def test_the_watchdog_puts_back_what_was_there() -> None:
     before = signal.getsignal(signal.SIGALRM)
-    with HandlerWatchdog(lambda: None, lambda: 0):
+    with Watchdog():
         assert signal.getsignal(signal.SIGALRM) is not before
     assert signal.getsignal(signal.SIGALRM) is before
+
+
+def test_who_catches_every_interruption_ends_the_process_with_its_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    left: list[int | str] = []
+    monkeypatch.setattr("soter.runner.watchdog.GIVE_UP_S", 0.5)
+    monkeypatch.setattr("os._exit", left.append)
+    with Watchdog() as watchdog:
+        watchdog.last_words = lambda: left.append("said")
+        caught = 0
+        with watchdog.over("a rule", 0.1), suppress(CutOff):
+            while not left:
+                with suppress(CutOff):
+                    time.sleep(10.0)
+                caught += 1
+        assert left[:2] == ["said", 3]
+        assert caught >= 2
+        with pytest.raises(RunFailed, match="a rule has blocked"):
+            watchdog.check()

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.campaign.random.robots import NAME as FIGURED
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.registry import load_backend
@@ -44,7 +43,7 @@ def promised(asked: MissionFile) -> None:
 
 ADMITTED = [
     ticked(0.1),
-    ticked(0.02, **{"backend": FIGURED, f'backends."{FIGURED}".sample_age_s': 0.05}),
+    ticked(0.02, **{"backends.kinematic.promise.sample_age_s": 0.05}),
     {f"rta.{name}.dwell_s": 60.0 for name in MODULES},
     {"rta.battery.phi_safer": 1.0, "rta.battery.dwell_s": 3.0, **LOW},
     {"rta.battery.delta_s": 60.0},
@@ -73,7 +72,7 @@ def test_a_tick_between_two_samples_is_refused_and_the_nearest_that_is_not_is_na
 
 
 def test_a_tick_between_two_samples_is_allowed_to_robots_that_promise_no_younger_ones() -> None:
-    promised(mission(ticked(0.02, **{"backend": FIGURED, f'backends."{FIGURED}".sample_age_s': PERIOD_S})))
+    promised(mission(ticked(0.02, **{"backends.kinematic.promise.sample_age_s": PERIOD_S})))
 
 
 @given(st.lists(st.floats(-0.4, -0.01), min_size=1, max_size=2), st.floats(0.5, 1.0), st.floats(0.5, 3.0))

@@ -42,7 +42,7 @@ _PID_MAX_OF_EACH: Final = (6, 14)
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class SandboxRules:
     """What a process is to be boxed in with.
 
     Attributes:
@@ -58,12 +58,7 @@ class Box:
 
 @dataclass(slots=True)
 class InForce:
-    """What a box consists of.
-
-    Attributes:
-        by: what is taken, and by what.
-        lacks: what is not taken, and why.
-    """
+    """What a box consists of: what is taken, and by what; and what is not, and why."""
 
     by: dict[str, str] = field(default_factory=dict)
     lacks: dict[str, str] = field(default_factory=dict)
@@ -105,7 +100,9 @@ class InForce:
 _own: InForce | None = None
 
 
-def enter(box: Box, scratch: str, inherited: Mapping[str, str], close: Sequence[int], lifeline_fd: int) -> InForce:
+def enter(
+    box: SandboxRules, scratch: str, inherited: Mapping[str, str], close: Sequence[int], lifeline_fd: int
+) -> InForce:
     """Box this process in, for good. It must have one thread.
 
     Where namespaces are allowed, this returns in a grandchild that the kernel kills with this process; this one ends as
@@ -159,7 +156,7 @@ def inherited() -> Mapping[str, str]:
 # --- Landlock ----------------------------------------------------------------------------------------------
 
 
-def _restrict(box: Box, scratch: str, files: Sequence[str], found: InForce) -> None:
+def _restrict(box: SandboxRules, scratch: str, files: Sequence[str], found: InForce) -> None:
     abi = kernel.landlock_abi()
     name = f"Landlock {abi}"
     if not abi:
@@ -188,10 +185,7 @@ def _restrict(box: Box, scratch: str, files: Sequence[str], found: InForce) -> N
         found.miss(NETWORK, "Landlock takes TCP only")
 
 
-# --- namespaces --------------------------------------------------------------------------------------------
-
-
-def _into_namespaces(box: Box, scratch: str, close: Sequence[int], lifeline_fd: int, found: InForce) -> None:
+def _into_namespaces(box: SandboxRules, scratch: str, close: Sequence[int], lifeline_fd: int, found: InForce) -> None:
     """Go on in namespaces of one's own, as the second process there: the first one ignores signals."""
     wanted = kernel.NAMESPACES | (0 if box.network else kernel.NEW_NETWORK)
     # Who is root without a namespace of users keeps the right to read what belongs to others.

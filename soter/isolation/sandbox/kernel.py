@@ -47,9 +47,6 @@ def _prctl(option: int, *values: int) -> None:
     _checked(_libc.prctl(option, *(ctypes.c_ulong(each) for each in padded)))
 
 
-# --- namespaces --------------------------------------------------------------------------------------------
-
-
 def unshare(flags: int) -> None:
     """Leave namespaces for new ones; those of process ids are for children only.
 
@@ -84,10 +81,6 @@ def _write(path: str, text: str) -> None:
 def mount_read_only(scratch: str, scratch_bytes: int) -> None:
     """Make all that is mounted read-only in this namespace, but for a scratch folder in memory.
 
-    Args:
-        scratch: an empty folder.
-        scratch_bytes: what may be written there.
-
     Raises:
         OSError: the kernel does not let this process, or is too old.
     """
@@ -112,9 +105,6 @@ def mount_own_proc() -> None:
 def _mount(source: str, target: str, kind: str, flags: int, options: str = "") -> None:
     arguments = (each.encode() for each in (source, target, kind))
     _checked(_libc.mount(*arguments, ctypes.c_ulong(flags), options.encode()))
-
-
-# --- rights ------------------------------------------------------------------------------------------------
 
 
 def die_with_parent() -> None:
@@ -199,8 +189,6 @@ def _allow(rules: int, path: str, rights: int) -> None:
         os.close(fd)
 
 
-# --- system calls ------------------------------------------------------------------------------------------
-
 _SOCKET: Final = "socket"
 _CALLS: Final[Mapping[str, tuple[int, Mapping[str, int]]]] = {
     # The machine's number in filters, and the numbers of calls on it.
@@ -252,9 +240,6 @@ def refuse_calls(*, sockets: bool) -> None:
     """Have the kernel refuse calls that no mission needs: new sockets, tracing, mounting, keys and others.
 
     Pairs of connected sockets can still be made.
-
-    Args:
-        sockets: whether new sockets are among them.
 
     Raises:
         OSError: the kernel does not offer it, or the machine is not known here.

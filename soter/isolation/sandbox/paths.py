@@ -17,12 +17,7 @@ _IMPORTED: Final = (".py", ".pyc", ".so")
 
 
 def readable(entries: Iterable[str], also: Iterable[str]) -> list[str]:
-    """Return what may be read, files and folders.
-
-    Args:
-        entries: where modules are looked for.
-        also: more files and folders.
-    """
+    """Return what may be read, files and folders."""
     libraries = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
     found = [*_SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix]
     found += [str(Path(sys.executable).resolve().parent.parent), *filter(None, libraries)]

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from soter.isolation import sandbox
-from soter.isolation.sandbox import Box, kernel
+from soter.isolation.sandbox import SandboxRules, kernel
 
 SECRET, TCP, UDP, ABSTRACT, BOUND, LETTERBOX, VICTIM, SCRATCH, *HOW = sys.argv[1:]
 NOBODY = 65534
@@ -171,7 +171,7 @@ def main() -> None:
     if os.access(os.__file__, os.R_OK):
         # Root's own Python may be out of reach of those whom it becomes here.
         NEEDED["imports"] = imports
-    found = sandbox.enter(Box(), SCRATCH, {}, (said,), lifeline)
+    found = sandbox.enter(SandboxRules(), SCRATCH, {}, (said,), lifeline)
     told = {
         "by": found.by,
         "lacks": found.lacks,

@@ -16,7 +16,7 @@ import pytest
 
 from soter.isolation import sandbox
 from soter.isolation.child import Child, ChildDied, NotBoxed
-from soter.isolation.sandbox import Box, InForce, kernel
+from soter.isolation.sandbox import InForce, SandboxRules, kernel
 from tests.waiting import gone, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -95,7 +95,7 @@ def test_what_is_in_force_is_refused_and_what_is_not_is_said(targets: list[str],
 
 
 def test_nothing_of_a_box_is_left_when_its_first_process_ends() -> None:
-    child = Child("tests.isolation.sandbox.stays", None, box=Box())
+    child = Child("tests.isolation.sandbox.stays", None, box=SandboxRules())
     assert child.receive(30.0) == b"started"
     left = processes_below(child.pid)
     assert left
@@ -105,14 +105,14 @@ def test_nothing_of_a_box_is_left_when_its_first_process_ends() -> None:
 
 def test_a_box_ends_with_the_lifeline_and_as_the_process_in_it() -> None:
     for payload, words in ((7, "exit code 7"), ("SIGSEGV", "signal SIGSEGV"), ("SIGKILL", "signal SIGKILL")):
-        child = Child("tests.isolation.sandbox.stays", payload, box=Box(), patience_s=10.0)
+        child = Child("tests.isolation.sandbox.stays", payload, box=SandboxRules(), patience_s=10.0)
         with pytest.raises(ChildDied, match=words):
             child.receive(30.0)
         child.kill()
 
 
 def test_what_is_required_and_not_there_is_named_and_nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    child = Child("tests.isolation.sandbox.stays", None, box=Box(required=True, network=True))
+    child = Child("tests.isolation.sandbox.stays", None, box=SandboxRules(required=True, network=True))
     with pytest.raises(NotBoxed, match=r"network \(the bus of a distributed mission needs it\)"):
         child.receive(30.0)
     child.kill()
@@ -128,7 +128,7 @@ def test_without_a_filter_of_calls_nothing_counts_that_rests_on_it(monkeypatch: 
     monkeypatch.setattr(sandbox, "_into_namespaces", lambda *_: None)
     monkeypatch.setattr("resource.setrlimit", lambda *_: None)
     monkeypatch.setattr(sandbox, "_own", None)
-    found = sandbox.enter(Box(), "/nowhere", {}, (), 0)
+    found = sandbox.enter(SandboxRules(), "/nowhere", {}, (), 0)
     assert found.by == {sandbox.FILES: f"Landlock {kernel.SCOPE_ABI}"}
     assert {sandbox.NETWORK, sandbox.PROCESSES, sandbox.RIGHTS} <= found.lacks.keys()
 
