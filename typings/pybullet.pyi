@@ -19,12 +19,16 @@ JointInfo: TypeAlias = tuple[
     *tuple[bytes, Vector, Vector, Quaternion, int],
 ]
 
+COV_ENABLE_GUI: int
+COV_ENABLE_SHADOWS: int
 DIRECT: int
+ER_TINY_RENDERER: int
 GEOM_BOX: int
 GEOM_MESH: int
 GEOM_CYLINDER: int
 GEOM_PLANE: int
 GEOM_SPHERE: int
+GUI: int
 VELOCITY_CONTROL: int
 URDF_USE_SELF_COLLISION: int
 
@@ -32,6 +36,14 @@ class error(Exception): ...
 
 def connect(method: int, key: int = ..., options: str = "") -> int: ...
 def disconnect(physicsClientId: int = 0) -> None: ...
+def configureDebugVisualizer(flag: int, enable: int = ..., *, physicsClientId: int = 0) -> None: ...
+def resetDebugVisualizerCamera(
+    cameraDistance: float,
+    cameraYaw: float,
+    cameraPitch: float,
+    cameraTargetPosition: Sequence[float],
+    physicsClientId: int = 0,
+) -> None: ...
 def isConnected(physicsClientId: int = 0) -> int: ...
 def resetSimulation(flags: int = 0, physicsClientId: int = 0) -> None: ...
 def setGravity(gravX: float, gravY: float, gravZ: float, physicsClientId: int = 0) -> None: ...
@@ -77,6 +89,43 @@ def createCollisionShape(
     vertices: Sequence[Sequence[float]] = ...,
     physicsClientId: int = 0,
 ) -> int: ...
+def createVisualShape(
+    shapeType: int,
+    radius: float = ...,
+    halfExtents: Sequence[float] = ...,
+    length: float = ...,
+    vertices: Sequence[Sequence[float]] = ...,
+    indices: Sequence[int] = ...,
+    rgbaColor: Sequence[float] = ...,
+    specularColor: Sequence[float] = ...,
+    physicsClientId: int = 0,
+) -> int: ...
+def computeViewMatrixFromYawPitchRoll(
+    cameraTargetPosition: Sequence[float],
+    distance: float,
+    yaw: float,
+    pitch: float,
+    roll: float,
+    upAxisIndex: int,
+    physicsClientId: int = 0,
+) -> tuple[float, ...]: ...
+def computeProjectionMatrixFOV(
+    fov: float, aspect: float, nearVal: float, farVal: float, physicsClientId: int = 0
+) -> tuple[float, ...]: ...
+def getCameraImage(
+    width: int,
+    height: int,
+    viewMatrix: Sequence[float] = ...,
+    projectionMatrix: Sequence[float] = ...,
+    lightDirection: Sequence[float] = ...,
+    lightColor: Sequence[float] = ...,
+    shadow: int = ...,
+    lightAmbientCoeff: float = ...,
+    lightDiffuseCoeff: float = ...,
+    lightSpecularCoeff: float = ...,
+    renderer: int = ...,
+    physicsClientId: int = 0,
+) -> tuple[int, int, Sequence[int], Sequence[float], Sequence[int]]: ...
 def createMultiBody(
     baseMass: float = 0.0,
     baseCollisionShapeIndex: int = -1,

@@ -10,7 +10,7 @@ from soter_sim.bodies import (
 from soter_sim.engine import Engine, EngineFactory
 from soter_sim.impairment import Impairment
 from soter_sim.truth import WorldTruth
-from soter_sim.world import ENGINES, World
+from soter_sim.world import ENGINES, World, in_window
 
 __all__ = [
     "BODY_RADIUS_M",
@@ -23,5 +23,6 @@ __all__ = [
     "Impairment",
     "World",
     "WorldTruth",
+    "in_window",
     "stand_still",
 ]

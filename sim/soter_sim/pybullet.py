@@ -1,16 +1,18 @@
-"""The engine with physics: rigid bodies in PyBullet, 240 steps a second, no window.
+"""The engine with physics: rigid bodies in PyBullet, 240 steps a second.
 
 Wheels are turned by velocity motors that follow their target within a step or two; what limits the acceleration is
-that the target moves slowly. Only this module imports PyBullet.
+that the target moves slowly.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import as_file, files
-from math import atan2, cos, sin
+from math import atan2, cos, dist, sin
 from typing import Final
 
 from soter.errors import BackendError
@@ -22,20 +24,27 @@ from soter_sim.judge import Judge
 
 
 @contextmanager
-def _nothing_printed() -> Iterator[None]:
-    """Drop what C code prints: PyBullet greets on standard error while it is imported."""
-    nothing, kept = os.open(os.devnull, os.O_WRONLY), os.dup(2)
+def nothing_printed() -> Iterator[None]:
+    """Drop what C code prints: PyBullet greets while it is imported, and talks of its windows."""
+    sys.stdout.flush()
+    nothing, kept = os.open(os.devnull, os.O_WRONLY), {stream: os.dup(stream) for stream in (1, 2)}
     try:
-        os.dup2(nothing, 2)
+        for stream in kept:
+            os.dup2(nothing, stream)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        # What C has not written yet would otherwise be written when its output is back.
+        ctypes.CDLL(None).fflush(None)
+        for stream, before in kept.items():
+            os.dup2(before, stream)
+            os.close(before)
         os.close(nothing)
 
 
-with _nothing_printed():
+with nothing_printed():
     import pybullet as bullet
+
+__all__ = ["PERIOD_S", "STEPS_PER_PERIOD", "PyBulletEngine", "bullet", "nothing_printed"]
 
 PERIOD_S: Final = 0.05
 """The control period."""
@@ -56,6 +65,7 @@ _BRAKE: Final = 1.06
 # So many times its top speed no robot has, also after a shove by another one, which is as fast, and never less.
 _BOUND: Final = 2.0
 _BOUND_M_S: Final = 0.5
+_MOST_BOXES: Final = 10_000
 
 
 class PyBulletEngine:
@@ -91,7 +101,7 @@ class PyBulletEngine:
         self._scale = [radius_m / BODY_RADIUS_M for radius_m in self.bodies.radius]
         self._v_target, self._w_target = [0.0] * count, [0.0] * count
         self._east, self._north = [0.0] * count, [0.0] * count
-        self._client = bullet.connect(bullet.DIRECT)
+        self._client = self._connect()
         if self._client < 0:
             raise BackendError("PyBullet cannot open another world in this process: too many are open; close some")
         try:
@@ -138,6 +148,10 @@ class PyBulletEngine:
 
     # --- building ------------------------------------------------------------------------------------------
 
+    def _connect(self) -> int:
+        """Make an empty world; return its number, or less than zero."""
+        return bullet.connect(bullet.DIRECT)
+
     def _build(self, workspace: Workspace) -> frozenset[int]:
         """Set up the ground and the boxes; return the boxes' ids."""
         client = self._client
@@ -146,19 +160,36 @@ class PyBulletEngine:
         shape = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=client)
         ground = bullet.createMultiBody(0.0, shape, physicsClientId=client)
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
+        if isinstance(workspace, Site) and (grid := workspace.plan.map) is not None:
+            if len(rings := grid.rings()) > _MOST_BOXES:
+                raise BackendError(
+                    f"the map is made of {len(rings)} boxes, PyBullet takes {_MOST_BOXES}; use the backend "
+                    "kinematic, or a map with larger cells or less noise"
+                )
+            return frozenset(self._put_box(ring, grid.height_m) for ring in rings)
         if isinstance(workspace, Site):
             return frozenset(
                 self._put_piece(ring, area.height_m) for area in workspace.plan.areas for ring in area.pieces
             )
-        boxes = set()
-        for box in workspace.boxes:
-            x, y = box.centre
-            half = ((box.high_x_m - box.low_x_m) / 2, (box.high_y_m - box.low_y_m) / 2, box.height_m / 2)
-            shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
-            body = bullet.createMultiBody(0.0, shape, basePosition=(x, y, box.height_m / 2), physicsClientId=client)
-            bullet.changeDynamics(body, -1, restitution=0.0, physicsClientId=client)
-            boxes.add(body)
-        return frozenset(boxes)
+        _, rings = workspace.outlines()
+        return frozenset(self._put_box(ring, box.height_m) for ring, box in zip(rings, workspace.boxes, strict=True))
+
+    def _put_box(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
+        """Put a rectangle on the ground as a box; return its body's id."""
+        client = self._client
+        (ax, ay), (bx, by), (cx, cy), _ = ring
+        yaw = atan2(by - ay, bx - ax)
+        half = (dist(ring[0], ring[1]) / 2, dist(ring[1], ring[2]) / 2, height_m / 2)
+        shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+        body = bullet.createMultiBody(
+            0.0,
+            shape,
+            basePosition=((ax + cx) / 2, (ay + cy) / 2, height_m / 2),
+            baseOrientation=(0.0, 0.0, sin(yaw / 2), cos(yaw / 2)),
+            physicsClientId=client,
+        )
+        bullet.changeDynamics(body, -1, restitution=0.0, physicsClientId=client)
+        return int(body)
 
     def _put_piece(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
         """Put a convex polygon on the ground as a prism; return its body's id."""

@@ -24,6 +24,18 @@ def _pybullet(workspace: Workspace, specs: Sequence[RobotSpec], limits: RuleLimi
     return PyBulletEngine(workspace, specs, limits)
 
 
+def in_window(workspace: Workspace, specs: Sequence[RobotSpec], limits: RuleLimits) -> Engine:
+    """Make an engine with physics that shows its world in a window of the host's display.
+
+    Raises:
+        BackendError: there is no display.
+        ImportError: PyBullet is not installed.
+    """
+    from soter_sim.window import WindowEngine
+
+    return WindowEngine(workspace, specs, limits)
+
+
 ENGINES: Final[dict[str, EngineFactory]] = {"kinematic": KinematicEngine, "pybullet": _pybullet}
 """The engines by name."""
 

@@ -120,8 +120,7 @@ class Autopilots:
     def start(self, robot_id: int) -> None:
         """Start a robot's autopilot, where its spec has it."""
         spec = next(each for each in self._robots if each.id == robot_id)
-        lat_deg = ORIGIN.lat_deg + spec.y_m / _M_PER_DEG
-        lon_deg = ORIGIN.lon_deg + spec.x_m / (_M_PER_DEG * cos(radians(ORIGIN.lat_deg)))
+        lat_deg, lon_deg = self._geodetic(spec.x_m, spec.y_m)
         yaw_deg = degrees(turned_rad(spec.heading_rad)) % 360.0
         own = self._folder / str(robot_id)
         own.mkdir(exist_ok=True)
@@ -146,18 +145,31 @@ class Autopilots:
 
     def armed(self, robot_id: int) -> bool:
         """Return whether a vehicle says to the witness that it is armed."""
-        return self._armed[robot_id]
+        return self._armed.get(robot_id, False)
 
     def command(self, robot_id: int, number: int, *params: float) -> None:
         """Send a command as another ground station does."""
         values = [*params, *[0.0] * (7 - len(params))]
         self._send(robot_id, mav.MAVLink_command_long_message(robot_id, 1, number, 0, *values))
 
+    def send_to(self, robot_id: int, x_m: float, y_m: float) -> None:
+        """Send it to a place, as another ground station does."""
+        lat_deg, lon_deg = self._geodetic(x_m, y_m)
+        frame, mask = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, 0x0DF8
+        self._send(robot_id, mav.MAVLink_set_position_target_global_int_message(
+            0, robot_id, 1, frame, mask, round(lat_deg * 1e7), round(lon_deg * 1e7), *[0.0] * 9
+        ))  # fmt: skip
+
     def set(self, robot_id: int, name: str, value: float) -> None:
         """Set a parameter as another ground station does."""
         self._send(robot_id, mav.MAVLink_param_set_message(
             robot_id, 1, name.encode(), value, mav.MAV_PARAM_TYPE_REAL32
         ))  # fmt: skip
+
+    @staticmethod
+    def _geodetic(x_m: float, y_m: float) -> tuple[float, float]:
+        east_deg = x_m / (_M_PER_DEG * cos(radians(ORIGIN.lat_deg)))
+        return ORIGIN.lat_deg + y_m / _M_PER_DEG, ORIGIN.lon_deg + east_deg
 
     # --- the witness ---------------------------------------------------------------------------------------
 

@@ -317,7 +317,9 @@ class Autopilot:
         now_s = world_s - self.booted_s
         if self.mode is Mode.GUIDED:
             wanted = self.guided.setpoint(now_s)
-            return wanted if self._flaws is None else self._flaws.steered(wanted, self._vehicle.sample())
+            if self._flaws is None:
+                return wanted
+            return self._flaws.steered(wanted, self._vehicle.sample(), self.parameters["SIM_WIND_SPD"])
         return None if self.route is None else self.route.setpoint(self.sample(), now_s)
 
     def _reached(self, seq: int) -> None:

@@ -17,26 +17,29 @@ LIKE: Final[dict[str, Literal["rover", "copter"]]] = {"ardurover": "rover", "ard
 """By what they are like, which vehicles they are."""
 
 _ROAMS_M_S: Final = 0.027
-_PERIOD_S: Final = 30.0
-_DRIFTS_M_S: Final = 0.1
+_PERIOD_S: Final = 24.0
+_DRIFTS_M_S2: Final = 0.03
 _NOTICES_S: Final = 7.0
 _SETTLES_S: Final = 2.0
 _TAIL_PER_S: Final = 2.0
 _CREEPS_M_S: Final = 0.01
 _NORTH_RAD: Final = 0.5 * pi
 _TURN_PER_S: Final = 4.0
+_GUST_S: Final = 6.0
+_SWAY_M_PER_M_S: Final = 0.04
 
 
 class Flaws:
     """What one autopilot gets wrong.
 
     - **Estimate.** At rest the EKF shows 0.027 m/s in a direction that goes round, and its position goes round, too.
-    - **GPS.** Without it (SIM_GPS_DISABLE) the position drifts off by 0.1 m/s. The EKF says so after 7 s only, and then
+    - **GPS.** Without it (SIM_GPS_DISABLE) the position drifts off, by 0.7 m in 7 s. Only then does the EKF say so, and
       the vehicle holds.
     - **Masks.** A rover takes a velocity of nothing without a yaw rate for the heading north, and pivots to it.
     - **Places.** A rover comes near to one at a speed that falls with what is left, so that it never gets fast on its
       way to a near one, and has a long tail.
     - **Arming** is refused for a while after the EKF has got ready.
+    - **Wind** (SIM_WIND_SPD, in m/s) comes in gusts and sways a copter: by up to 0.3 m in one of 5 m/s.
 
     Args:
         flies: it is a copter.
@@ -48,34 +51,33 @@ class Flaws:
 
     def __init__(self, *, flies: bool) -> None:
         self._flies: Final = flies
-        self._now_s = self._drift_m = 0.0
+        self._now_s = 0.0
         self.lost = False
         self.fix_s = 0.0
 
     def look(self, now_s: float, *, has_gps: bool) -> None:
         """Take note of the time, and of whether there is a GPS; called in each period."""
-        passed_s, self._now_s = max(now_s - self._now_s, 0.0), now_s
+        self._now_s = now_s
         if has_gps or now_s < self.fix_s:
-            self.fix_s, self._drift_m = now_s, 0.0
-        else:
-            self._drift_m += _DRIFTS_M_S * passed_s
+            self.fix_s = now_s
         self.lost = now_s - self.fix_s > _NOTICES_S
 
     def estimated(self, true: Sample) -> Sample:
         """Return what the EKF makes of how things are."""
         angle_rad = 2.0 * pi * self._now_s / _PERIOD_S
         round_m = _ROAMS_M_S * _PERIOD_S / (2.0 * pi)
+        drift_m = 0.5 * _DRIFTS_M_S2 * (self._now_s - self.fix_s) ** 2
         return true._replace(
-            x_m=true.x_m + round_m * sin(angle_rad) + self._drift_m,
-            y_m=true.y_m + round_m * (1.0 - cos(angle_rad)),
+            x_m=true.x_m + round_m * sin(angle_rad) + drift_m,
+            y_m=true.y_m - round_m * cos(angle_rad),
             east_m_s=true.east_m_s + _ROAMS_M_S * cos(angle_rad),
             north_m_s=true.north_m_s + _ROAMS_M_S * sin(angle_rad),
         )
 
-    def steered(self, wanted: Setpoint, at: Sample) -> Setpoint:
-        """Return what the vehicle makes of what is wanted of it."""
+    def steered(self, wanted: Setpoint, at: Sample, wind_m_s: float) -> Setpoint:
+        """Return what the vehicle makes of what is wanted of it in such a wind."""
         if self._flies:
-            return wanted
+            return self._swayed(wanted, _SWAY_M_PER_M_S * wind_m_s)
         if isinstance(wanted, Place):
             left_m = hypot(wanted.x_m - at.x_m, wanted.y_m - at.y_m)
             cap_m_s = inf if wanted.speed_m_s is None else wanted.speed_m_s
@@ -86,6 +88,15 @@ class Flaws:
             and hypot(wanted.east_m_s, wanted.north_m_s) == 0.0
         ):
             return replace(wanted, yaw_rate_rad_s=_TURN_PER_S * wrapped_rad(_NORTH_RAD - at.heading_rad))
+        return wanted
+
+    def _swayed(self, wanted: Setpoint, sway_m: float) -> Setpoint:
+        angle_rad = 2.0 * pi * self._now_s / _GUST_S
+        if isinstance(wanted, Place):
+            return replace(wanted, x_m=wanted.x_m + sway_m * sin(angle_rad), y_m=wanted.y_m + sway_m * sin(angle_rad))
+        if isinstance(wanted, Velocity):
+            gust_m_s = sway_m * 2.0 * pi / _GUST_S * cos(angle_rad)
+            return replace(wanted, east_m_s=wanted.east_m_s + gust_m_s, north_m_s=wanted.north_m_s + gust_m_s)
         return wanted
 
     def refuses_to_arm(self, ready_for_s: float) -> str | None:

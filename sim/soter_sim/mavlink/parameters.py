@@ -52,7 +52,7 @@ _ADDED: Final = {
     "SOTER_LEASE_MS": _whole(250, 50, 5_000),
     "SOTER_YAW_SPEED": _whole(1, 0, 1),
 }
-_BROKEN: Final = {"SIM_GPS_DISABLE": _whole(0, 0, 1)}
+_BROKEN: Final = {"SIM_GPS_DISABLE": _whole(0, 0, 1), "SIM_WIND_SPD": Parameter(5.0, 0.0, 20.0)}
 _ROVER: Final = {
     "WP_RADIUS": Parameter(0.10, 0.02, 10.0),
     # Two driven wheels, which turn in place.

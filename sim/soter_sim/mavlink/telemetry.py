@@ -250,6 +250,19 @@ def position_target_local_ned(autopilot: Autopilot) -> Message | None:
     return None
 
 
+def position_target_global_int(autopilot: Autopilot) -> Message | None:
+    """Return POSITION_TARGET_GLOBAL_INT: the place that it goes to in GUIDED; a velocity is none."""
+    target = autopilot.guided.target()
+    if not isinstance(target, Place):
+        return None
+    lat_e7, lon_e7 = autopilot.origin.geodetic_e7(target.x_m, target.y_m)
+    message: Message = mav.MAVLink_position_target_global_int_message(
+        autopilot.boot_ms, mav.MAV_FRAME_GLOBAL, _POSITION_ONLY, lat_e7, lon_e7, autopilot.origin.alt_m + target.z_m,
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    return message
+
+
 def guided_master(autopilot: Autopilot) -> Message | None:
     """Return NAMED_VALUE_INT `GMASTER`: 256 x system + component of who is in charge, negative with a dead lease."""
     if autopilot.plain:
@@ -279,6 +292,7 @@ BUILDERS: Final[Mapping[int, Build]] = {
     mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
     mav.MAVLINK_MSG_ID_MISSION_CURRENT: mission_current,
     mav.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: position_target_local_ned,
+    mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: position_target_global_int,
     mav.MAVLINK_MSG_ID_NAMED_VALUE_INT: guided_master,
 }
 """What can be asked for."""

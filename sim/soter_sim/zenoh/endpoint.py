@@ -8,7 +8,7 @@ from typing import Final
 
 import zenoh
 
-from soter.adapters.zenoh.messages import Clock, Time
+from soter.adapters.zenoh.messages import RosClock, Time
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.talk import Voice, stamp_of
 from soter.geometry.workspace import Workspace
@@ -53,7 +53,7 @@ class Endpoint(StreamedFace):
         time.sleep(seconds)
 
     def _tell_clock(self) -> None:
-        self._clock.say(Clock(self._stamp()))
+        self._clock.say(RosClock(self._stamp()))
 
     def _stamp(self) -> Time:
         return stamp_of(self.clock_s)

@@ -42,11 +42,7 @@ _MAV_FRAME: Final = mav.MAV_FRAME_GLOBAL
 
 
 class Authority:
-    """The vehicle's own gate.
-
-    Args:
-        vehicle: whose.
-    """
+    """The vehicle's own gate."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle: Final = vehicle

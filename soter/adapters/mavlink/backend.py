@@ -9,10 +9,10 @@ from dataclasses import replace
 from typing import ClassVar, Final
 
 from soter.adapters.mavlink.authority import COMPONENTS
-from soter.adapters.mavlink.link import Inbox, Link
+from soter.adapters.mavlink.link import Inbox, MavlinkLink
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
-from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock, VehicleClock
 from soter.errors import ConfigError, RobotUnavailable
@@ -26,7 +26,7 @@ _CRYSTAL: Final = 1e-3
 _SIMULATED: Final = 0.2
 
 
-class MavlinkFleet(WireFleet[Simulator]):
+class MavlinkFleet(WireFleet[MavlinkSimulator]):
     """Vehicles on one link, and the simulator if it was started for them."""
 
 
@@ -60,16 +60,17 @@ class VehicleBackend(Backend):
         port = free_port() if simulated else 0
         # Whoever opens robots by hand may leave to the options what each promises.
         robots = [replace(spec, promised=spec.promised or config.promised()) for spec in robots]
-        simulator: Simulator | None = None
+        simulator: MavlinkSimulator | None = None
         with ExitStack() as started, ExitStack() as shared:
             link = self._link(clock, Address.parse(config.connection or f"udpin:127.0.0.1:{port}"), config)
             shared.callback(link.close)
             for spec in robots:
                 link.inboxes[spec.id] = Inbox()
-            vehicles = [MavlinkRobot(spec, clock, link, config) for spec in robots]
+            vehicles: list[MavlinkRobot] = []
+            vehicles += [MavlinkRobot(spec, clock, link, config, vehicles) for spec in robots]
             link.start()
             if simulated:
-                simulator = Simulator(describe(config.workspace, robots, config.limits), port, *_options(config))
+                simulator = MavlinkSimulator(describe(config.workspace, robots, config.limits), port, *_options(config))
                 started.callback(simulator.close)
             truth = config.truth if simulator is None else simulator.truth
             fleet = MavlinkFleet(clock, vehicles, truth, simulator, shared)
@@ -77,7 +78,7 @@ class VehicleBackend(Backend):
             return fleet
 
     @abstractmethod
-    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
+    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> MavlinkLink:
         """Make the link; it is not opened yet."""
 
 
@@ -86,7 +87,7 @@ class MavlinkBackend(VehicleBackend):
 
     harness: ClassVar[str] = "soter.adapters.mavlink.harness:MavlinkHarness"
 
-    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
+    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> MavlinkLink:
         from soter.adapters.mavlink.pymavlink_link import PymavlinkLink, signing_key
 
         try:

@@ -15,13 +15,7 @@ _M_PER_DEG: Final = 0.011131884502145034 * 1e7
 
 
 class GeoPoint(NamedTuple):
-    """A place on earth.
-
-    Attributes:
-        lat_deg: degrees north.
-        lon_deg: degrees east.
-        alt_m: metres above the sea.
-    """
+    """A place on earth; its height is above the sea."""
 
     lat_deg: float
     lon_deg: float

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
-from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
@@ -35,15 +35,12 @@ _SYSTEM_AT: Final = 5
 _EVERYBODY: Final = 0
 
 
-class Relay(ImpairedRelay):
+class MavlinkRelay(ImpairedRelay):
     """Passes datagrams on, both ways. What is for everybody gets through to nobody while any vehicle is cut off.
 
     Args:
         adapter_port: on which the adapter listens.
         listens: where the vehicles send; port 0 for any that is free.
-
-    Attributes:
-        port: to which the vehicles send.
     """
 
     def __init__(self, adapter_port: int, listens: tuple[str, int] = (_HOST, 0)) -> None:
@@ -85,9 +82,14 @@ class Relay(ImpairedRelay):
                 continue
             if upwards:
                 self._peer = peer
-            system = datagram[_SYSTEM_AT] if upwards else self._addressee(datagram)
+            system = self._sender(datagram) if upwards else self._addressee(datagram)
             if not (self.cut and (system in self.cut or system == _EVERYBODY)):
                 self.pass_on(self._up if upwards else self._down, datagram)
+
+    @staticmethod
+    def _sender(datagram: bytes) -> int:
+        # Autopilots may send what is no whole packet.
+        return datagram[_SYSTEM_AT] if len(datagram) > _SYSTEM_AT else _EVERYBODY
 
     def _addressee(self, datagram: bytes) -> int:
         for message in self._parser.parse_buffer(datagram) or ():
@@ -110,13 +112,7 @@ def _send(source: socket.socket, datagram: bytes, to: tuple[str, int] | None) ->
 
 
 class MavlinkHarness(RelayedHarness):
-    """Opens simulated rovers behind a relay, for every fleet anew.
-
-    Attributes:
-        backend: what is judged.
-        options: of the backend.
-        simulator_options: more arguments for the simulated vehicles.
-    """
+    """Opens simulated rovers behind a relay, for every fleet anew."""
 
     name = "mavlink"
     room_m = 2.4
@@ -129,7 +125,7 @@ class MavlinkHarness(RelayedHarness):
 
     def open(self, robots: int) -> Fleet:
         port = free_port()
-        self.relay = relay = Relay(port)
+        self.relay = relay = MavlinkRelay(port)
         simulator = self._start(robots, relay.port)
         self.fleet = self._opened(port, simulator.truth, robots)
         return self.fleet
@@ -139,7 +135,7 @@ class MavlinkHarness(RelayedHarness):
         return self.open_promising(promised)
 
     @staticmethod
-    def between(config: MavlinkConfig) -> tuple[Relay, MavlinkConfig] | None:
+    def between(config: MavlinkConfig) -> tuple[MavlinkRelay, MavlinkConfig] | None:
         """Return a relay to given vehicles that send to a UDP port, and options that lead to it.
 
         Raises:
@@ -150,7 +146,7 @@ class MavlinkHarness(RelayedHarness):
             return None
         port = free_port()
         try:
-            relay = Relay(port, (address.host, address.port))
+            relay = MavlinkRelay(port, (address.host, address.port))
         except OSError as failure:
             raise RobotUnavailable(f"'{address}' cannot be listened at: {failure}") from failure
         return relay, config.model_copy(update={"connection": f"udpin:{_HOST}:{port}"})
@@ -163,10 +159,10 @@ class MavlinkHarness(RelayedHarness):
         argument = json.dumps({"harness": harness, "port": port, "truth": simulator.truth})
         return self.driven(f"{__name__}:open_given", argument, target)
 
-    def _start(self, robots: int, port: int) -> Simulator:
+    def _start(self, robots: int, port: int) -> MavlinkSimulator:
         rate_hz = self.options.get("stream_hz", STREAM_HZ)
         options = ("--vehicle", self.options.get("vehicle", "rover"), "--rate", str(rate_hz), *self.simulator_options)
-        self.simulator = simulator = Simulator(describe(WIDE_ROOMS, self.specs(robots), LIMITS), port, *options)
+        self.simulator = simulator = MavlinkSimulator(describe(WIDE_ROOMS, self.specs(robots), LIMITS), port, *options)
         return simulator
 
     def _opened(self, port: int, truth: str, robots: int) -> MavlinkFleet:

@@ -20,12 +20,7 @@ Fields = Mapping[str, Any]
 
 
 class Heard(NamedTuple):
-    """A message that was received.
-
-    Attributes:
-        message: with its fields as attributes.
-        received_s: steady time at which it was.
-    """
+    """A message, its fields as attributes, and the steady time at which it was received."""
 
     message: Any
     received_s: float
@@ -55,11 +50,6 @@ class Inbox:
 
     The receiving thread writes, anybody reads. A hook is called by the receiving thread with every message of its kind:
     it is for what must not be missed, and has to be quick.
-
-    Attributes:
-        latest: by name of the message.
-        counts: how many have come, by name of the message.
-        hooks: by name of the message.
     """
 
     __slots__ = ("counts", "hooks", "latest")
@@ -78,14 +68,10 @@ class Inbox:
             hook(message, received_s)
 
 
-class Link(ABC):
+class MavlinkLink(ABC):
     """A connection over which any number of vehicles are reached, each by its system id.
 
     What a system that nobody asked for says is ignored, so that a foreign heartbeat never changes who is commanded.
-
-    Args:
-        clock: tells when a message was received.
-        system: our system id.
 
     Attributes:
         system: the same.

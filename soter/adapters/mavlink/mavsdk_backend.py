@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.backend import VehicleBackend
-from soter.adapters.mavlink.link import Link
+from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock
@@ -18,7 +18,7 @@ class MavsdkBackend(VehicleBackend):
 
     harness: ClassVar[str] = "soter.adapters.mavlink.harness:MavsdkHarness"
 
-    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> Link:
+    def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> MavlinkLink:
         # Imported here, so that the class can be named where the library is not installed.
         from soter.adapters.mavlink.mavsdk_link import MavsdkLink
 

@@ -26,7 +26,7 @@ from mavsdk.plugins.mavlink_direct_server.mavlink_direct_server import (
     MavlinkMessage,
 )
 
-from soter.adapters.mavlink.link import AUTOPILOT, Fields, Link
+from soter.adapters.mavlink.link import AUTOPILOT, Fields, MavlinkLink
 from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock
 from soter.errors import RobotUnavailable
@@ -38,15 +38,8 @@ _EVERYTHING: Final = ""
 _LEVELS: Final = {LogLevel.WARN: logging.INFO, LogLevel.ERROR: logging.INFO}
 
 
-class MavsdkLink(Link):
-    """A link that MAVSDK runs. Its thread calls us with every message.
-
-    Args:
-        clock: tells when a message was received.
-        address: where the vehicles are.
-        system: our system id.
-        components: our component ids.
-    """
+class MavsdkLink(MavlinkLink):
+    """A link that MAVSDK runs. Its thread calls us with every message."""
 
     def __init__(self, clock: Clock, address: Address, system: int, components: Sequence[int]) -> None:
         super().__init__(clock, system)

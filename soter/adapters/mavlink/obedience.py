@@ -1,7 +1,8 @@
 """Whether a vehicle does what it is told, and knows where it is: what it says of itself, looked at in every tick.
 
-Nothing is believed because it was sent. A vehicle obeys while it is armed, in the mode that takes targets, and no
-fail-safe of its own acts. It knows where it is while its EKF says so, and its GPS, where it had one, finds places.
+Nothing is believed because it was sent. A vehicle obeys while it is armed, in the mode that takes targets, no fail-safe
+of its own acts, and where it goes is a place that it was sent. It knows where it is while its EKF says so, and its GPS,
+where it had one, finds places.
 """
 
 from __future__ import annotations
@@ -11,18 +12,26 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.adapters.mavlink.frames import Frame, GeoPoint
+from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 
 _VARIANCE: Final = 0.8
 """Of an EKF's innovations: from here on ArduPilot's own fail-safe acts, once it has lasted for a second."""
 
-_NO_FIX_S: Final = 1.0
-"""A GPS that has found no place for so long has lost its satellites; ArduPilot's EKF says so some seconds later."""
+_NO_FIX_S: Final = 0.8
+"""A GPS that has found no place for so long has lost its satellites; ArduPilot, whose GPS has to find five a second,
+says so some seconds later."""
 
 _TOOK_S: Final = 5.0
 """A vehicle that leaves its mode so soon after something failed has done so by itself; else somebody took it."""
 
 _GONE_S: Final = 1.0
+
+_ELSEWHERE_M: Final = 1.0
+"""A place so far from all that were sent is another ground station's. Autopilots report places to a centimetre."""
+
+_TARGET: Final = "POSITION_TARGET_GLOBAL_INT"
 _FIX: Final = mav.GPS_FIX_TYPE_3D_FIX
 _ACTS: Final = frozenset({mav.MAV_STATE_CRITICAL, mav.MAV_STATE_EMERGENCY, mav.MAV_STATE_FLIGHT_TERMINATION})
 _VARIANCES: Final = (
@@ -34,24 +43,27 @@ _VARIANCES: Final = (
 class Obedience:
     """What one vehicle does instead of what it is told. Used in the supervisor's thread.
 
-    Args:
-        vehicle: which.
-
     Attributes:
+        origin: where its EKF has its origin; None for a vehicle that is not asked where it goes.
         astray: why its position is not to be trusted; empty while it is.
         disobeys: what it does instead of driving where it is told; empty while it obeys.
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, setpoints: Setpoints) -> None:
         self._vehicle: Final = vehicle
+        self._setpoints: Final = setpoints
+        self.origin: GeoPoint | None = None
         self.astray = self.disobeys = ""
         self._had_fix = False
         self._fix: Any = None
         self._fix_s, self._failed_s = 0.0, -math.inf
+        self._looked_s, self._led_s = 0.0, -math.inf
+        self._led = ""
         self._by_itself = False
 
-    def begin(self) -> None:
+    def begin(self, origin: GeoPoint | None) -> None:
         """Begin anew with a vehicle that is ready."""
+        self.origin, self._looked_s, self._led_s = origin, self._vehicle.now_s, -math.inf
         gps = self._vehicle.inbox.latest.get("GPS_RAW_INT")
         self._had_fix = gps is not None and gps.message.fix_type >= _FIX
         self._fix, self._fix_s, self._failed_s = None, 0.0, -math.inf
@@ -87,7 +99,22 @@ class Obedience:
             return f"it is in the mode {mode}, not {vehicle.kind.mode_name(vehicle.kind.guided)}"
         if not vehicle.armed:
             return "it is disarmed"
-        return "its own fail-safe acts" if failsafe else ""
+        if failsafe:
+            return "its own fail-safe acts"
+        return self._led_elsewhere()
+
+    def _led_elsewhere(self) -> str:
+        """Return who else sends it somewhere: for a second from when it last said that it goes there."""
+        now_s = self._vehicle.now_s
+        target = None if self.origin is None else self._vehicle.heard_since(_TARGET, self._looked_s)
+        self._looked_s = now_s
+        if target is not None and self.origin is not None:
+            place = Frame.between(self.origin, GeoPoint(target.lat_int * 1e-7, target.lon_int * 1e-7, 0.0), 0.0)
+            off_m = self._setpoints.off_m(place.north_m, place.east_m)
+            if off_m > _ELSEWHERE_M:
+                self._led_s = now_s
+                self._led = f"another ground station sends it elsewhere, {off_m:.1f} m from where it was sent here"
+        return self._led if now_s - self._led_s <= _GONE_S else ""
 
     def _lost_its_way(self) -> str:
         vehicle = self._vehicle

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.transport import Address
@@ -51,25 +51,15 @@ _BODIES_HZ: Final = 20.0
 _HOST_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s")
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Origin(_Table):
-    """Where on earth the workspace has its origin.
-
-    Attributes:
-        lat_deg: degrees north.
-        lon_deg: degrees east.
-        alt_m: metres above the sea.
-    """
+class Origin(BaseModel, extra="forbid", frozen=True):
+    """Where on earth the workspace has its origin."""
 
     lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
     lon_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
     alt_m: Annotated[float, Field(ge=-1000.0, le=10_000.0)] = 0.0
 
 
-class Voltage(_Table):
+class Voltage(BaseModel, extra="forbid", frozen=True):
     """What the voltage of a battery means, for autopilots that do not count its charge.
 
     Attributes:

@@ -42,9 +42,10 @@ STREAMS: Final = {
 
 _SLOW_STREAMS: Final = (
     mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-    mav.MAVLINK_MSG_ID_GPS_RAW_INT, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
+    mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
 )  # fmt: skip
 _SLOW_HZ: Final = 4.0
+_GPS_HZ: Final = 10.0
 _STEERING: Final = {
     "SERVO1_FUNCTION": (26.0, "it steers with its wheels, and cannot turn in place"),
     "WP_PIVOT_ANGLE": (0.0, "it does not turn in place"),
@@ -56,15 +57,8 @@ _REPORT_HZ: Final = 20.0
 class Preparation:
     """What one vehicle still lacks.
 
-    Args:
-        vehicle: which.
-        time_sync: its clock.
-        authority: its gate, if it has one.
-        setpoints: what it is told to do.
-        config: what is expected of it.
-        promised: what it promises.
-
     Attributes:
+        may_arm: whether it is its turn to be armed; what does not need it armed is done before.
         armed_it: whether it was armed here.
         taken: whether it is the expected vehicle and was asked for something, so that it has to be left in order.
         ready: whether nothing is missing.
@@ -94,10 +88,11 @@ class Preparation:
         self._keep_alive: Callable[[], None] | None = None
         self._named = KEEPER
         self._moves = "it does not say how fast it is"
-        self.taken = self.ready = self.armed_it = False
+        self.taken = self.ready = self.may_arm = self.armed_it = False
         self.waits_for = "everything"
         self.gated: bool | None = None
         self.origin: GeoPoint | None = None
+        self.begin()
 
     def begin(self) -> None:
         """Begin, or begin anew: nothing that the vehicle said up to now counts."""
@@ -141,8 +136,6 @@ class Preparation:
             text += f"; heard are the systems {sorted(vehicle.link.strangers)}"
         return f"{text}; it says: {complaints}" if complaints else text
 
-    # --- the steps -----------------------------------------------------------------------------------------
-
     def _run(self) -> Iterator[str]:
         vehicle = self._vehicle
         yield from self._until(lambda: vehicle.heard_since("HEARTBEAT", self._since_s) is not None, "a heartbeat")
@@ -154,10 +147,12 @@ class Preparation:
             )
         self.taken = True
         for name, message_id in STREAMS.items():
-            yield from self._stream(name, message_id)
+            hz = yield from self._granted(name, message_id)
+            yield from self._flows(name, hz)
         self._refuse_twins()
         for message_id in _SLOW_STREAMS:
             vehicle.ask_for(KEEPER, message_id, _SLOW_HZ)
+        vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_GPS_RAW_INT, _GPS_HZ)
         yield from self._until(
             lambda: vehicle.heard_since("SYS_STATUS", self._since_s) is not None, "the state of its battery",
             lambda: vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_SYS_STATUS, _SLOW_HZ),
@@ -182,6 +177,10 @@ class Preparation:
         if not self.gated:
             yield from self._judge_steering()
             yield from self._judge_brakes()
+            if not kind.is_px4:
+                # Where it goes, whoever sent it there.
+                yield from self._granted("POSITION_TARGET_GLOBAL_INT", mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
+        yield from self._until(lambda: self.may_arm, "its turn to arm")
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         # After a silence it may be flying already, at whatever height it was sent to.
         if kind.flies and self._up_m() <= _HEIGHT_M:
@@ -261,8 +260,8 @@ class Preparation:
         if twin is not None and twin.messages >= _TWIN_MESSAGES and twin.last_s >= self._since_s:
             raise RobotUnavailable(f"{twin}; end one of them, or give it a system id of its own")
 
-    def _stream(self, name: str, message_id: int) -> Iterator[str]:
-        """Ask for a message at a high rate, for less where that is denied, and see it come."""
+    def _granted(self, name: str, message_id: int) -> Generator[str, None, float]:
+        """Ask for a message at a high rate, for less where that is denied; return the rate."""
         vehicle, least_hz = self._vehicle, self._config.samples_hz
         hz = max(_ASKED_HZ, least_hz)
         while True:
@@ -272,7 +271,7 @@ class Preparation:
                 yield f"an answer to what it is asked for ({name})"
                 ack = vehicle.ack(mav.MAV_CMD_SET_MESSAGE_INTERVAL, asked_s)
             if ack is not None and ack.accepted:
-                break
+                return hz
             if ack is not None:
                 if hz <= least_hz:
                     raise RobotUnavailable(
@@ -280,7 +279,6 @@ class Preparation:
                         "makes samples older"
                     )
                 hz = max(hz * _SLOWER, least_hz)
-        yield from self._flows(name, hz)
 
     def _flows(self, name: str, hz: float) -> Iterator[str]:
         """Wait until a message comes about as often as was granted: there are vehicles that accept and do nothing."""

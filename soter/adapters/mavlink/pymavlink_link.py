@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, Link, Twin
+from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, MavlinkLink, Twin
 from soter.adapters.mavlink.transport import Address, Peer, Transport, open_transport
 from soter.clock import Clock
 
@@ -51,7 +51,7 @@ def signing_key(passphrase: str) -> bytes:
     return hashlib.sha256(passphrase.encode()).digest()
 
 
-class PymavlinkLink(Link):
+class PymavlinkLink(MavlinkLink):
     """A link whose messages pymavlink packs and parses.
 
     Args:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
 
@@ -19,11 +20,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
 from soter.adapters.mavlink.frames import Frame, turned_rad, wrapped_rad
-from soter.adapters.mavlink.link import Link
+from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.obedience import Obedience
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
 from soter.adapters.mavlink.preparation import Preparation
-from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
+from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.clock import VehicleClock
@@ -36,18 +37,12 @@ _AHEAD_RAD: Final = 0.05
 _WORTH_A_TURN_M: Final = 0.15
 
 
-class Leg(NamedTuple):
+class TargetLeg(NamedTuple):
     """The straight way to a target; the dead man of vehicles without one is a target no further than the lease covers.
 
     A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
     instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls
     silent the vehicle comes to rest there by itself.
-
-    Attributes:
-        x_m: where it begins, east.
-        y_m: north.
-        z_m: up.
-        target: where it ends.
     """
 
     x_m: float
@@ -104,14 +99,23 @@ class MavlinkRobot(Robot):
         clock: follows the vehicles' clocks.
         link: over which it is reached.
         config: of the backend.
+        fleet: all robots on the link; while one is waited for, the others get as ready as they can without being armed.
     """
 
     declared: ClassVar[Capabilities] = simulated("rover")
 
-    def __init__(self, spec: RobotSpec, clock: VehicleClock, link: Link, config: MavlinkConfig) -> None:
+    def __init__(
+        self,
+        spec: RobotSpec,
+        clock: VehicleClock,
+        link: MavlinkLink,
+        config: MavlinkConfig,
+        fleet: Sequence[MavlinkRobot] = (),
+    ) -> None:
         super().__init__(spec, clock)
         volts = (None, None) if config.voltage is None else (config.voltage.empty_v, config.voltage.full_v)
         self._config: Final = config
+        self._fleet: Final = fleet
         self._vehicle: Final = Vehicle(link, spec.id)
         self._time_sync: Final = TimeSync(spec.id, clock, self._vehicle.inbox)
         self._authority: Final = Authority(self._vehicle)
@@ -120,11 +124,11 @@ class MavlinkRobot(Robot):
             self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared
         )
         self._sampler: Final = Sampler(
-            spec.id, self._vehicle.inbox, self._time_sync, Charge(spec.drive_s, *volts), self._reported
+            spec.id, self._vehicle.inbox, self._time_sync, ChargeFilter(spec.drive_s, *volts), self._reported
         )
-        self._obedience: Final = Obedience(self._vehicle)
+        self._obedience: Final = Obedience(self._vehicle, self._setpoints)
         self._charge = Controller.SC
-        self._leg: Leg | None = None
+        self._leg: TargetLeg | None = None
         self._refusal = ""
         self._gated = False
         self._renewed_s = 0.0
@@ -136,7 +140,7 @@ class MavlinkRobot(Robot):
 
     def _connect(self, timeout_s: float) -> Capabilities:
         until_s = self.clock.steady_s() + timeout_s
-        self._preparation.begin()
+        self._preparation.may_arm = True
         while not (self._prepared() and self._timed()):
             if self.clock.steady_s() > until_s:
                 ready = self._preparation.ready
@@ -147,7 +151,12 @@ class MavlinkRobot(Robot):
                 )
             # The robots that are ready wait for this one, and would take it for the end of their ground station.
             self._beat(self._vehicle.link.inboxes)
-            self._ask_for_time()
+            for robot in self._fleet or (self,):
+                robot._ask_for_time()
+                if robot is not self and not robot.initialised:
+                    # What is wrong with it is said when it is its turn.
+                    with suppress(RobotUnavailable):
+                        robot._prepared()
             self.clock.sleep_until(self.clock.now() + _LOOK_S)
         sample = self._known()
         if sample is None:
@@ -167,7 +176,7 @@ class MavlinkRobot(Robot):
         if target.heading_rad is not None and not self._gated and not self._sampler.flies:
             raise Unsupported(f"robot {self.id}: its autopilot takes no heading to arrive with")
         if at is not None:
-            self._leg = Leg(at.x_m, at.y_m, at.z_m, target)
+            self._leg = TargetLeg(at.x_m, at.y_m, at.z_m, target)
             self._send_target(at)
 
     def _sample(self) -> RobotState | None:
@@ -239,8 +248,6 @@ class MavlinkRobot(Robot):
         if land is not None and self._config.on_close == "land":
             self._repeat(lambda: vehicle.set_mode(KEEPER, land), lambda: vehicle.mode == land, _LOST_S)
 
-    # --- getting and staying ready -------------------------------------------------------------------------
-
     def _prepared(self) -> bool:
         """Return whether the vehicle takes targets; if it does not, go on making it.
 
@@ -277,7 +284,7 @@ class MavlinkRobot(Robot):
         self._sampler.frame = self._setpoints.frame = frame
         self._sampler.flies = kind.flies
         self._gated = preparation.gated is True
-        self._obedience.begin()
+        self._obedience.begin(None if self._gated or kind.is_px4 else preparation.origin)
         logger.info(
             "robot %d: a %s is ready; %s", self.id, kind.name,
             "it enforces who is in charge" if self._gated else "its autopilot has no gate, the adapter stands in",
@@ -333,8 +340,6 @@ class MavlinkRobot(Robot):
             return None
         component = self._authority.reported()
         return None if component is None else CONTROLLERS.get(component)
-
-    # --- the end -------------------------------------------------------------------------------------------
 
     def _stop(self) -> None:
         self._setpoints.stand(self._charge)

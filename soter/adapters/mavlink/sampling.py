@@ -43,11 +43,6 @@ class TimeSync:
 
     The receiving thread calls the hooks, the supervisor's everything else.
 
-    Args:
-        robot_id: whose clock.
-        clock: fleet time; told of every measurement.
-        inbox: of the vehicle.
-
     Attributes:
         two: its clock goes to and fro: two vehicles say to be it, on a line that does not tell them apart.
         reboots: how often the vehicle's clock went back, or stood still for so long that it may have been started anew.
@@ -161,7 +156,7 @@ _TRUSTED: Final = 0.02
 """A reading that is further below than this is believed at once: the battery falls faster than it should."""
 
 
-class Charge:
+class ChargeFilter:
     """Follows one battery by what autopilots say of it: whole percents, or nothing, or a voltage.
 
     A percentage that is rounded down jumps by one from time to time. What is returned falls to it no faster than the
@@ -230,7 +225,7 @@ class Sampler:
         robot_id: int,
         inbox: Inbox,
         time_sync: TimeSync,
-        charge: Charge,
+        charge: ChargeFilter,
         who: Callable[[], Controller | None],
     ) -> None:
         self._robot_id: Final = robot_id

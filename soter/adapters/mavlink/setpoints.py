@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -22,25 +23,21 @@ _YAW: Final = 0x0400
 _NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
 
 
+_KEPT: Final = 64
+"""Places that were sent last, by which those of others are told from ours: those of a second or more."""
+
 _SPEED_SHARE: Final = 0.95
 """Part of the promised top speed that an autopilot without a clamp is asked for: it swings beyond what it is asked."""
 
 
 class Setpoints:
-    """Sends targets to one vehicle.
-
-    Args:
-        vehicle: which.
-        v_max_m_s: top speed.
-
-    Attributes:
-        frame: where its EKF has its origin.
-    """
+    """Sends targets to one vehicle."""
 
     def __init__(self, vehicle: Vehicle, v_max_m_s: float) -> None:
         self._vehicle: Final = vehicle
         self._v_max_m_s: Final = v_max_m_s
         self._speed_m_s: float | None = None
+        self._sent: Final[deque[tuple[float, float]]] = deque(maxlen=_KEPT)
         self.frame = Frame()
 
     def stand(self, by: Controller) -> None:
@@ -92,10 +89,16 @@ class Setpoints:
             ack = self._vehicle.ack(mav.MAV_CMD_DO_CHANGE_SPEED, -math.inf)
             self._speed_m_s = cap_m_s if ack is not None and ack.accepted else None
 
+    def off_m(self, north_m: float, east_m: float) -> float:
+        """Return how far a place, seen from the origin of its EKF, is from the nearest of those that were sent last."""
+        return min((math.dist((north_m, east_m), each) for each in self._sent), default=math.inf)
+
     def _place(self, x_m: float, y_m: float, z_m: float) -> dict[str, float]:
         return dict(zip(("x", "y", "z"), self.frame.to_ned(x_m, y_m, z_m), strict=True))
 
     def _send(self, by: Controller, mask: int, values: dict[str, float] | None = None) -> None:
+        if values is not None:
+            self._sent.append((values["x"], values["y"]))
         self._vehicle.send(SENDERS[by], "SET_POSITION_TARGET_LOCAL_NED", {
             "time_boot_ms": 0, "target_system": self._vehicle.system, "target_component": AUTOPILOT,
             "coordinate_frame": mav.MAV_FRAME_LOCAL_NED, "type_mask": mask, **_NOTHING,

@@ -37,13 +37,8 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-class Simulator:
+class MavlinkSimulator:
     """Simulated vehicles in a process, which ends with this one, however this one ends.
-
-    Args:
-        world: from `describe`.
-        port: to which they send.
-        options: more arguments of `python -m soter_sim.mavlink`.
 
     Attributes:
         process: the child.

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.link import AUTOPILOT, Fields, Link
+from soter.adapters.mavlink.link import AUTOPILOT, Fields, MavlinkLink
 from soter.errors import RobotUnavailable
 
 _ROVERS: Final = frozenset({mav.MAV_TYPE_GROUND_ROVER, mav.MAV_TYPE_SURFACE_BOAT})
@@ -26,7 +26,7 @@ def px4_mode(main: int, sub: int = 0) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class VehicleKind:
     """A kind of vehicle, as far as commanding it goes.
 
     The same number is the mode HOLD on one and GUIDED on another, and PX4 packs two numbers into one.
@@ -68,12 +68,12 @@ class Kind:
         return flag, float(mode), 0.0
 
 
-ARDUROVER: Final = Kind(
+ARDUROVER: Final = VehicleKind(
     "rover", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=False, guided=15, stop=4, land=None,
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
     brakes=("ATC_DECEL_MAX", "ATC_ACCEL_MAX"),
 )  # fmt: skip
-_ARDUCOPTER: Final = Kind(
+_ARDUCOPTER: Final = VehicleKind(
     "copter", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=True, guided=4, stop=17, land=9,
     names={0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"},
 )  # fmt: skip
@@ -81,10 +81,10 @@ _PX4_NAMES: Final = {
     px4_mode(1): "MANUAL", px4_mode(3): "POSCTL", px4_mode(4, 3): "HOLD", px4_mode(4, 4): "MISSION",
     px4_mode(4, 5): "RETURN", px4_mode(4, 6): "LAND", px4_mode(6): "OFFBOARD",
 }  # fmt: skip
-_PX4_ROVER: Final = Kind(
+_PX4_ROVER: Final = VehicleKind(
     "rover", mav.MAV_AUTOPILOT_PX4, flies=False, guided=px4_mode(6), stop=px4_mode(4, 3), land=None, names=_PX4_NAMES
 )
-_PX4_COPTER: Final = Kind(
+_PX4_COPTER: Final = VehicleKind(
     "copter", mav.MAV_AUTOPILOT_PX4, flies=True, guided=px4_mode(6), stop=px4_mode(4, 3), land=px4_mode(4, 6),
     names=_PX4_NAMES,
 )  # fmt: skip
@@ -93,7 +93,7 @@ _KINDS: Final = {
 }  # fmt: skip
 
 
-def kind_of(vehicle_type: int, autopilot: int) -> Kind:
+def kind_of(vehicle_type: int, autopilot: int) -> VehicleKind:
     """Return the kind of vehicle that a HEARTBEAT tells of.
 
     Raises:
@@ -125,12 +125,7 @@ _RESULTS: Final = {value: entry.name.removeprefix("MAV_RESULT_") for value, entr
 
 
 class Ack(NamedTuple):
-    """An answer to a command.
-
-    Attributes:
-        result: a MAV_RESULT.
-        received_s: steady time at which it came.
-    """
+    """An answer to a command: a MAV_RESULT, and the steady time at which it came."""
 
     result: int
     received_s: float
@@ -147,23 +142,15 @@ class Ack(NamedTuple):
 
 
 class Vehicle:
-    """One vehicle. The receiving thread calls the hooks; all else belongs to the supervisor's thread.
+    """One vehicle. The receiving thread calls the hooks; all else belongs to the supervisor's thread."""
 
-    Args:
-        link: over which it is reached.
-        system: its system id.
-
-    Attributes:
-        inbox: what it has said.
-    """
-
-    def __init__(self, link: Link, system: int) -> None:
+    def __init__(self, link: MavlinkLink, system: int) -> None:
         self.link: Final = link
         self.system: Final = system
         self.inbox: Final = link.inboxes[system]
         self._acks: Final[dict[int, Ack]] = {}
         self._said: Final[deque[tuple[float, str]]] = deque(maxlen=_SAID_KEPT)
-        self._kind: Kind | None = None
+        self._kind: VehicleKind | None = None
         self.inbox.hooks["COMMAND_ACK"] = self._hear_ack
         self.inbox.hooks["STATUSTEXT"] = self._hear_text
 
@@ -199,7 +186,7 @@ class Vehicle:
         return self.heard_since("HEARTBEAT", self.now_s - _FRESH_S)
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> VehicleKind:
         """What it is, by its HEARTBEAT, of which one must have been heard.
 
         Raises:

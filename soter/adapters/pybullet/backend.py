@@ -28,10 +28,10 @@ from soter.sdk import (
     RobotState,
 )
 from soter.sdk.hints import install_command
-from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World
+from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
 
 
-class Vehicle:
+class SimVehicle:
     """One robot's own side; its `control` is what the world calls once each control period.
 
     Args:
@@ -100,7 +100,11 @@ class SimulatedRobot(Robot):
         lease_s=LEASE_S,
         tube_m=TUBE_M,
         overshoot_m=OVERSHOOT_M,
-        position_noise_m=0.0,
+        # What rigid bodies do that motors do not ask for: they slip sideways, by at most 1 mm/s, and overshoot a ramp.
+        accel_m_s2=LIMITS.accel_m_s2,
+        speed_noise_m_s=0.002,
+        heading_noise_rad=0.001,
+        position_noise_m=0.001,
         pivots_first=True,
     )
 
@@ -112,7 +116,7 @@ class SimulatedRobot(Robot):
         self._x, self._y, self._heading, self._yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.yaw_rate
         self._v, self._charge = bodies.v, bodies.charge
         self._velocity = world.engine.velocity
-        self._vehicle = Vehicle(self.declared.lease_s, bodies.limits[self._index], world.period_s)
+        self._vehicle = SimVehicle(self.declared.lease_s, bodies.limits[self._index], world.period_s)
         self._mux = self._vehicle.mux
         self._latest: RobotState | None = None
 
@@ -181,13 +185,10 @@ class SimulatedRobot(Robot):
 
 
 class KinematicRobot(SimulatedRobot):
-    """A robot that nothing but its motors moves, so that it can promise more about its motion and its samples."""
+    """A robot that nothing but its motors moves, so that it can promise that its samples are exact."""
 
     declared: ClassVar[Capabilities] = replace(
-        SimulatedRobot.declared,
-        accel_m_s2=LIMITS.accel_m_s2,
-        speed_noise_m_s=0.0,
-        heading_noise_rad=0.0,
+        SimulatedRobot.declared, speed_noise_m_s=0.0, heading_noise_rad=0.0, position_noise_m=0.0
     )
 
 
@@ -226,19 +227,22 @@ class PyBulletConfig(BackendConfig):
     Attributes:
         promise: what robots are built for that are not TurtleBots.
         engine: what moves the robots: rigid bodies, or the closed-form model of the backend `kinematic`.
+        window: whether to show the rigid bodies in a window of the host's display. It changes nothing that happens.
     """
 
     promise: SimulatedPromise = SimulatedPromise()
     engine: Literal["pybullet", "kinematic"] = "pybullet"
+    window: bool = False
+
+    @model_validator(mode="after")
+    def _has_something_to_show(self) -> Self:
+        if self.window and self.engine != "pybullet":
+            raise wrong(("window",), True, f"only with the engine pybullet: {self.engine} has no bodies to show")
+        return self
 
 
 class KinematicConfig(BackendConfig):
-    """Options of the backend `kinematic`.
-
-    Attributes:
-        promise: what robots are built for that are not TurtleBots.
-        engine: fixed.
-    """
+    """Options of the backend `kinematic`, which also has robots that are not TurtleBots: those keep a promise."""
 
     promise: SimulatedPromise = SimulatedPromise()
     engine: Literal["kinematic"] = "kinematic"
@@ -246,11 +250,6 @@ class KinematicConfig(BackendConfig):
 
 class SimulatedFleet(Fleet):
     """Robots of one world; sleeping on the fleet's clock moves it.
-
-    Args:
-        world: the world.
-        specs: its robots.
-        robot_class: what they are here.
 
     Attributes:
         world: for whoever records or shows the world; robots are commanded through the interface.
@@ -288,7 +287,8 @@ class PyBulletBackend(Backend):
             BackendUnavailable: PyBullet is not installed.
         """
         try:
-            world = World(config.workspace, robots, config.engine, config.limits)
+            shown = isinstance(config, PyBulletConfig) and config.window
+            world = World(config.workspace, robots, in_window if shown else config.engine, config.limits)
         except ImportError as missing:
             raise BackendUnavailable(
                 f"the engine '{config.engine}' needs PyBullet: {missing}; run: {install_command('pybullet')}; "

@@ -13,10 +13,10 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 
-from soter.adapters.ros2.backend import Ros2Fleet
+from soter.adapters.ros2.backend import Ros2Backend
 from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
-from soter.adapters.ros2.options import RobotOptions, Ros2Config
-from soter.adapters.ros2.simulator import Simulator
+from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
+from soter.adapters.ros2.simulator import Ros2Simulator
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS
@@ -47,7 +47,7 @@ _TOPICS: Final = (
 )
 
 
-class Relay(ImpairedRelay):
+class Ros2Relay(ImpairedRelay):
     """Passes messages on, both ways.
 
     Args:
@@ -85,7 +85,7 @@ class Ros2Harness(RelayedHarness):
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
-        self.relay = Relay(simulator.domain_id, simulator.namespaces)
+        self.relay = Ros2Relay(simulator.domain_id, simulator.namespaces)
         self._seen_by_soter = simulator.domain_id, simulator.truth, FAR, simulator.namespaces
         self.fleet = self.second()
         return self.fleet
@@ -102,8 +102,8 @@ class Ros2Harness(RelayedHarness):
         argument = json.dumps([simulator.domain_id, simulator.truth, simulator.namespaces])
         return self.driven(f"{__name__}:open_given", argument, target)
 
-    def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(WIDE_ROOMS, self.specs(robots), limits=LIMITS)
+    def _start(self, robots: int) -> Ros2Simulator:
+        self.simulator = simulator = Ros2Simulator(WIDE_ROOMS, self.specs(robots), limits=LIMITS)
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -117,10 +117,10 @@ def open_given(argument: str) -> Fleet:
 def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str], robots: Sequence[RobotSpec]) -> Fleet:
     config = Ros2Config(
         workspace=WIDE_ROOMS,
-        robots={robot_id: RobotOptions(namespace=before + name) for robot_id, name in namespaces.items()},
+        robots={robot_id: Ros2RobotOptions(namespace=before + name) for robot_id, name in namespaces.items()},
         domain_id=domain_id,
         truth=truth,
         use_sim_time=True,
         loopback=True,
     )
-    return Ros2Fleet(config, robots, None)
+    return Ros2Backend().open(config, robots)

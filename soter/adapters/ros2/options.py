@@ -21,7 +21,7 @@ class Topics(MessageNames):
         _check_name(name)
 
 
-class RobotOptions(PlaceOptions):
+class Ros2RobotOptions(PlaceOptions):
     """Where one robot is; its namespace is one of ROS, such as /robot1."""
 
     @classmethod
@@ -45,7 +45,7 @@ class Ros2Config(StreamedConfig):
         loopback: keep DDS on this host, as simulated robots do that are started by hand with `soter sim ros2`.
     """
 
-    robots: dict[int, RobotOptions] = Field(default_factory=dict)
+    robots: dict[int, Ros2RobotOptions] = Field(default_factory=dict)
     topics: Topics = Topics()
     use_sim_time: bool = False
     domain_id: Annotated[int, Field(ge=0, le=232)] | None = None

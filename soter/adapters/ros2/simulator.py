@@ -70,9 +70,6 @@ _FIRST_PARTICIPANT: Final = 10
 class Domain:
     """A ROS domain in which nobody is on this host, drawn at random, and held so that no other of these gets it.
 
-    Attributes:
-        id: its number.
-
     Raises:
         RobotUnavailable: there is somebody in every one.
     """
@@ -117,7 +114,7 @@ def _bound(port: int) -> socket.socket | None:
     return found
 
 
-class Simulator(StreamedSimulator):
+class Ros2Simulator(StreamedSimulator):
     """A world in real time as ROS 2 robots, each with its mux. On this host only.
 
     Args:
@@ -127,9 +124,6 @@ class Simulator(StreamedSimulator):
         domain_id: of ROS; None for one that nobody uses here.
         truth_port: where the world tells the truth; 0 for any port that is free.
         limits: what the mission promises, which the truth is judged by.
-
-    Attributes:
-        domain_id: of ROS.
 
     Raises:
         RobotUnavailable: it does not start.

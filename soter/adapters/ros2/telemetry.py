@@ -31,10 +31,6 @@ class Telemetry:
     | `/diagnostics` | diagnostic_msgs/DiagnosticArray | every second: mode, cause, margins |
 
     Used from the supervisor's thread.
-
-    Args:
-        robots: of a fleet.
-        modules: the enabled safety modules.
     """
 
     def __init__(self, robots: Sequence[Ros2Robot], modules: Sequence[str]) -> None:

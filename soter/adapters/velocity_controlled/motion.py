@@ -15,7 +15,7 @@ _SHORT: Final = 1e-6
 _MOST: Final = 1e9
 
 
-class Motion(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """Where a robot was at a moment, and how it moved, in the workspace frame.
 
     Attributes:
@@ -47,7 +47,7 @@ class Motion(NamedTuple):
         c, s = cos(self.heading_rad), sin(self.heading_rad)
         return self.forward_m_s * c - self.leftward_m_s * s, self.forward_m_s * s + self.leftward_m_s * c
 
-    def after(self, seconds: float) -> Motion:
+    def after(self, seconds: float) -> MeasuredMotion:
         """Return where it is so much later if it goes on as it does."""
         turned = self.turn_rad_s * seconds
         length = self.forward_m_s * seconds
@@ -63,7 +63,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def read_odometry(message: Any, origin: Pose) -> Motion:
+def read_odometry(message: Any, origin: Pose) -> MeasuredMotion:
     """Return what a nav_msgs/Odometry says.
 
     Twists are in the frame of the robot's body, as nav_msgs has it; the position in that of its odometry, which reads
@@ -81,7 +81,7 @@ def read_odometry(message: Any, origin: Pose) -> Motion:
         yaw = nan
     c, s = cos(origin[2]), sin(origin[2])
     heading = remainder(origin[2] + yaw, 2.0 * pi)
-    return Motion(
+    return MeasuredMotion(
         seconds(message.header.stamp),
         origin[0] + c * position.x - s * position.y,
         origin[1] + s * position.x + c * position.y,
@@ -93,12 +93,7 @@ def read_odometry(message: Any, origin: Pose) -> Motion:
 
 
 class Charge(NamedTuple):
-    """What was said of a battery, and when.
-
-    Attributes:
-        stamp_s: the robot's time.
-        level: 0 to 1.
-    """
+    """What was said of a battery, 0 to 1, and when, in the robot's time."""
 
     stamp_s: float
     level: float

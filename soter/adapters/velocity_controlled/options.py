@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Annotated
 
@@ -11,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 from soter.adapters.velocity_controlled.robot import BASE, StreamedRobot
 from soter.config.promises import Promise
-from soter.errors import RobotUnavailable
 from soter.onboard.drive import tube_m
 from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import BackendConfig, Capabilities, RobotSpec
@@ -119,22 +117,3 @@ def promised(promise: Promise) -> Capabilities:
 def promising(spec: RobotSpec, config: StreamedConfig) -> RobotSpec:
     """Return a robot with what it is asked to promise: for all of them, unless something is asked of it already."""
     return spec if spec.promised is not None else replace(spec, promised=config.promised())
-
-
-def require_places(given: Collection[int], robots: Sequence[RobotSpec], table: str) -> None:
-    """Refuse robots that are not all given.
-
-    Args:
-        given: the numbers of those that are.
-        robots: those that are asked for.
-        table: of the mission file in which they are given.
-
-    Raises:
-        RobotUnavailable: some are not.
-    """
-    missing = [spec.id for spec in robots if spec.id not in given]
-    if missing:
-        raise RobotUnavailable(
-            f"no namespace is given for the robots {missing}; add them to [{table}], or take all out to have simulated "
-            "ones"
-        )

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, ClassVar, Final, NamedTuple
 
-from soter.adapters.velocity_controlled.motion import Charge, Motion, Pose, read_battery, read_odometry
+from soter.adapters.velocity_controlled.motion import Charge, MeasuredMotion, Pose, read_battery, read_odometry
 from soter.clock import VehicleClock
 from soter.errors import Intruder, Unsupported
 from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
@@ -133,7 +133,7 @@ class StreamedRobot(Robot):
         self._steering: Final = threading.Lock()
         self._doing = _Doing(SC, None, None, float("-inf"))
         self._order = Order(secrets.token_hex(4), 0, SC, None)
-        self._latest: tuple[RobotState, Motion] | None = None
+        self._latest: tuple[RobotState, MeasuredMotion] | None = None
         self._gate: GateReport | None = None
         self._charge: Charge | None = None
         self._heard = 0
@@ -306,8 +306,6 @@ class StreamedRobot(Robot):
         if gate is not None and gate.session == self._order.session:
             return "it does not come to rest although nothing is asked of it; who else moves it?"
         return None
-
-    # --- the rest ------------------------------------------------------------------------------------------
 
     def _speaks_for(self, controller: str) -> bool:
         return controller == SC or not self._external_ac

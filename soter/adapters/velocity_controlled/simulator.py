@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import subprocess
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
-from typing import Any, Final, Generic, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 from soter.adapters.velocity_controlled.robot import StreamedRobot
-from soter.clock import VehicleClock
 from soter.geometry.workspace import Workspace
 from soter.sdk import Capabilities, RobotSpec, RuleLimits, program
-from soter.sdk.wire import WireFleet, describe
+from soter.sdk.wire import describe
 
 
 class StreamedSimulator(ABC):
@@ -77,28 +75,3 @@ class StreamedSimulator(ABC):
 
     def _start(self, module: str, *arguments: str, pipes: bool) -> subprocess.Popen[bytes]:
         return program.start(module, *arguments, pipes=pipes, environment=self._environment)
-
-
-R = TypeVar("R", bound=StreamedRobot)
-S = TypeVar("S", bound=StreamedSimulator)
-
-
-class StreamedFleet(WireFleet[S], Generic[R, S]):
-    """Robots, what they are heard over, and the simulator if it was started for them.
-
-    Args:
-        clock: follows the robots' clocks.
-        truth: `host:port` at which a simulated world says what really happens, or None.
-        simulator: a simulator to end with the fleet, or None.
-        make: makes the robots; pushes onto the stack what is to be closed behind them.
-
-    Attributes:
-        streamed: the robots, as what they are.
-    """
-
-    def __init__(
-        self, clock: VehicleClock, truth: str | None, simulator: S | None, make: Callable[[ExitStack], Sequence[R]]
-    ) -> None:
-        with ExitStack() as shared:
-            self.streamed: Final = tuple(make(shared))
-            super().__init__(clock, self.streamed, truth, simulator, shared)

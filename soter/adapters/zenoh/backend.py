@@ -7,15 +7,15 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from soter.adapters.velocity_controlled.options import promising, require_places
+from soter.adapters.velocity_controlled.options import promising
 from soter.adapters.velocity_controlled.robot import StreamedRobot, wait_for
-from soter.adapters.velocity_controlled.simulator import StreamedFleet
-from soter.adapters.zenoh.options import RobotOptions, ZenohConfig
+from soter.adapters.zenoh.options import ZenohConfig, ZenohRobotOptions
 from soter.adapters.zenoh.session import close_session, open_session
-from soter.adapters.zenoh.simulator import Simulator
+from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
+from soter.sdk import INTERFACE_VERSION, BackendConfig, Capabilities, Robot, RobotSpec
+from soter.sdk.wire import WireBackend
 
 if TYPE_CHECKING:
     import zenoh
@@ -26,18 +26,7 @@ _LISTEN_S: Final = 0.5
 
 
 class ZenohRobot(StreamedRobot):
-    """One robot below a namespace.
-
-    Args:
-        spec: which robot.
-        clock: follows the robots' clocks.
-        session: to hear and say over.
-        config: of the backend, with this robot in it.
-
-    Attributes:
-        namespace: what its keys begin with.
-        wire: what is heard of it, and what it is told.
-    """
+    """One robot below a namespace, which its keys begin with."""
 
     def __init__(self, spec: RobotSpec, clock: VehicleClock, session: zenoh.Session, config: ZenohConfig) -> None:
         # Only here: what a robot promises can be read where Zenoh is not installed.
@@ -98,28 +87,8 @@ class ZenohRobot(StreamedRobot):
         return RobotUnavailable(f"robot {self.id} at {self.namespace}: {why}")
 
 
-class ZenohFleet(StreamedFleet[ZenohRobot, Simulator]):
-    """Robots, the session that they are heard over, and the simulator if it was started for them.
-
-    Args:
-        config: where the robots are.
-        specs: the robots.
-        simulator: a simulator to end with the fleet, or None.
-    """
-
-    def __init__(self, config: ZenohConfig, specs: Sequence[RobotSpec], simulator: Simulator | None) -> None:
-        clock = VehicleClock(rate=config.speedup)
-
-        def make(stack: ExitStack) -> Sequence[ZenohRobot]:
-            session = open_session(config.session)
-            stack.callback(close_session, session)
-            return [ZenohRobot(promising(spec, config), clock, session, config) for spec in specs]
-
-        super().__init__(clock, config.truth, simulator, make)
-
-
-class ZenohBackend(Backend):
-    """Robots on keys: those that are given, or simulated ones that are started for the occasion."""
+class ZenohBackend(WireBackend):
+    """Robots on keys, and the session that they are heard over."""
 
     interface_version: ClassVar[int] = INTERFACE_VERSION
     config_model: ClassVar[type[BackendConfig]] = ZenohConfig
@@ -130,27 +99,25 @@ class ZenohBackend(Backend):
     def promises(cls, config: ZenohConfig) -> Capabilities:
         return config.promised()
 
-    def open(self, config: ZenohConfig, robots: Sequence[RobotSpec]) -> ZenohFleet:
-        """Open the robots; they are not ready before `init()`.
+    @classmethod
+    def clock(cls, config: ZenohConfig) -> VehicleClock:
+        return VehicleClock(rate=config.speedup)
 
-        Raises:
-            RobotUnavailable: a robot is not given, or the simulated ones do not start.
-        """
-        if config.robots:
-            require_places(config.robots, robots, "backends.zenoh.robots")
-            return ZenohFleet(config, robots, None)
-        simulator = Simulator(
+    @classmethod
+    def simulate(cls, config: ZenohConfig, robots: Sequence[RobotSpec]) -> ZenohSimulator:
+        return ZenohSimulator(
             config.workspace, robots, config.session,
             stamped=config.stamped, speedup=config.speedup, private=True, limits=config.limits,
         )  # fmt: skip
-        try:
-            return ZenohFleet(simulated(config, simulator), robots, simulator)
-        except BaseException:
-            simulator.close()
-            raise
 
+    @classmethod
+    def located(cls, config: ZenohConfig, simulator: ZenohSimulator) -> ZenohConfig:
+        robots = {robot_id: ZenohRobotOptions(namespace=name) for robot_id, name in simulator.namespaces.items()}
+        return config.model_copy(update={"robots": robots, "session": simulator.session, "truth": simulator.truth})
 
-def simulated(config: ZenohConfig, simulator: Simulator) -> ZenohConfig:
-    """Return a configuration with the robots of a simulator in it."""
-    robots = {robot_id: RobotOptions(namespace=name) for robot_id, name in simulator.namespaces.items()}
-    return config.model_copy(update={"robots": robots, "session": simulator.session, "truth": simulator.truth})
+    def connect(
+        self, config: ZenohConfig, robots: Sequence[RobotSpec], clock: VehicleClock, shared: ExitStack
+    ) -> Sequence[ZenohRobot]:
+        session = open_session(config.session)
+        shared.callback(close_session, session)
+        return [ZenohRobot(promising(spec, config), clock, session, config) for spec in robots]

@@ -11,10 +11,10 @@ from typing import Final
 
 import zenoh
 
-from soter.adapters.zenoh.backend import ZenohFleet
-from soter.adapters.zenoh.options import Keys, RobotOptions, ZenohConfig
+from soter.adapters.zenoh.backend import ZenohBackend
+from soter.adapters.zenoh.options import Keys, ZenohConfig, ZenohRobotOptions
 from soter.adapters.zenoh.session import SessionOptions, close_session, endpoints, open_session
-from soter.adapters.zenoh.simulator import Simulator
+from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Listener, Voice
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
@@ -28,7 +28,7 @@ _TO_SOTER: Final = ("odom", "battery", "gate")
 _AT_ONCE: Final = 256
 
 
-class Relay(ImpairedRelay):
+class ZenohRelay(ImpairedRelay):
     """Passes messages on, both ways. The two sides know nothing of each other.
 
     Args:
@@ -36,9 +36,6 @@ class Relay(ImpairedRelay):
         here: how SOTER reaches the relay.
         namespaces: by robot, what its keys begin with.
         prefix: what stands before them on SOTER's side; needed where both sides are one network.
-
-    Attributes:
-        session: the one on SOTER's side.
     """
 
     def __init__(
@@ -81,7 +78,7 @@ class ZenohHarness(RelayedHarness):
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
-        relay = Relay(self.beside(simulator.session), self.of_relay(), simulator.namespaces, self.prefix())
+        relay = ZenohRelay(self.beside(simulator.session), self.of_relay(), simulator.namespaces, self.prefix())
         self.relay = relay
         namespaces = {robot_id: self.prefix() + name for robot_id, name in simulator.namespaces.items()}
         self._seen_by_soter = _config(self.to_relay(relay), simulator.truth, namespaces)
@@ -89,7 +86,7 @@ class ZenohHarness(RelayedHarness):
         return self.fleet
 
     def second(self) -> Fleet:
-        return ZenohFleet(self._seen_by_soter, self.specs(len(self._seen_by_soter.robots)), None)
+        return ZenohBackend().open(self._seen_by_soter, self.specs(len(self._seen_by_soter.robots)))
 
     def promising(self, promised: Capabilities) -> Fleet:
         """Return a fleet of one fresh robot that was asked to promise this."""
@@ -112,7 +109,7 @@ class ZenohHarness(RelayedHarness):
         """Return how SOTER reaches the relay."""
         return SessionOptions()
 
-    def to_relay(self, relay: Relay) -> SessionOptions:
+    def to_relay(self, relay: ZenohRelay) -> SessionOptions:
         """Return SOTER's own session."""
         return SessionOptions(connect=tuple(endpoints(relay.session)))
 
@@ -120,8 +117,8 @@ class ZenohHarness(RelayedHarness):
         """Return what stands before the keys of robots on SOTER's side of the relay."""
         return ""
 
-    def _start(self, robots: int) -> Simulator:
-        self.simulator = simulator = Simulator(WIDE_ROOMS, self.specs(robots), self.of_robots(), limits=LIMITS)
+    def _start(self, robots: int) -> ZenohSimulator:
+        self.simulator = simulator = ZenohSimulator(WIDE_ROOMS, self.specs(robots), self.of_robots(), limits=LIMITS)
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -156,7 +153,7 @@ class RoutedHarness(ZenohHarness):
     def of_relay(self) -> SessionOptions:
         return self._clients
 
-    def to_relay(self, relay: Relay) -> SessionOptions:
+    def to_relay(self, relay: ZenohRelay) -> SessionOptions:
         return self._clients
 
     def prefix(self) -> str:
@@ -166,9 +163,9 @@ class RoutedHarness(ZenohHarness):
 def open_given(argument: str) -> Fleet:
     """Return the first robot, where it is as JSON; what the kit's driver process calls."""
     config = ZenohConfig.model_validate({**json.loads(argument), "workspace": WIDE_ROOMS})
-    return ZenohFleet(config, in_wide_rooms(1), None)
+    return ZenohBackend().open(config, in_wide_rooms(1))
 
 
 def _config(session: SessionOptions, truth: str, namespaces: Mapping[int, str]) -> ZenohConfig:
-    robots = {robot_id: RobotOptions(namespace=name) for robot_id, name in namespaces.items()}
+    robots = {robot_id: ZenohRobotOptions(namespace=name) for robot_id, name in namespaces.items()}
     return ZenohConfig(workspace=WIDE_ROOMS, robots=robots, session=session, truth=truth)

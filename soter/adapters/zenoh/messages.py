@@ -42,7 +42,7 @@ class Time(IdlStruct):
 
 
 @dataclass(frozen=True)
-class Clock(IdlStruct):
+class RosClock(IdlStruct):
     """rosgraph_msgs/Clock."""
 
     clock: Time = Time()
@@ -163,10 +163,10 @@ class BatteryState(IdlStruct):
     serial_number: str = ""
 
 
-KINDS: Final = (BatteryState, Clock, Odometry, String, Twist, TwistStamped)
+KINDS: Final = (BatteryState, RosClock, Odometry, String, Twist, TwistStamped)
 """The messages that have a key of their own."""
 
-Message = TypeVar("Message", BatteryState, Clock, Odometry, String, Twist, TwistStamped)
+Message = TypeVar("Message", BatteryState, RosClock, Odometry, String, Twist, TwistStamped)
 
 
 def encode(message: Message) -> bytes:

@@ -20,7 +20,7 @@ from typing import Any, Final
 import zenoh
 
 from soter.adapters.velocity_controlled.motion import seconds
-from soter.adapters.zenoh.messages import Clock, String, Twist, TwistStamped
+from soter.adapters.zenoh.messages import RosClock, String, Twist, TwistStamped
 from soter.adapters.zenoh.options import Keys, check_key
 from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
 from soter.adapters.zenoh.session import close_session, open_session
@@ -76,7 +76,7 @@ class ZenohStation(Station):
             hear_velocity(session, keys.cmd_vel_sc, lambda *each: self.hear(SC, Velocity(*each)), stamped=stamped),
         ]
         if clock is not None:
-            self._ears.append(Ear(session, clock, Clock, self._show))
+            self._ears.append(Ear(session, clock, RosClock, self._show))
 
     def hear_order(self, text: str | bytes) -> None:
         with self._turn:
@@ -111,7 +111,7 @@ class ZenohStation(Station):
                 self._over = True
                 self._velocities.say(self._message(REST))
 
-    def _show(self, message: Clock) -> None:
+    def _show(self, message: RosClock) -> None:
         self._shown_s = seconds(message.clock)
 
     def _clock_s(self) -> float | None:
@@ -141,7 +141,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             check_key(given.robot)
         except ValueError as failure:
             parser.error(f"--robot is '{given.robot}', {failure}")
-        keys = _read_keys(given.key).of(given.robot)
+        told = {name: key for name, _, key in (each.partition("=") for each in given.key)}
+        keys = validate_options(Keys, told, "command line", "--key").of(given.robot)
         ended = Ending(given.parent)
         session = open_session(options)
         try:
@@ -188,12 +189,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clock", metavar="KEY", help="the key of the robot's clock, if it is not that of this host")
     parser.add_argument("--parent", type=int, metavar="PID", help="end when this process is no longer the parent")
     return parser
-
-
-def _read_keys(given: Sequence[str]) -> Keys:
-    """Return the keys that a program was told, `NAME=KEY` each."""
-    told = {name: key for name, _, key in (each.partition("=") for each in given)}
-    return validate_options(Keys, told, "command line", "--key")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ class Keys(MessageNames):
         return Keys.model_validate(full)
 
 
-class RobotOptions(PlaceOptions):
+class ZenohRobotOptions(PlaceOptions):
     """Where one robot is; its namespace is what its keys begin with, such as robot1."""
 
     @classmethod
@@ -67,7 +67,7 @@ class ZenohConfig(StreamedConfig):
         speedup: seconds of the robots in one second of the host; for simulated ones only.
     """
 
-    robots: dict[int, RobotOptions] = Field(default_factory=dict)
+    robots: dict[int, ZenohRobotOptions] = Field(default_factory=dict)
     keys: Keys = Keys()
     session: SessionOptions = SessionOptions()
     speedup: Positive = 1.0

@@ -28,12 +28,7 @@ _ALERT_S: Final = 0.5
 
 
 def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
-    """Return the likely cause, and what to do about it.
-
-    Args:
-        endpoint: where a session did not get a link to.
-        tls: how it would have encrypted it.
-    """
+    """Return the likely cause why a session got no link to an endpoint, and what to do about it."""
     try:
         with socket.create_connection((endpoint.host, endpoint.port), timeout=_TRY_S) as connected:
             if endpoint.protocol == "tls" and tls is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator
 
 from soter.errors import ConfigError
 from soter.problems import not_allowed
@@ -76,10 +76,6 @@ DEFAULT_PORT: Final = 7447
 """Where a router listens, as everywhere with Zenoh."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
 def _readable(path: Path) -> Path:
     try:
         with path.open("rb"):
@@ -88,7 +84,7 @@ def _readable(path: Path) -> Path:
         raise not_allowed(f"a file that can be read ({failure.strerror or failure})") from failure
 
 
-class TlsOptions(_Table):
+class TlsOptions(BaseModel, extra="forbid", frozen=True):
     """How links are encrypted, and who may have one.
 
     Attributes:
@@ -149,7 +145,7 @@ class TlsOptions(_Table):
         return mutual
 
 
-class SessionOptions(_Table):
+class SessionOptions(BaseModel, extra="forbid", frozen=True):
     """What may be said about a session.
 
     Attributes:

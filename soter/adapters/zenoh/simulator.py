@@ -17,7 +17,7 @@ from soter.scratch import Scratch
 from soter.sdk import RobotSpec, RuleLimits
 
 
-class Simulator(StreamedSimulator):
+class ZenohSimulator(StreamedSimulator):
     """A world in real time as robots on keys, each with its mux. On this host only, unless told otherwise.
 
     Args:

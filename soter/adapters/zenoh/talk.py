@@ -77,7 +77,7 @@ class Listener:
                     logger.exception("%s: dropped what could not be taken", self._name)
 
 
-class Ear(Generic[Message]):
+class Ear(Listener, Generic[Message]):
     """Hears one key in a thread of its own, and always the newest message: what comes too fast is skipped.
 
     A payload that is no such message is counted and dropped; the first is logged.
@@ -90,8 +90,6 @@ class Ear(Generic[Message]):
         elsewhere_only: whether to leave out what this session says itself.
 
     Attributes:
-        key: the same.
-        kind: the same.
         heard: how many messages came.
         foreign: how many payloads were no such message.
     """
@@ -108,19 +106,10 @@ class Ear(Generic[Message]):
         self.key: Final = key
         self.heard = self.foreign = 0
         self.kind: Final[type[Message]] = kind
-        self._take: Final[Callable[[Message], object]] = take
+        self._take_message: Final[Callable[[Message], object]] = take
         origin = zenoh.Locality.REMOTE if elsewhere_only else zenoh.Locality.ANY
         newest: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(1)
-        self._listener: Final = Listener(session.declare_subscriber(key, newest, allowed_origin=origin), self._hear)
-
-    @property
-    def failed(self) -> int:
-        """How many messages `take` could not take."""
-        return self._listener.failed
-
-    def close(self) -> None:
-        """Hear no more. Idempotent; not to be called from the ear's thread."""
-        self._listener.close()
+        super().__init__(session.declare_subscriber(key, newest, allowed_origin=origin), self._hear)
 
     def _hear(self, sample: zenoh.Sample) -> None:
         if sample.kind != zenoh.SampleKind.PUT:
@@ -133,16 +122,11 @@ class Ear(Generic[Message]):
                 logger.warning("%s: dropped what is no %s: %s", self.key, self.kind.__name__, failure)
             return
         self.heard += 1
-        self._take(message)
+        self._take_message(message)
 
 
 class Voice:
-    """Says messages on one key, each soon or never: what a congested link cannot take is dropped. From any thread.
-
-    Args:
-        session: to say it over.
-        key: where.
-    """
+    """Says messages on one key, each soon or never: what a congested link cannot take is dropped. From any thread."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.key: Final = key
@@ -181,7 +165,7 @@ def announce(session: zenoh.Session, namespace: str, who: str) -> zenoh.Liveline
     return session.liveliness().declare_token(f"{namespace}/{_ALIVE}/{who}")
 
 
-class Presence:
+class Presence(Listener):
     """Who says to be there for one robot, heard of in a thread of its own.
 
     Zenoh takes a token away when its owner's session ends or its link breaks. It tells people who is missing and who
@@ -200,7 +184,7 @@ class Presence:
         self._namespace: Final = namespace
         changes: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(_AT_ONCE)
         subscriber = session.liveliness().declare_subscriber(f"{namespace}/{_ALIVE}/*", changes, history=True)
-        self._listener: Final = Listener(subscriber, self._note)
+        super().__init__(subscriber, self._note)
 
     def _note(self, change: zenoh.Sample) -> None:
         who = str(change.key_expr).rpartition("/")[2]

@@ -53,12 +53,6 @@ logger = logging.getLogger(__name__)
 class Wire:
     """What is heard of a robot, what it is told, and who says to be there.
 
-    Args:
-        session: to hear and say over; somebody else's to close.
-        config: of the backend.
-        namespace: of the robot.
-        who: what this end says to be.
-
     Attributes:
         keys: of the robot, in full.
         presence: who is there.

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.link import Fields, Inbox, Link
+from soter.adapters.mavlink.link import Fields, Inbox, MavlinkLink
+from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.clock import VehicleClock
+from soter.errors import Uncontrolled
+from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.sdk import RobotSpec, Waypoint
 
+ROOM = Workspace(4.0, 4.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.9, 0.9, 1.1, 1.1)),))
+FAR = Waypoint(3.0, 0.0)
+STANDS = 0x05C7
 OURS = 255
 ROVER_GUIDED = 15
 ROVER_HOLD = 4
@@ -33,7 +42,7 @@ class HostTime:
         """To be replaced by what happens while somebody sleeps."""
 
 
-class Puppet(Link):
+class Puppet(MavlinkLink):
     """A link with one vehicle on it, whose clock was 1000 s ahead of the host's when it began."""
 
     def __init__(self, time: HostTime, system: int = 1) -> None:
@@ -125,6 +134,11 @@ class Puppet(Link):
         if self.gate:
             self.say("NAMED_VALUE_INT", name="GMASTER", value=256 * OURS + self.master, **stamp)
 
+    def reboot(self) -> None:
+        """Begin anew, with everything forgotten."""
+        self.clock_s = 0.5
+        self.mode, self.armed, self.master, self.streams = 0, False, 0, {}
+
     def tell_origin(self) -> None:
         """Let the vehicle say where its EKF has its origin."""
         self.say("GPS_GLOBAL_ORIGIN", latitude=self.origin_lat, longitude=85455940, altitude=488_000)
@@ -161,3 +175,31 @@ class Puppet(Link):
                 return int(mav.MAV_RESULT_UNSUPPORTED)
             self.master = int(fields["param2"])
         return int(mav.MAV_RESULT_ACCEPTED)
+
+
+def robot_of(puppet: Puppet, **options: object) -> MavlinkRobot:
+    assert isinstance(puppet.clock, VehicleClock)
+    config = MavlinkConfig.model_validate({"workspace": ROOM, **options})
+    spec = RobotSpec(1, 0.0, 0.0, 0.0, promised=replace(config.promised(), **config.promise.given))
+    return MavlinkRobot(spec, puppet.clock, puppet, config)
+
+
+def ready(puppet: Puppet, **options: object) -> MavlinkRobot:
+    robot = robot_of(puppet, **options)
+    robot.init(20.0)
+    puppet.sent.clear()
+    return robot
+
+
+def tick(puppet: Puppet, robot: MavlinkRobot, times: int = 1) -> list[str]:
+    """Tick as a supervisor does; return what the vehicle did instead of what it was told, a text for each tick."""
+    disobeyed = []
+    for _ in range(times):
+        puppet.live(0.025)
+        puppet.live(0.025)
+        robot.read_state()
+        try:
+            robot.renew_lease()
+        except Uncontrolled as failure:
+            disobeyed.append(str(failure))
+    return disobeyed

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.frames import Frame, GeoPoint, turned_rad
 from soter.adapters.mavlink.options import MavlinkConfig
-from soter.adapters.mavlink.robot import Leg, reach_m
-from soter.adapters.mavlink.sampling import Charge
+from soter.adapters.mavlink.robot import TargetLeg, reach_m
+from soter.adapters.mavlink.sampling import ChargeFilter
 from soter.adapters.mavlink.transport import Address
 from soter.adapters.mavlink.vehicle import kind_of, px4_mode
 from soter.errors import RobotUnavailable
@@ -181,7 +181,7 @@ def said(percent: int, volts: float = 0.0) -> SimpleNamespace:
 
 
 def test_whole_percents_fall_no_faster_than_the_battery_can() -> None:
-    charge = Charge(drive_s=1800.0)
+    charge = ChargeFilter(drive_s=1800.0)
     assert charge.read(said(80), 10.0) == 0.80
     # A percent less is said at once; it comes over the 18 s that driving takes for it.
     assert charge.read(said(79), 10.1) == pytest.approx(0.80 - 0.1 / 1800.0)
@@ -190,31 +190,31 @@ def test_whole_percents_fall_no_faster_than_the_battery_can() -> None:
 
 
 def test_a_charge_that_rises_is_believed_at_once_and_one_that_collapses_too() -> None:
-    charge = Charge(drive_s=1800.0)
+    charge = ChargeFilter(drive_s=1800.0)
     charge.read(said(50), 0.0)
     assert charge.read(said(60), 1.0) == 0.60
     assert charge.read(said(40), 2.0) == 0.40
 
 
 def test_a_sample_from_before_does_not_raise_a_charge() -> None:
-    charge = Charge(drive_s=1800.0)
+    charge = ChargeFilter(drive_s=1800.0)
     charge.read(said(80), 10.0)
     assert charge.read(said(79), 9.0) == 0.80
 
 
 def test_an_unknown_charge_is_none_unless_the_voltage_tells() -> None:
-    assert Charge(1800.0).read(None, 0.0) is None
-    assert Charge(1800.0).read(said(-1, 11.0), 0.0) is None
-    assert Charge(1800.0, 10.0, 12.0).read(said(-1, 11.0), 0.0) == pytest.approx(0.5)
-    assert Charge(1800.0, 10.0, 12.0).read(said(-1, 65.535), 0.0) is None
-    assert Charge(1800.0, 10.0, 12.0).read(said(-1, 9.0), 0.0) == 0.0
+    assert ChargeFilter(1800.0).read(None, 0.0) is None
+    assert ChargeFilter(1800.0).read(said(-1, 11.0), 0.0) is None
+    assert ChargeFilter(1800.0, 10.0, 12.0).read(said(-1, 11.0), 0.0) == pytest.approx(0.5)
+    assert ChargeFilter(1800.0, 10.0, 12.0).read(said(-1, 65.535), 0.0) is None
+    assert ChargeFilter(1800.0, 10.0, 12.0).read(said(-1, 9.0), 0.0) == 0.0
 
 
 # --- the carrot ----------------------------------------------------------------------------------------------
 
 
 def test_the_carrot_stays_within_reach_and_on_the_line() -> None:
-    leg = Leg(0.0, 0.0, 0.0, Waypoint(3.0, 4.0))
+    leg = TargetLeg(0.0, 0.0, 0.0, Waypoint(3.0, 4.0))
     assert leg.ahead(state(0.0, 0.0), 0.5) == pytest.approx((0.3, 0.4, 0.0))
     # A vehicle that strays is led back to the line, no further ahead than it may go.
     assert leg.ahead(state(0.6 - 0.08, 0.8 + 0.06), 0.5) == pytest.approx((0.9, 1.2, 0.0))
@@ -222,7 +222,7 @@ def test_the_carrot_stays_within_reach_and_on_the_line() -> None:
 
 
 def test_the_carrot_of_no_way_is_the_target() -> None:
-    assert Leg(1.0, 1.0, 0.0, Waypoint(1.0, 1.0)).ahead(state(1.0, 1.0), 0.5) == (1.0, 1.0, 0.0)
+    assert TargetLeg(1.0, 1.0, 0.0, Waypoint(1.0, 1.0)).ahead(state(1.0, 1.0), 0.5) == (1.0, 1.0, 0.0)
 
 
 def test_a_vehicle_that_hears_nothing_more_is_at_rest_on_its_carrot_when_the_lease_has_ended() -> None:
@@ -233,11 +233,11 @@ def test_a_vehicle_that_hears_nothing_more_is_at_rest_on_its_carrot_when_the_lea
 
 
 def test_copters_turn_before_they_fly() -> None:
-    leg = Leg(1.0, 1.0, 0.0, Waypoint(1.0, 3.0, speed_m_s=0.1))
+    leg = TargetLeg(1.0, 1.0, 0.0, Waypoint(1.0, 3.0, speed_m_s=0.1))
     turning = leg.looking_ahead(state(1.0, 1.0, 0.0))
     assert (turning.x_m, turning.y_m, turning.speed_m_s) == (1.0, 1.0, 0.1)
     assert turning.heading_rad == pytest.approx(math.pi / 2.0)
     flying = leg.looking_ahead(state(1.0, 1.0, math.pi / 2.0))
     assert (flying.x_m, flying.y_m) == (1.0, 3.0)
-    with_heading = Leg(1.0, 1.0, 0.0, Waypoint(1.0, 3.0, heading_rad=0.3))
+    with_heading = TargetLeg(1.0, 1.0, 0.0, Waypoint(1.0, 3.0, heading_rad=0.3))
     assert with_heading.looking_ahead(state(1.0, 1.0)) is with_heading.target

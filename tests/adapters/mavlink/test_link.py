@@ -16,7 +16,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import COMPONENTS, KEEPER, SENDERS
-from soter.adapters.mavlink.link import Inbox, Link
+from soter.adapters.mavlink.harness import MavlinkRelay
+from soter.adapters.mavlink.link import Inbox, MavlinkLink
 from soter.adapters.mavlink.mavsdk_link import MavsdkLink
 from soter.adapters.mavlink.pymavlink_link import SILENT_S, PymavlinkLink, signing_key
 from soter.adapters.mavlink.simulator import free_port
@@ -48,7 +49,7 @@ def stack() -> Iterator[ExitStack]:
         yield opened
 
 
-def opened(stack: ExitStack, link: Link, *systems: int) -> Link:
+def opened(stack: ExitStack, link: MavlinkLink, *systems: int) -> MavlinkLink:
     for system in systems or (1,):
         link.inboxes[system] = Inbox()
     stack.callback(link.close)
@@ -56,7 +57,7 @@ def opened(stack: ExitStack, link: Link, *systems: int) -> Link:
     return link
 
 
-def udp(stack: ExitStack, key: bytes | None = None) -> tuple[Link, socket.socket, tuple[str, int]]:
+def udp(stack: ExitStack, key: bytes | None = None) -> tuple[MavlinkLink, socket.socket, tuple[str, int]]:
     port = free_port()
     link = PymavlinkLink(VehicleClock(), Address("udpin", "127.0.0.1", port), OURS, COMPONENTS, key)
     vehicle = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -284,7 +285,7 @@ def test_a_serial_line_is_read_and_written(stack: ExitStack) -> None:
     )
 
 
-def _write_and_hear(descriptor: int, link: Link) -> bool:
+def _write_and_hear(descriptor: int, link: MavlinkLink) -> bool:
     os.write(descriptor, packed(HEARTBEAT))
     return eventually(lambda: link.inboxes[1].latest, 0.2)
 
@@ -338,3 +339,14 @@ def test_mavsdk_hears_the_same_and_speaks_as_the_same_components(
     assert all((folder / ".lock").exists() for folder in made)
     link.close()
     assert not [*tmp_path.iterdir()]
+
+
+def test_the_kits_relay_passes_on_what_is_no_whole_packet() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as adapter, socket.socket(type=socket.SOCK_DGRAM) as vehicle:
+        adapter.bind(("127.0.0.1", 0))
+        adapter.settimeout(10.0)
+        relay = MavlinkRelay(adapter.getsockname()[1])
+        for datagram in (b"\xfd\x01", b"\xfd" * 12):
+            vehicle.sendto(datagram, ("127.0.0.1", relay.port))
+            assert adapter.recvfrom(64)[0] == datagram
+        relay.close()

@@ -22,7 +22,7 @@ from soter.adapters.mavlink.harness import MavlinkHarness, PlainHarness
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
-from soter.adapters.mavlink.simulator import Simulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
 from soter.config import load_mission
 from soter.conformance import CLAUSES as KIT
 from soter.conformance import WIDE_ROOMS, Verdict, find_harness, judge
@@ -50,8 +50,8 @@ def config(**options: Any) -> MavlinkConfig:
     return MavlinkConfig.model_validate({"workspace": ROOM, "boot_s": 0.5, **options})
 
 
-def simulator(stack: ExitStack, port: int, *options: str) -> Simulator:
-    made = Simulator(describe(ROOM, [SPEC]), port, "--rate", "50", "--boot", "0.5", *options)
+def simulator(stack: ExitStack, port: int, *options: str) -> MavlinkSimulator:
+    made = MavlinkSimulator(describe(ROOM, [SPEC]), port, "--rate", "50", "--boot", "0.5", *options)
     stack.callback(made.close)
     return made
 
@@ -249,7 +249,7 @@ def test_closing_ends_the_simulated_vehicles(stack: ExitStack) -> None:
 
 def test_a_simulator_that_does_not_start_says_so() -> None:
     with pytest.raises(RobotUnavailable, match="ended with code 2"):
-        Simulator({"width_m": 1.0}, free_port())
+        MavlinkSimulator({"width_m": 1.0}, free_port())
 
 
 @pytest.mark.parametrize("name", ["mavlink", "mavsdk"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 import re
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from soter.adapters.pybullet import KinematicBackend, KinematicConfig, PyBulletB
 from soter.errors import BackendUnavailable, LifecycleError, RobotUnavailable
 from soter.sdk import INTERFACE_VERSION, Controller, GoalStatus, Link, Robot, RobotSpec, Waypoint
 from soter.sdk.hints import install_command
+from soter.stack.reach import MotionLimits
 from soter_sim.kinematic import KinematicEngine
 from tests.sim.worlds import CASE, empty, from_segment
 
@@ -173,6 +175,24 @@ def test_the_robot_stays_in_the_declared_tube_backwards_too(fleet: SimulatedFlee
             assert off <= promised.tube_m
             assert over <= promised.overshoot_m
         assert goal.status is GoalStatus.REACHED
+
+
+def test_wherever_they_are_sent_robots_move_as_the_unicycle_that_they_promise_to_be(fleet: SimulatedFleet) -> None:
+    draw = random.Random(5)
+    robot = fleet.robots[0]
+    promised = robot.declared
+    model = MotionLimits.of(promised).motion("geofence", "unicycle")
+    assert promised.speed_noise_m_s is not None
+    before = robot.read_state()
+    for n in range(600):
+        if n % 12 == 0:
+            robot.goto(Waypoint(draw.uniform(0.5, 2.0), draw.uniform(0.5, 2.0)), SC)
+        tick(fleet)
+        after = robot.read_state()
+        aside_m_s = after.vy_m_s * math.cos(after.heading_rad) - after.vx_m_s * math.sin(after.heading_rad)
+        assert abs(aside_m_s) <= promised.speed_noise_m_s + 1e-9
+        assert model.admits(before, after, promised.position_noise_m)
+        before = after
 
 
 def test_closing_leaves_every_robot_at_rest(fleet: SimulatedFleet) -> None:

@@ -11,36 +11,36 @@ import pytest
 from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 
 if TYPE_CHECKING:
-    from soter.adapters.ros2.backend import Ros2Fleet
     from soter.adapters.ros2.graph import Graph
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Ros2Simulator
+    from soter.sdk.wire import WireFleet
 
 
 @pytest.fixture
-def simulator() -> Iterator[Simulator]:
+def simulator() -> Iterator[Ros2Simulator]:
     """One simulated robot and its mux."""
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Ros2Simulator
 
-    simulator = Simulator(ROOM.with_robots(1), SPECS[:1])
+    simulator = Ros2Simulator(ROOM.with_robots(1), SPECS[:1])
     yield simulator
     simulator.close()
 
 
 @pytest.fixture
-def open_fleet() -> Iterator[Callable[..., Ros2Fleet]]:
+def open_fleet() -> Iterator[Callable[..., WireFleet[Any]]]:
     """Opens a fleet of a simulator's one robot, with options in place of what is right; ready unless told otherwise."""
-    from soter.adapters.ros2.backend import Ros2Fleet, simulated
+    from soter.adapters.ros2.backend import Ros2Backend
     from soter.adapters.ros2.options import Ros2Config
 
     with ExitStack() as stack:
 
         def open_fleet(
-            simulator: Simulator, *, ready: bool = True, external_ac: bool = False, **options: Any
-        ) -> Ros2Fleet:
-            config = simulated(Ros2Config(workspace=ROOM.with_robots(1)), simulator)
+            simulator: Ros2Simulator, *, ready: bool = True, external_ac: bool = False, **options: Any
+        ) -> WireFleet[Any]:
+            config = Ros2Backend.located(Ros2Config(workspace=ROOM.with_robots(1)), simulator)
             given = {name: getattr(config, name) for name in type(config).model_fields}
             config = Ros2Config.model_validate({**given, **options})
-            fleet = Ros2Fleet(config, SPECS[:1], None, external_ac=external_ac)
+            fleet = Ros2Backend(external_ac=external_ac).open(config, SPECS[:1])
             stack.enter_context(fleet)
             if ready:
                 fleet.robots[0].init(20.0)
@@ -50,7 +50,7 @@ def open_fleet() -> Iterator[Callable[..., Ros2Fleet]]:
 
 
 @pytest.fixture
-def graph(simulator: Simulator) -> Iterator[Graph]:
+def graph(simulator: Ros2Simulator) -> Iterator[Graph]:
     """Somebody else's corner of the same ROS graph."""
     from soter.adapters.ros2.graph import Graph
 

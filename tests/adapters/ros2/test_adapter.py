@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -14,13 +14,13 @@ from tests.adapters.velocity_controlled.driving import ROOM, SPECS, tick
 from tests.waiting import wait_until
 
 if TYPE_CHECKING:
-    from soter.adapters.ros2.backend import Ros2Fleet
     from soter.adapters.ros2.graph import Graph
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Ros2Simulator
+    from soter.sdk.wire import WireFleet
 
 pytestmark = pytest.mark.rclpy
 
-Open = Callable[..., "Ros2Fleet"]
+Open = Callable[..., "WireFleet[Any]"]
 
 
 def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
@@ -35,7 +35,7 @@ def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
     assert [process.returncode for process in simulator.muxes.values()] == [0, 0]
 
 
-def test_it_gets_along_with_code_that_uses_rclpy_itself(simulator: Simulator, open_fleet: Open) -> None:
+def test_it_gets_along_with_code_that_uses_rclpy_itself(simulator: Ros2Simulator, open_fleet: Open) -> None:
     import rclpy
 
     from soter.adapters.ros2.simulator import loopback
@@ -53,9 +53,9 @@ def test_it_gets_along_with_code_that_uses_rclpy_itself(simulator: Simulator, op
 
 
 def test_stamped_velocities(open_fleet: Open) -> None:
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Ros2Simulator
 
-    simulator = Simulator(ROOM.with_robots(1), SPECS[:1], stamped=True)
+    simulator = Ros2Simulator(ROOM.with_robots(1), SPECS[:1], stamped=True)
     try:
         with open_fleet(simulator, stamped=True) as fleet:
             goal = fleet.robots[0].goto(Waypoint(2.3, 2.6), Controller.SC)
@@ -81,13 +81,13 @@ def test_two_simulators_never_share_a_domain(monkeypatch: pytest.MonkeyPatch) ->
 # --- what is refused, and how it is said -------------------------------------------------------------------
 
 
-def refusal(fleet: Ros2Fleet) -> str:
+def refusal(fleet: WireFleet[Any]) -> str:
     with pytest.raises(RobotUnavailable) as caught:
         fleet.robots[0].init(20.0)
     return str(caught.value)
 
 
-def test_what_is_missing_is_listed(simulator: Simulator, open_fleet: Open) -> None:
+def test_what_is_missing_is_listed(simulator: Ros2Simulator, open_fleet: Open) -> None:
     text = refusal(open_fleet(simulator, ready=False, robots={1: {"namespace": "/nobody"}}, discovery_s=3.0))
     assert text.startswith("robot 1 at /nobody: within 3 s: ")
     for missing in ("nobody publishes odom", "nobody publishes battery_state", "nobody publishes soter/gate",
@@ -97,7 +97,7 @@ def test_what_is_missing_is_listed(simulator: Simulator, open_fleet: Open) -> No
     assert "Is the robot running, with `soter ros2-mux` beside it" in text
 
 
-def test_a_publisher_that_does_not_match_is_named(simulator: Simulator, open_fleet: Open, graph: Graph) -> None:
+def test_a_publisher_that_does_not_match_is_named(simulator: Ros2Simulator, open_fleet: Open, graph: Graph) -> None:
     from std_msgs.msg import Float64, String
 
     from soter.adapters.ros2.graph import COMMAND
@@ -112,7 +112,7 @@ def test_a_publisher_that_does_not_match_is_named(simulator: Simulator, open_fle
     assert "transient local" in text.lower()
 
 
-def test_velocities_of_the_other_type_are_named(simulator: Simulator, open_fleet: Open) -> None:
+def test_velocities_of_the_other_type_are_named(simulator: Ros2Simulator, open_fleet: Open) -> None:
     text = refusal(open_fleet(simulator, ready=False, stamped=True))
     assert "/robot1/soter_mux subscribes to cmd_vel_sc as geometry_msgs/msg/Twist" in text
     assert "SOTER as geometry_msgs/msg/TwistStamped" in text
@@ -122,7 +122,7 @@ def test_velocities_of_the_other_type_are_named(simulator: Simulator, open_fleet
     ("topic", "what"), [("cmd_vel", "drive it past the mux"), ("cmd_vel_sc", "speak for its safe controller")]
 )
 def test_whoever_can_go_round_the_mux_is_named(
-    simulator: Simulator, open_fleet: Open, graph: Graph, topic: str, what: str
+    simulator: Ros2Simulator, open_fleet: Open, graph: Graph, topic: str, what: str
 ) -> None:
     from geometry_msgs.msg import Twist
 
@@ -133,7 +133,7 @@ def test_whoever_can_go_round_the_mux_is_named(
 
 @pytest.mark.parametrize("topic", ["cmd_vel", "cmd_vel_sc"])
 def test_whoever_goes_round_the_mux_later_is_noticed_too(
-    simulator: Simulator, open_fleet: Open, graph: Graph, topic: str
+    simulator: Ros2Simulator, open_fleet: Open, graph: Graph, topic: str
 ) -> None:
     from geometry_msgs.msg import Twist
 
@@ -154,11 +154,13 @@ def test_whoever_goes_round_the_mux_later_is_noticed_too(
     wait_until(lambda: not intruder())
 
 
-def test_a_robot_that_follows_another_program_is_refused(simulator: Simulator, open_fleet: Open) -> None:
+def test_a_robot_that_follows_another_program_is_refused(simulator: Ros2Simulator, open_fleet: Open) -> None:
     behaviour.follows_another_program(open_fleet(simulator), open_fleet(simulator, ready=False))
 
 
-def test_an_ac_that_is_somebody_elses_is_not_spoken_for(simulator: Simulator, open_fleet: Open, graph: Graph) -> None:
+def test_an_ac_that_is_somebody_elses_is_not_spoken_for(
+    simulator: Ros2Simulator, open_fleet: Open, graph: Graph
+) -> None:
     from soter.adapters.ros2 import graph as graphs
 
     fleet = open_fleet(simulator, external_ac=True)
@@ -172,24 +174,26 @@ def test_an_ac_that_is_somebody_elses_is_not_spoken_for(simulator: Simulator, op
 # --- what stops what ---------------------------------------------------------------------------------------
 
 
-def test_when_soter_falls_silent_the_robot_stops(simulator: Simulator, open_fleet: Open) -> None:
+def test_when_soter_falls_silent_the_robot_stops(simulator: Ros2Simulator, open_fleet: Open) -> None:
     behaviour.silence(open_fleet(simulator))
 
 
-def test_when_its_mux_dies_the_robot_stops_and_goes_on_with_the_next(simulator: Simulator, open_fleet: Open) -> None:
+def test_when_its_mux_dies_the_robot_stops_and_goes_on_with_the_next(
+    simulator: Ros2Simulator, open_fleet: Open
+) -> None:
     behaviour.mux_dies(open_fleet(simulator), simulator)
 
 
 def test_when_the_robot_dies_its_link_goes_down_and_closing_does_not_hang(
-    simulator: Simulator, open_fleet: Open
+    simulator: Ros2Simulator, open_fleet: Open
 ) -> None:
     behaviour.robot_dies(open_fleet(simulator), simulator)
 
 
 def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
-    simulator: Simulator, open_fleet: Open
+    simulator: Ros2Simulator, open_fleet: Open
 ) -> None:
-    from soter.adapters.ros2.simulator import Simulator as Another
+    from soter.adapters.ros2.simulator import Ros2Simulator as Another
 
     def start_again() -> Another:
         return Another(ROOM.with_robots(1), SPECS[:1], domain_id=simulator.domain_id)

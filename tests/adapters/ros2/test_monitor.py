@@ -43,7 +43,7 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
     from std_msgs.msg import Float64, String
 
     from soter.adapters.ros2.graph import LATCHED, SENSOR, Graph
-    from soter.adapters.ros2.simulator import Simulator, environment
+    from soter.adapters.ros2.simulator import Ros2Simulator, environment
     from soter.clock import VehicleClock
     from soter.sdk.truth import StreamedTruth
 
@@ -51,7 +51,7 @@ def let_it_drive(enough: Callable[[TruthReport], bool], *options: str) -> tuple[
     specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in hall.robots]
     told: defaultdict[str, list[str]] = defaultdict(list)
     with ExitStack() as stack:
-        simulator = Simulator(hall, specs)
+        simulator = Ros2Simulator(hall, specs)
         stack.callback(simulator.close)
         truth = StreamedTruth(simulator.truth, VehicleClock())
         stack.callback(truth.close)

@@ -14,7 +14,7 @@ from soter.adapters.velocity_controlled.robot import wait_for
 
 if TYPE_CHECKING:
     from soter.adapters.ros2.graph import Graph
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Ros2Simulator
 
 pytestmark = pytest.mark.rclpy
 
@@ -23,6 +23,7 @@ ITS_OWN = {
     "soter.adapters",
     "soter.adapters.ros2",
     "soter.adapters.ros2.mux",
+    "soter.controller",
     "soter.onboard",
     "soter.onboard.gate",
     "soter.onboard.mux",
@@ -65,7 +66,7 @@ def test_a_bad_parameter_ends_it_before_anything_moves(parameter: str, complaint
     assert "Traceback" not in done.stderr
 
 
-def test_when_it_is_told_to_end_it_says_rest_last(simulator: Simulator, graph: Graph) -> None:
+def test_when_it_is_told_to_end_it_says_rest_last(simulator: Ros2Simulator, graph: Graph) -> None:
     from geometry_msgs.msg import Twist
 
     node = graph.node("/robot1")
@@ -78,7 +79,9 @@ def test_when_it_is_told_to_end_it_says_rest_last(simulator: Simulator, graph: G
     assert set(heard) == {0.0}
 
 
-def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(simulator: Simulator, graph: Graph) -> None:
+def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(
+    simulator: Ros2Simulator, graph: Graph
+) -> None:
     from geometry_msgs.msg import Twist, Vector3
     from rosgraph_msgs.msg import Clock
     from std_msgs.msg import String

@@ -33,12 +33,12 @@ def end_with_their_parent(simulator: str, environment: Mapping[str, str]) -> Non
     """The processes of simulated robots end when the one that started them is killed.
 
     Args:
-        simulator: the module of the class `Simulator`.
+        simulator: the class, with its module.
         environment: of the process that starts them.
     """
     program = (
         "import os\n"
-        f"from {simulator} import Simulator\n"
+        f"from {simulator.rpartition('.')[0]} import {simulator.rpartition('.')[2]} as Simulator\n"
         "from tests.adapters.velocity_controlled.driving import ROOM, SPECS\n"
         "simulator = Simulator(ROOM, SPECS)\n"
         "print(simulator.world.pid, *(each.pid for each in simulator.muxes.values()), flush=True)\n"

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from soter.adapters.zenoh.backend import ZenohBackend, ZenohFleet
+from soter.adapters.zenoh.backend import ZenohBackend
 from soter.adapters.zenoh.messages import (
     BatteryState,
     Header,
@@ -26,23 +26,24 @@ from soter.adapters.zenoh.messages import (
 )
 from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.session import SessionOptions, endpoints
-from soter.adapters.zenoh.simulator import Simulator
+from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Ear, Voice, stamp_of
 from soter.errors import Intruder, RobotUnavailable
 from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
+from soter.sdk.wire import WireFleet
 from tests.adapters.velocity_controlled import behaviour
 from tests.adapters.velocity_controlled.driving import ROOM, SPECS, rest_after_s, tick, under_way
 from tests.adapters.zenoh.sessions import client, opened, router
 from tests.waiting import wait_until
 
-Open = Callable[..., ZenohFleet]
+Open = Callable[..., WireFleet[Any]]
 
 
 def test_with_no_robot_given_it_starts_its_own_and_ends_them() -> None:
     with ZenohBackend().open(ZenohConfig(workspace=ROOM, stamped=True), SPECS) as fleet:
         behaviour.drives(fleet)
-        assert all(robot.wire.presence.there >= {"base", "mux"} for robot in fleet.streamed)
+        assert all(robot.wire.presence.there >= {"base", "mux"} for robot in fleet.robots)
         simulator = fleet.simulator
         assert simulator is not None
     assert simulator.world.returncode == 0
@@ -69,13 +70,13 @@ def test_a_faster_world_is_driven_at_its_own_pace_and_promises_less() -> None:
 # --- what is refused, and how it is said -------------------------------------------------------------------
 
 
-def refusal(fleet: ZenohFleet) -> str:
+def refusal(fleet: WireFleet[Any]) -> str:
     with pytest.raises(RobotUnavailable) as caught:
         fleet.robots[0].init(20.0)
     return str(caught.value)
 
 
-def test_what_is_missing_is_listed(shared: Simulator, open_fleet: Open) -> None:
+def test_what_is_missing_is_listed(shared: ZenohSimulator, open_fleet: Open) -> None:
     text = refusal(open_fleet(shared, ready=False, robots={1: {"namespace": "nobody"}}, discovery_s=0.5))
     assert text.startswith("robot 1 at nobody: within 0.5 s: ")
     for missing in ("nothing was heard on nobody/odom", "nothing was heard on nobody/battery_state",
@@ -84,14 +85,14 @@ def test_what_is_missing_is_listed(shared: Simulator, open_fleet: Open) -> None:
     assert "Is the robot running, with `soter zenoh-mux` beside it" in text
 
 
-def test_what_has_another_type_is_named(shared: Simulator, open_fleet: Open) -> None:
+def test_what_has_another_type_is_named(shared: ZenohSimulator, open_fleet: Open) -> None:
     text = refusal(open_fleet(shared, ready=False, keys={"odom": "battery_state"}, discovery_s=1.5))
     assert "what came on robot1/battery_state was no Odometry" in text
     assert "its base and mux say to be there" in text
     assert "soter/gate" not in text
 
 
-def test_that_there_is_no_link_is_said_with_the_cause(shared: Simulator, open_fleet: Open) -> None:
+def test_that_there_is_no_link_is_said_with_the_cause(shared: ZenohSimulator, open_fleet: Open) -> None:
     nowhere = SessionOptions(connect=("tcp/127.0.0.1:9",))
     text = refusal(open_fleet(shared, ready=False, session=nowhere, discovery_s=0.5))
     assert "no link to tcp/127.0.0.1:9: nobody listens there; start it, or correct host and port" in text
@@ -100,7 +101,7 @@ def test_that_there_is_no_link_is_said_with_the_cause(shared: Simulator, open_fl
 
 def test_a_robot_without_a_namespace_is_refused() -> None:
     config = ZenohConfig.model_validate({"workspace": ROOM, "robots": {"2": {"namespace": "robot2"}}})
-    with pytest.raises(RobotUnavailable, match=r"no namespace is given for the robots \[1\]"):
+    with pytest.raises(RobotUnavailable, match=r"no address is given for the robots \[1\]"):
         ZenohBackend().open(config, SPECS)
 
 
@@ -126,7 +127,7 @@ def saying(session: zenoh.Session, key: str, message: Any) -> Iterator[None]:
     ("key", "what"), [("cmd_vel", "drives it past the mux"), ("cmd_vel_sc", "in its safe controller's name")]
 )
 def test_whoever_can_go_round_the_mux_is_noticed(
-    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, key: str, what: str
+    shared: ZenohSimulator, open_fleet: Open, somebody: zenoh.Session, key: str, what: str
 ) -> None:
     # Too slow to move it by much.
     forged = Twist(Vector3(x=0.001))
@@ -139,7 +140,7 @@ def test_whoever_can_go_round_the_mux_is_noticed(
 
 @pytest.mark.parametrize("key", ["cmd_vel", "cmd_vel_sc"])
 def test_whoever_goes_round_the_mux_later_is_noticed_too(
-    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, key: str
+    shared: ZenohSimulator, open_fleet: Open, somebody: zenoh.Session, key: str
 ) -> None:
     robot = open_fleet(shared).robots[0]
 
@@ -170,7 +171,7 @@ def test_a_world_of_a_runs_own_lets_nobody_else_in() -> None:
     assert not session.password_file.parent.exists()
 
 
-def test_a_robot_that_follows_another_program_is_refused(shared: Simulator, open_fleet: Open) -> None:
+def test_a_robot_that_follows_another_program_is_refused(shared: ZenohSimulator, open_fleet: Open) -> None:
     behaviour.follows_another_program(open_fleet(shared), open_fleet(shared, ready=False))
 
 
@@ -233,10 +234,10 @@ def test_a_robot_of_ros_behind_a_bridge_is_found_placed_and_asked_for_velocities
 
 
 def test_garbage_is_counted_and_changes_nothing(
-    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
+    shared: ZenohSimulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     fleet = open_fleet(shared)
-    robot = fleet.streamed[0]
+    robot = fleet.robots[0]
     ears = robot.wire.ears
     with saying(somebody, "robot1/odom", b"\x00\x01\x00\x00garbage"), saying(somebody, "robot1/soter/gate", b""):
         assert tick(fleet, lambda: ears["odom"].foreign > 5 and ears["gate"].foreign > 5, 10.0)
@@ -252,10 +253,10 @@ def test_garbage_is_counted_and_changes_nothing(
 
 
 def test_numbers_that_cannot_be_meant_are_dropped(
-    shared: Simulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
+    shared: ZenohSimulator, open_fleet: Open, somebody: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     fleet = open_fleet(shared)
-    robot = fleet.streamed[0]
+    robot = fleet.robots[0]
     nowhere = Odometry(Header(stamp_of(2000.0)), pose=PoseWithCovariance(Pose(Point(math.nan))))
     with (
         saying(somebody, "robot1/odom", nowhere),
@@ -274,28 +275,28 @@ def test_numbers_that_cannot_be_meant_are_dropped(
 # --- what stops what ---------------------------------------------------------------------------------------
 
 
-def test_when_soter_falls_silent_the_robot_stops(shared: Simulator, open_fleet: Open) -> None:
+def test_when_soter_falls_silent_the_robot_stops(shared: ZenohSimulator, open_fleet: Open) -> None:
     behaviour.silence(open_fleet(shared))
 
 
 def test_when_its_mux_dies_the_robot_stops_and_goes_on_with_the_next(
-    simulator: Simulator, open_fleet: Open, caplog: pytest.LogCaptureFixture
+    simulator: ZenohSimulator, open_fleet: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     behaviour.mux_dies(open_fleet(simulator), simulator)
     assert "robot1: its mux has gone, or the link to it" in caplog.text
 
 
 def test_when_the_robot_dies_its_link_goes_down_and_closing_does_not_hang(
-    simulator: Simulator, open_fleet: Open
+    simulator: ZenohSimulator, open_fleet: Open
 ) -> None:
     behaviour.robot_dies(open_fleet(simulator), simulator)
 
 
 def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
-    simulator: Simulator, open_fleet: Open
+    simulator: ZenohSimulator, open_fleet: Open
 ) -> None:
-    def start_again() -> Simulator:
-        return Simulator(ROOM.with_robots(1), SPECS[:1], SessionOptions(listen=simulator.session.connect))
+    def start_again() -> ZenohSimulator:
+        return ZenohSimulator(ROOM.with_robots(1), SPECS[:1], SessionOptions(listen=simulator.session.connect))
 
     behaviour.robot_reboots(open_fleet(simulator, truth=None), simulator, start_again, on_s=5.0)
 
@@ -303,7 +304,7 @@ def test_a_robot_that_was_switched_off_and_on_again_works_without_a_restart(
 def test_when_the_router_dies_robots_stop_and_go_on_with_the_next(open_fleet: Open) -> None:
     with ExitStack() as simulated:
         with router() as where:
-            simulator = Simulator(ROOM.with_robots(1), SPECS[:1], client(where))
+            simulator = ZenohSimulator(ROOM.with_robots(1), SPECS[:1], client(where))
             simulated.callback(simulator.close)
             fleet = open_fleet(simulator)
             robot = fleet.robots[0]

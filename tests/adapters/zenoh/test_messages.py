@@ -19,10 +19,10 @@ from soter.adapters.zenoh.messages import (
     KINDS,
     MAX_BYTES,
     BatteryState,
-    Clock,
     Foreign,
     Header,
     Odometry,
+    RosClock,
     String,
     Time,
     Twist,
@@ -37,7 +37,7 @@ EXAMPLES: tuple[Any, ...] = (
     TwistStamped(header=Header(frame_id="base_link"), twist=Twist(linear=Vector3(x=0.1))),
     Odometry(header=Header(Time(17, 250_000_000), "odom"), child_frame_id="base_footprint"),
     BatteryState(percentage=0.5, present=True, cell_voltage=[3.5, 3.25], location="slot", serial_number="7"),
-    Clock(Time(1, 2)),
+    RosClock(Time(1, 2)),
     String('{"by": "AC"}'),
 )
 
@@ -147,7 +147,7 @@ def test_a_long_list_that_is_announced_costs_nothing(count: int) -> None:
 @pytest.mark.parametrize(
     ("message", "why"),
     [
-        (Clock(Time(sec=2**31)), "Clock cannot be encoded"),
+        (RosClock(Time(sec=2**31)), "Clock cannot be encoded"),
         (Twist(linear=Vector3(x="fast")), "Twist cannot be encoded"),  # type: ignore[arg-type]
         (BatteryState(percentage=1e39), "BatteryState cannot be encoded"),
         (String("\ud800"), "String cannot be encoded"),

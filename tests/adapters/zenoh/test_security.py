@@ -12,9 +12,9 @@ from typing import Any
 import zenoh
 
 from soter.adapters.velocity_controlled.motion import seconds
-from soter.adapters.zenoh.messages import Clock, Odometry, String, Twist, Vector3
+from soter.adapters.zenoh.messages import Odometry, RosClock, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
-from soter.adapters.zenoh.simulator import Simulator
+from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.clock import VehicleClock
 from soter.onboard.wire import AC, Order
@@ -37,7 +37,7 @@ class Intruder:
         self._seq = 0
         self._orders = Voice(session, "robot1/soter/order")
         self._velocities = [Voice(session, f"robot1/{key}") for key in ("cmd_vel", "cmd_vel_ac", "cmd_vel_sc")]
-        Ear(session, "clock", Clock, self._note_clock)
+        Ear(session, "clock", RosClock, self._note_clock)
         Ear(session, "robot1/odom", Odometry, self._note)
 
     def push(self) -> None:
@@ -48,7 +48,7 @@ class Intruder:
             velocity.say(Twist(Vector3(x=0.2)))
         time.sleep(0.02)
 
-    def _note_clock(self, message: Clock) -> None:
+    def _note_clock(self, message: RosClock) -> None:
         self._note(message)
         self._now_s = seconds(message.clock)
 
@@ -57,8 +57,8 @@ class Intruder:
 
 
 @contextmanager
-def robot(session: SessionOptions) -> Iterator[tuple[Simulator, StreamedTruth]]:
-    simulator = Simulator(ROOM.with_robots(1), SPECS[:1], session)
+def robot(session: SessionOptions) -> Iterator[tuple[ZenohSimulator, StreamedTruth]]:
+    simulator = ZenohSimulator(ROOM.with_robots(1), SPECS[:1], session)
     try:
         truth = StreamedTruth(simulator.truth, VehicleClock())
         yield simulator, truth

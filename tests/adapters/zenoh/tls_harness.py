@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from soter.adapters.zenoh.harness import Relay, ZenohHarness
+from soter.adapters.zenoh.harness import ZenohHarness, ZenohRelay
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from tests.adapters.zenoh.sessions import Authority
 
@@ -27,5 +27,5 @@ class TlsHarness(ZenohHarness):
     def of_relay(self) -> SessionOptions:
         return SessionOptions(tls=self._tls)
 
-    def to_relay(self, relay: Relay) -> SessionOptions:
+    def to_relay(self, relay: ZenohRelay) -> SessionOptions:
         return SessionOptions(tls=self._tls, connect=tuple(endpoints(relay.session)))

@@ -82,6 +82,20 @@ def test_it_does_not_arm_as_soon_as_it_is_ready() -> None:
         rig.fly()
 
 
+@pytest.mark.parametrize("wind_m_s", [0.0, 5.0])
+def test_wind_sways_a_copter(wind_m_s: float) -> None:
+    with Rig(like="arducopter", vehicle="copter") as rig:
+        rig.client.send(mav.MAVLink_param_set_message(1, 1, b"SIM_WIND_SPD", wind_m_s, mav.MAV_PARAM_TYPE_REAL32))
+        rig.run(2.5)
+        rig.fly()
+        rig.target(5.0, 5.0, 1.0)
+        off_m = []
+        for _ in range(24):
+            rig.run(0.25)
+            off_m.append(math.dist(rig.at(), (5.0, 5.0)))
+        assert max(off_m) == pytest.approx(0.04 * wind_m_s * math.sqrt(2.0), abs=0.1)
+
+
 def test_a_copter_is_like_no_rover() -> None:
     with pytest.raises(ValueError, match="like is 'ardurover', allowed for a copter: arducopter"):
         Settings(vehicle="copter", like="ardurover", tcp=(0,))

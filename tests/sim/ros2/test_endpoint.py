@@ -133,4 +133,4 @@ def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes
 def test_it_ends_with_its_parent() -> None:
     from soter.adapters.ros2.simulator import environment
 
-    end_with_their_parent("soter.adapters.ros2.simulator", environment())
+    end_with_their_parent("soter.adapters.ros2.simulator.Ros2Simulator", environment())

@@ -17,7 +17,7 @@ import zenoh
 from pydantic import TypeAdapter
 
 from soter.adapters.velocity_controlled.motion import seconds
-from soter.adapters.zenoh.messages import BatteryState, Clock, Odometry, String, Twist, Vector3
+from soter.adapters.zenoh.messages import BatteryState, Odometry, RosClock, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.geometry.workspace import Workspace
@@ -54,7 +54,7 @@ class Client:
         self.battery: list[BatteryState] = []
         Ear(session, "robot1/odom", Odometry, self.odometry.append)
         Ear(session, "robot1/battery_state", BatteryState, self.battery.append)
-        Ear(session, "clock", Clock, lambda message: self.clock.append(seconds(message.clock)))
+        Ear(session, "clock", RosClock, lambda message: self.clock.append(seconds(message.clock)))
         self.velocity = Voice(session, "robot1/cmd_vel")
 
     def reaches(self, speed_m_s: float, seen_m_s: float) -> bool:
@@ -113,7 +113,7 @@ def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes
 
 
 def test_it_ends_with_its_parent() -> None:
-    end_with_their_parent("soter.adapters.zenoh.simulator", os.environ)
+    end_with_their_parent("soter.adapters.zenoh.simulator.ZenohSimulator", os.environ)
 
 
 @pytest.mark.parametrize(

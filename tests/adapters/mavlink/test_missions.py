@@ -1,0 +1,171 @@
+"""What happens to vehicles in the middle of a mission: seen within a second, in the result, and no peer is in danger.
+
+The vehicles have the flaws of a real ArduRover, the mission is that of the documentation. In virtual time.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.config import load_mission
+from soter.conformance import Verdict, find_harness, judge, select
+from soter.conformance.given import Given
+from soter.runner import RunResult, run_mission
+from soter.sdk import RobotSpec
+from tests.adapters.mavlink.virtual import BACKEND, VirtualBackend, VirtualConfig, Wire
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+SAFE = {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+HAPPENS_S = 5.0
+HOLD, MANUAL = 4.0, 0.0
+
+
+def options(like: str) -> dict[str, Any]:
+    return dict(tomllib.loads((EXAMPLES / like / "mission.toml").read_text(encoding="utf-8"))["backends"]["mavlink"])
+
+
+def run(
+    happens: Callable[[Wire, float], object] = lambda *_: None, duration_s: float = 10.0, like: str = "ardurover"
+) -> RunResult:
+    """Run an example; `happens` is called after every tick with the wire and the time since `HAPPENS_S`."""
+    given = {key: value for key, value in options(like).items() if key != "connection"} | {"like": like}
+    overrides = {"backend": BACKEND, "duration_s": duration_s, "targets": "hostile", "backends": {BACKEND: given}}
+    mission = load_mission(EXAMPLES / like / "mission.toml", overrides)
+
+    def pace(now_s: float) -> None:
+        happens(VirtualBackend.wire, round(now_s - HAPPENS_S, 3))
+
+    return run_mission(mission, pace=pace).result
+
+
+def once(what: Callable[[Wire], object], at_s: float = 0.0) -> Callable[[Wire, float], object]:
+    return lambda wire, now_s: what(wire) if now_s == at_s else None
+
+
+def takes(mode: float) -> Callable[[Wire, float], object]:
+    return once(lambda wire: wire.command(1, mav.MAV_CMD_DO_SET_MODE, 1.0, mode))
+
+
+def disarms(wire: Wire) -> None:
+    wire.command(1, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)
+
+
+def loses_gps(wire: Wire) -> None:
+    wire.other(mav.MAVLink_param_set_message(1, 1, b"SIM_GPS_DISABLE", 1.0, mav.MAV_PARAM_TYPE_INT32))
+
+
+def sends_elsewhere(wire: Wire, now_s: float) -> None:
+    """Another ground station goes on sending it to the other end of the field, between the ticks."""
+    elsewhere = mav.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, mav.MAV_FRAME_LOCAL_NED, 0x0DF8, 36.0, 36.0, *[0.0] * 9
+    )
+    if now_s in (0.0, 2.0):
+        wire.between = (lambda: wire.other(elsewhere)) if now_s == 0.0 else (lambda: None)
+
+
+def reboots(wire: Wire, now_s: float) -> None:
+    if now_s == 0.0:
+        disarms(wire)
+    elif now_s == 0.1:
+        wire.command(1, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+
+
+def is_stopped(wire: Wire, now_s: float) -> None:
+    """Its process stands still for 3 s, and its clock with it."""
+    if now_s == 0.0:
+        wire.cut.add(1)
+    elif now_s == 3.0:
+        wire.autopilot(1).booted_s += 3.0
+        wire.cut.clear()
+
+
+@pytest.mark.parametrize(
+    ("happens", "says"),
+    [
+        (takes(HOLD), "it is in the mode HOLD, not GUIDED"),
+        (takes(MANUAL), "it is in the mode MANUAL, not GUIDED"),
+        (once(disarms), "it is disarmed"),
+        (once(lambda wire: wire.cut.add(1)), "not been heard of"),
+        (is_stopped, "not been heard of"),
+        (once(loses_gps), "its GPS has found no place"),
+        (sends_elsewhere, "another ground station sends it elsewhere"),
+        (reboots, "it is disarmed"),
+    ],
+    ids=["hold", "manual", "disarm", "kill", "stop", "gps", "goto", "reboot"],
+)
+def test_what_happens_to_a_vehicle_is_seen_within_a_second_and_its_peer_has_heard_of_it(
+    happens: Callable[[Wire, float], object], says: str
+) -> None:
+    at_s = []
+
+    def happening(wire: Wire, now_s: float) -> None:
+        happens(wire, now_s)
+        if now_s == 0.0:
+            at_s.append(wire.host_s)
+
+    result = run(happening)
+    assert says in result.uncontrolled[1].cause
+    assert -0.01 <= min(each.first_s for each in result.assumptions[1].values()) - at_s[0] <= 1.0
+    assert (result.status, result.violations) == ("completed", SAFE)
+    # It may be anywhere its promise lets it: the AC of its peer is not in charge then.
+    assert result.assumptions[2]["A7"].first_s - at_s[0] <= 1.0
+    assert result.uncontrolled.keys() == {1}
+
+
+@pytest.mark.parametrize("like", ["ardurover", "arducopter"])
+def test_with_all_their_flaws_two_vehicles_drive_their_mission_and_stand_in_the_end(like: str) -> None:
+    fastest_m_s = 0.0
+
+    def watches(wire: Wire, _now_s: float) -> None:
+        nonlocal fastest_m_s
+        fastest_m_s = max(fastest_m_s, *(abs(each) for each in wire.world.bodies.v))
+
+    result = run(watches, 16.0, like)
+    promised_m_s = options(like)["promise"]["v_max_m_s"]
+    assert (result.status, result.violations, result.uncontrolled) == ("completed", SAFE, {})
+    assert result.ac_share >= 0.8
+    assert result.longest_stall_s <= 5.0
+    assert 0.9 * promised_m_s <= fastest_m_s <= promised_m_s
+    autopilots = VirtualBackend.wire.autopilots
+    assert {each.mode.value for each in autopilots} == {"HOLD" if like == "ardurover" else "LAND"}
+    assert not any(each.armed for each in autopilots if not each.kind.flies)
+
+
+def test_when_nobody_is_heard_any_more_a_vehicle_is_at_rest_well_within_what_is_promised() -> None:
+    ways_m: list[float] = []
+
+    def dies(wire: Wire, now_s: float) -> None:
+        # The adapter has not been asked for anything by the time that the next tick comes.
+        if now_s == 0.0:
+            bodies = wire.world.bodies
+            before = list(zip(bodies.x, bodies.y, strict=True))
+            assert max(bodies.v) > 0.9
+            wire.sleep(4.0)
+            assert max(map(abs, bodies.v)) < 0.02
+            ways_m.extend(math.dist(*each) for each in zip(before, zip(bodies.x, bodies.y, strict=True), strict=True))
+            raise KeyboardInterrupt
+
+    assert run(dies).status == "interrupted"
+    promise = options("ardurover")["promise"]
+    unheard_s = sum(promise[name] for name in ("lease_s", "latency_s", "setpoint_period_s", "jitter_s"))
+    stops_m = promise["v_max_m_s"] ** 2 / (2.0 * promise["brake_m_s2"])
+    assert max(ways_m) <= 0.8 * (promise["v_max_m_s"] * unheard_s + stops_m + promise["overshoot_m"])
+
+
+def test_clauses_of_the_kit_pass_on_one_that_it_did_not_start() -> None:
+    mission = load_mission(EXAMPLES / "ardurover" / "mission.toml")
+    workspace = mission.read_workspace()
+    given = {key: value for key, value in options("ardurover").items() if key != "connection"}
+    config = VirtualConfig.model_validate({**given, "like": "ardurover", "workspace": workspace})
+    start = workspace.robots[0]
+    spec = RobotSpec(start.id, start.x_m, start.y_m, 0.3, promised=VirtualBackend.promises(config))
+    record = judge(find_harness(Given(BACKEND, config, spec, 10.0)), select(["bounds.rest", "deadman.silence"]))
+    tried = {each.clause.id: each.verdict for each in record.outcomes}
+    assert tried == dict.fromkeys(("bounds.rest", "deadman.silence", "truth.deadman.silence"), Verdict.PASS)

@@ -1,0 +1,168 @@
+"""A vehicle of strings that does not obey: reboots, silence, pilots, fail-safes. No wire, no waiting."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.authority import SENDERS
+from soter.sdk import Controller, Link
+from tests.adapters.mavlink.puppet import FAR, ROVER_GUIDED, ROVER_HOLD, STANDS, Puppet, ready, tick
+
+AC, SC = Controller.AC, Controller.SC
+
+
+def test_after_a_reboot_it_is_made_ready_again_without_being_opened_anew(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    tick(puppet, robot, 2)
+    puppet.reboot()
+    tick(puppet, robot, 120)
+    assert (puppet.mode, puppet.armed, puppet.master) == (ROVER_GUIDED, True, SENDERS[SC])
+    state = robot.read_state()
+    assert state.age_s(robot.clock.now()) < 0.1
+    assert state.vehicle_stamp_s < 10.0
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+
+
+@pytest.mark.parametrize("returns", ["stopped", "rebooted"])
+def test_one_that_is_not_driven_because_it_was_away_is_heard_again_all_the_same(puppet: Puppet, returns: str) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot, 2)
+    puppet.silent, last_s = True, puppet.clock_s
+    for _ in range(60):
+        puppet.live(0.05)
+        robot.read_state()
+    puppet.silent, puppet.clock_s = False, last_s
+    if returns == "rebooted":
+        puppet.reboot()
+    puppet.sent.clear()
+    # Its lease is withheld, since what it says is too old.
+    for _ in range(200):
+        puppet.live(0.05)
+        robot.read_state()
+    assert robot.read_state().age_s(robot.clock.now()) < 0.1
+    assert "HEARTBEAT" not in [name for _, name, _ in puppet.sent]
+    assert tick(puppet, robot) == []
+    assert (puppet.mode, puppet.armed) == (ROVER_GUIDED, True)
+
+
+def test_silence_is_seen_as_age_and_what_comes_after_it_is_obeyed(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.silent = True
+    tick(puppet, robot, 80)
+    assert robot.read_state().link is Link.DOWN
+    puppet.silent = False
+    # Its fail-safe has acted.
+    puppet.mode = ROVER_HOLD
+    tick(puppet, robot, 120)
+    assert robot.read_state().link is Link.UP
+    assert puppet.mode == ROVER_GUIDED
+
+
+def test_a_copter_that_flies_after_a_silence_is_not_told_to_take_off(puppet: Puppet) -> None:
+    puppet.kind = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    robot = ready(puppet, vehicle="copter", height_m=2.0)
+    puppet.silent = True
+    tick(puppet, robot, 80)
+    puppet.silent, puppet.up_m = False, 1.0
+    tick(puppet, robot, 120)
+    assert not puppet.commands(mav.MAV_CMD_NAV_TAKEOFF)
+    assert puppet.master == SENDERS[SC]
+
+
+@pytest.mark.parametrize("gate", [True, False])
+def test_a_pilot_who_takes_it_out_of_guided_keeps_it_until_he_gives_it_back(puppet: Puppet, gate: bool) -> None:
+    puppet.gate = gate
+    robot = ready(puppet)
+    puppet.mode = 0
+    assert set(tick(puppet, robot, 400)) == {"it is in the mode MANUAL, not GUIDED"}
+    assert puppet.mode == 0
+    assert not puppet.commands(mav.MAV_CMD_DO_SET_MODE)
+    assert robot.read_state().controller is None
+    puppet.mode = ROVER_GUIDED
+    assert tick(puppet, robot) == []
+    robot.goto(FAR, SC)
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+
+
+def test_one_that_others_disarm_is_left_alone_and_said_to_be(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    puppet.armed = False
+    assert set(tick(puppet, robot, 40)) == {"it is disarmed"}
+    assert not puppet.commands(mav.MAV_CMD_COMPONENT_ARM_DISARM)
+
+
+def test_what_a_fail_safe_took_is_taken_back_once_its_cause_is_gone(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    puppet.status = mav.MAV_STATE_CRITICAL
+    assert tick(puppet, robot, 2) == ["its own fail-safe acts"] * 2
+    puppet.mode = ROVER_HOLD
+    tick(puppet, robot, 40)
+    assert puppet.mode == ROVER_HOLD
+    puppet.status = mav.MAV_STATE_ACTIVE
+    tick(puppet, robot, 120)
+    assert puppet.mode == ROVER_GUIDED
+    assert tick(puppet, robot) == []
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ({"ekf": 167}, "its EKF does not know"),
+        ({"ekf": 831 | mav.EKF_GPS_GLITCHING}, "GPS jump"),
+        ({"variance": 0.9}, "pos_horiz_variance is 0.90"),
+        ({"variance": float("nan")}, "pos_horiz_variance is nan"),
+        ({"fix": mav.GPS_FIX_TYPE_NO_FIX}, "fix type 1"),
+        ({"finds": False}, "its GPS has found no place"),
+    ],
+)
+def test_a_vehicle_that_does_not_know_where_it_is_gives_no_samples(
+    puppet: Puppet, what: dict[str, float], said: str
+) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    tick(puppet, robot, 3)
+    for name, value in what.items():
+        setattr(puppet, name, value)
+    # A second at most.
+    troubles = tick(puppet, robot, 22)
+    assert said in troubles[0]
+    before = robot.read_state()
+    tick(puppet, robot, 12)
+    state = robot.read_state()
+    assert (state.stamp_s, state.link) == (before.stamp_s, Link.STALE)
+    assert puppet.targets()[-1][1]["type_mask"] == STANDS
+    puppet.ekf, puppet.variance, puppet.fix, puppet.finds = 831, 0.01, mav.GPS_FIX_TYPE_3D_FIX, True
+    tick(puppet, robot, 2)
+    assert robot.read_state().link is Link.UP
+
+
+def test_an_ekf_that_begins_anew_elsewhere_is_heard_again_once_its_origin_is_known(puppet: Puppet) -> None:
+    puppet.gate = False
+    origin = {"lat_deg": 47.397742, "lon_deg": 8.545594, "alt_m": 488.0}
+    robot = ready(puppet, origin=origin)
+    puppet.origin_lat = 473977420 + 1000
+    puppet.tell_origin()
+    assert "made ready again" in tick(puppet, robot)[0]
+    tick(puppet, robot, 120)
+    assert robot.read_state().y_m == pytest.approx(11.13, abs=0.01)
+
+
+def test_one_that_was_started_anew_while_it_was_young_is_made_ready_again(puppet: Puppet) -> None:
+    puppet.gate = False
+    puppet.clock_s = 1.0
+    robot = ready(puppet)
+    tick(puppet, robot, 4)
+    last_s = puppet.clock_s
+    puppet.silent = True
+    tick(puppet, robot, 50)
+    # Its new clock shows more than the old one did, and it was not away for long enough to be missed.
+    puppet.silent, puppet.clock_s = False, last_s + 0.2
+    puppet.mode, puppet.armed = 0, False
+    tick(puppet, robot, 120)
+    assert (puppet.mode, puppet.armed) == (ROVER_GUIDED, True)

@@ -1,0 +1,211 @@
+"""A vehicle of strings gets ready, or is refused before it is armed. No wire, no waiting."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.authority import SENDERS
+from soter.clock import VehicleClock
+from soter.errors import RobotUnavailable
+from soter.sdk import Controller, Link, Waypoint
+from soter.sdk.robot import FUTURE_S
+from tests.adapters.mavlink.puppet import ROVER_GUIDED, ROVER_HOLD, HostTime, Puppet, ready, robot_of, tick
+
+AC, SC = Controller.AC, Controller.SC
+
+
+def test_a_vehicle_gets_ready_and_reports_who_is_in_charge(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    assert (puppet.mode, puppet.armed, puppet.master) == (ROVER_GUIDED, True, SENDERS[SC])
+    assert robot.capabilities == robot.declared
+    puppet.live()
+    state = robot.read_state()
+    assert (state.controller, state.battery, state.link) == (SC, 0.8, Link.UP)
+    assert puppet.parameters["SOTER_LEASE_MS"] == round(1e3 * robot.declared.lease_s)
+
+
+def test_a_rate_that_is_denied_is_lowered(puppet: Puppet) -> None:
+    puppet.most_hz = 30.0
+    ready(puppet, stream_hz=20.0)
+    assert 20.0 <= puppet.streams[mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED] <= 30.0
+
+
+def test_a_rate_below_what_is_promised_is_refused(puppet: Puppet) -> None:
+    puppet.most_hz = 30.0
+    with pytest.raises(
+        RobotUnavailable, match=r"LOCAL_POSITION_NED 50 times a second \(DENIED\); set a lower stream_hz"
+    ):
+        robot_of(puppet).init(20.0)
+
+
+def test_it_waits_for_the_ekf_and_not_for_the_first_position(puppet: Puppet) -> None:
+    puppet.ekf = 167
+    with pytest.raises(RobotUnavailable, match="EKF to know where it is"):
+        robot_of(puppet).init(5.0)
+    assert not puppet.commands(mav.MAV_CMD_COMPONENT_ARM_DISARM)
+
+
+def test_a_vehicle_that_refuses_to_arm_says_why(puppet: Puppet) -> None:
+    puppet.refuses_to_arm = "PreArm: Compass not \x1b[2Jcalibrated"
+    with pytest.raises(RobotUnavailable, match=r"it to arm; it says: PreArm: Compass not \?\[2Jcalibrated"):
+        robot_of(puppet).init(10.0)
+
+
+def test_it_is_not_ready_while_its_samples_come_out_as_of_the_future(puppet: Puppet) -> None:
+    robot, puppet.answered_late_s = robot_of(puppet), 0.3
+    with pytest.raises(RobotUnavailable, match="samples come out as of the future"):
+        robot.init(3.0)
+    puppet.answered_late_s = 0.0
+    robot.init(3.0)
+    assert robot.read_state().stamp_s <= robot.clock.now() + FUTURE_S
+
+
+def test_rest_is_what_the_promised_noise_of_the_speed_allows(puppet: Puppet) -> None:
+    puppet.speed_m_s = 0.03
+    with pytest.raises(RobotUnavailable, match=r"shows 0\.030 m/s .* promise\.speed_noise_m_s = 0\.01"):
+        robot_of(puppet).init(5.0)
+    other = Puppet(HostTime())
+    other.speed_m_s = 0.03
+    robot = ready(other, promise={"speed_noise_m_s": 0.05})
+    assert robot.declared.moving_m_s == pytest.approx(0.07)
+    began_s = other.time()
+    robot.close(5.0)
+    assert other.time() - began_s < 1.0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        ({"ATC_DECEL_MAX": 0.5, "ATC_ACCEL_MAX": 2.0}, "its ATC_DECEL_MAX is 0.5, and promise.brake_m_s2 is 1;"),
+        ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.9}, "its ATC_ACCEL_MAX is 0.9"),
+        ({"ATC_DECEL_MAX": 1.0}, ""),
+        ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.0}, ""),
+    ],
+)
+def test_a_vehicle_that_may_not_brake_as_promised_is_refused_before_it_is_armed(
+    puppet: Puppet, parameters: dict[str, float], says: str
+) -> None:
+    puppet.gate = False
+    puppet.parameters |= parameters
+    robot = robot_of(puppet)
+    if not says:
+        robot.init(20.0)
+        return
+    with pytest.raises(RobotUnavailable, match=says):
+        robot.init(20.0)
+    assert not puppet.armed
+
+
+@pytest.mark.parametrize(("name", "value"), [("SERVO1_FUNCTION", 26.0), ("WP_PIVOT_ANGLE", 0.0)])
+def test_a_rover_that_cannot_turn_in_place_is_refused_before_it_is_armed(
+    puppet: Puppet, name: str, value: float
+) -> None:
+    puppet.gate = False
+    puppet.parameters |= {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0}
+    robot_of(puppet).init(20.0)
+    other = Puppet(HostTime())
+    other.gate = False
+    other.parameters |= {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, name: value}
+    with pytest.raises(RobotUnavailable, match=f"its {name} is {value:g}: .* allowed: skid steering"):
+        robot_of(other).init(20.0)
+    assert not other.armed
+
+
+def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(puppet: Puppet) -> None:
+    puppet.silent = True
+    puppet.strangers.update({7, 3})
+    began_s = puppet.time()
+    with pytest.raises(RobotUnavailable, match=r"lacks a heartbeat; heard are the systems \[3, 7\]"):
+        robot_of(puppet).init(2.0)
+    assert puppet.time() - began_s < 2.5
+
+
+def test_what_was_refused_once_is_not_taken_for_ready_the_next_time(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.reboot()
+    puppet.most_hz = 10.0
+    assert "does not send LOCAL_POSITION_NED" in tick(puppet, robot, 50)[-1]
+    assert not puppet.armed
+
+
+def test_one_that_cannot_be_commanded_is_left_alone_when_closed(puppet: Puppet) -> None:
+    puppet.kind = (mav.MAV_TYPE_FIXED_WING, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    robot = robot_of(puppet)
+    with pytest.raises(RobotUnavailable, match="robot 1: it is a vehicle of MAV_TYPE 1"):
+        robot.init(5.0)
+    puppet.sent.clear()
+    robot.close(1.0)
+    assert not puppet.sent
+
+
+def test_another_kind_of_vehicle_than_promised_is_refused(puppet: Puppet) -> None:
+    with pytest.raises(RobotUnavailable, match="it is a rover, and a copter was expected; set vehicle = 'rover'"):
+        robot_of(puppet, vehicle="copter").init(5.0)
+
+
+def test_what_it_was_on_its_way_to_is_dropped_first(puppet: Puppet) -> None:
+    puppet.mode, puppet.armed = ROVER_GUIDED, True
+    robot_of(puppet).init(20.0)
+    modes = [fields["param2"] for fields in puppet.commands(mav.MAV_CMD_DO_SET_MODE)]
+    assert modes[0] == ROVER_HOLD
+    assert modes[-1] == ROVER_GUIDED
+
+
+@pytest.mark.parametrize("autopilot", [mav.MAV_AUTOPILOT_ARDUPILOTMEGA, mav.MAV_AUTOPILOT_PX4])
+def test_a_copter_takes_off_to_its_height_which_is_the_plane_of_the_workspace(puppet: Puppet, autopilot: int) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_QUADROTOR, autopilot), False
+    robot = ready(puppet, vehicle="copter", height_m=2.0)
+    puppet.live()
+    assert puppet.up_m == pytest.approx(2.0)
+    assert robot.read_state().z_m == pytest.approx(0.0)
+    assert puppet.mode == (4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 6 << 16)
+    tick(puppet, robot)
+    robot.goto(Waypoint(1.0, 0.0, z_m=0.5, heading_rad=0.0), SC)
+    assert puppet.targets()[-1][1]["z"] < -2.0
+
+
+def test_px4_is_sent_targets_before_it_is_asked_to_take_them_and_from_then_on(puppet: Puppet) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_PX4), False
+    robot_of(puppet).init(20.0)
+    names = [name for _, name, fields in puppet.sent if name != "TIMESYNC"]
+    modes = [fields for fields in puppet.commands(mav.MAV_CMD_DO_SET_MODE) if fields["param2"] == 6.0]
+    first = next(number for number, (_, _, fields) in enumerate(puppet.sent) if fields == modes[0])
+    assert "SET_POSITION_TARGET_LOCAL_NED" in [name for _, name, _ in puppet.sent[first : first + 40]]
+    assert names.count("SET_POSITION_TARGET_LOCAL_NED") >= 2
+
+
+def test_without_a_gate_it_promises_less(puppet: Puppet) -> None:
+    puppet.gate, puppet.percent = False, -1
+    robot = ready(puppet)
+    found = robot.capabilities
+    assert (found.reports_controller, found.reverses, found.reports_battery) == (False, False, False)
+    puppet.live()
+    assert robot.read_state().controller is None
+
+
+def test_a_vehicle_that_does_not_answer_timesync_is_timed_by_its_samples(puppet: Puppet) -> None:
+    puppet.answers_time = False
+    robot = ready(puppet)
+    puppet.live()
+    assert 0.0 <= robot.read_state().age_s(robot.clock.now()) < 0.05
+
+
+@pytest.mark.parametrize("better_s", [0.004, 0.03])
+def test_a_clock_that_is_learned_better_costs_no_sample(puppet: Puppet, better_s: float) -> None:
+    robot = ready(puppet)
+    assert isinstance(puppet.clock, VehicleClock)
+    for _ in range(4):
+        puppet.live(0.02)
+        before = robot.read_state()
+        puppet.clock.observe(1, puppet.clock_s + better_s, puppet.time())
+        newer = {"time_boot_ms": round(puppet.clock_s * 1e3) + 20}
+        puppet.say("LOCAL_POSITION_NED", **newer, x=0.0, y=0.0, z=0.0, vx=0.0, vy=0.0, vz=0.0)
+        assert robot.read_state() == before
+        puppet.say("ATTITUDE", **newer, yaw=0.5, yawspeed=0.0)
+        after = robot.read_state()
+        assert after.vehicle_stamp_s == pytest.approx(before.vehicle_stamp_s + 0.02)
+        assert after.stamp_s >= before.stamp_s
+        puppet.clock_s += 0.02
+        puppet.time.now_s += 0.02
+    assert robot.discarded == 0

@@ -1,0 +1,146 @@
+"""Missions of the examples on real ArduPilots: starting those, running it, and letting something happen on the way."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from soter.config import MissionFile, load_mission
+from soter.sdk import RobotSpec, RuleLimits
+from tests.autopilot.ardupilot import Autopilots
+
+REST_S: Final = 4.0
+MOVES_M_S: Final = 0.05
+FAST_M_S: Final = 0.6
+RULES: Final = {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
+
+# Simulated accelerometers count as calibrated by these.
+CALIBRATED: Final = {
+    **{f"INS_ACC{number}OFFS_{axis}": 0.001 for number in ("", "2") for axis in "XYZ"},
+    **{f"INS_ACC{number}SCAL_{axis}": 1.001 for number in ("", "2") for axis in "XYZ"},
+}
+
+
+@dataclass(frozen=True)
+class Example:
+    """A mission for vehicles outdoors.
+
+    Attributes:
+        folder: of examples/.
+        model: of the simulator.
+        parameters: what its vehicles need beside what the example sets.
+    """
+
+    folder: str
+    model: str
+    parameters: dict[str, float]
+
+    @property
+    def path(self) -> Path:
+        """The mission file."""
+        return Path(__file__).resolve().parents[2] / "examples" / self.folder / "mission.toml"
+
+    @property
+    def mission(self) -> MissionFile:
+        """What it says."""
+        return load_mission(self.path)
+
+    @property
+    def promise(self) -> dict[str, Any]:
+        """What its vehicles promise."""
+        return dict(self.mission.backends["mavlink"]["promise"])
+
+    @property
+    def unheard_m(self) -> float:
+        """How far a vehicle may go on when nobody is heard any more, by what is promised."""
+        promise = self.promise
+        v_m_s, brake_m_s2 = promise["v_max_m_s"], promise["brake_m_s2"]
+        unheard_s = sum(promise[name] for name in ("lease_s", "latency_s", "setpoint_period_s", "jitter_s"))
+        return float(v_m_s * unheard_s + v_m_s**2 / (2.0 * brake_m_s2) + promise["overshoot_m"])
+
+    def start(self, program: str, folder: Path) -> Autopilots:
+        """Start its vehicles."""
+        mission = self.mission
+        workspace = mission.read_workspace()
+        lines = [line.split() for line in self.path.with_name(f"{self.folder}.parm").read_text().splitlines()]
+        return Autopilots(
+            Path(program), folder, workspace,
+            [RobotSpec(place.id, place.x_m, place.y_m, 0.3 * place.id) for place in workspace.robots],
+            model=self.model,
+            parameters=self.parameters | {line[0]: float(line[1]) for line in lines if line and line[0] != "#"},
+            limits=RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m),
+        )  # fmt: skip
+
+
+class Ended:
+    """How a run ended.
+
+    Attributes:
+        code: its exit code.
+        result: what `--json` wrote; empty where it wrote nothing.
+        top_m_s: the top speed of any rover, by the truth.
+        way_m: how far robot 1 went on after `happens` was called.
+        ready_s: from the start of SOTER, which is that of the vehicles, until all were armed.
+    """
+
+    def __init__(self, code: int, result: dict[str, Any], top_m_s: float, way_m: float, ready_s: float) -> None:
+        self.code, self.result, self.top_m_s, self.way_m = code, result, top_m_s, way_m
+        self.ready_s = ready_s
+
+
+def run(
+    example: Example,
+    vehicles: Autopilots,
+    folder: Path,
+    duration_s: float,
+    happens: Callable[[subprocess.Popen[bytes]], object] | None = None,
+    backend: str = "mavlink",
+    options: Sequence[str] = (),
+) -> Ended:
+    """Run a mission on its vehicles; let something happen once robot 1 has been fast for a while."""
+    file = folder / "result.json"
+    reached = {"truth": vehicles.truth, "connection": f"udpin:127.0.0.1:{vehicles.port}"}
+    settings = [word for key, value in reached.items() for word in ("--set", f"backends.mavlink.{key}={value}")]
+    # A busy host may hold up the mission's process; it is the vehicles that are on trial here.
+    settings += ["--set", "isolation.silent_s=30"]
+    text = example.path.read_text().replace("field.xml", str(example.path.with_name("field.xml")))
+    mission = folder / "mission.toml"
+    mission.write_text(text.replace("mavlink", backend))
+    settings = [word.replace("mavlink", backend) for word in settings]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "soter.cli", "run", mission, "--targets", "hostile", "--duration", str(duration_s),
+         "--no-record", "--quiet", "--json", file, *settings, *options],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    began_s = now_s = time.perf_counter()
+    ready_s = happened_s = rest_s = math.nan
+    top_m_s, fast_s, ended_s, at = 0.0, math.inf, math.inf, (math.nan, math.nan)
+    while now_s < ended_s + REST_S:
+        time.sleep(0.02)
+        ended_s = min(ended_s, now_s) if process.poll() is not None else math.inf
+        now_s, (x_m, y_m, _, v_m_s) = time.perf_counter(), vehicles.seen.get(1, (0.0, 0.0, 0.0, 0.0))
+        if math.isnan(ready_s) and all(vehicles.armed(robot_id) for robot_id in vehicles.processes):
+            ready_s = now_s - began_s
+        top_m_s = max([top_m_s, *(abs(each[3]) for each in vehicles.seen.values())])
+        fast_s = min(fast_s, now_s) if abs(v_m_s) > FAST_M_S else fast_s
+        if happens is not None and now_s - fast_s > 10.0 and abs(v_m_s) > FAST_M_S:
+            at, happened_s = (x_m, y_m), now_s
+            happens(process)
+            happens = None
+        if now_s > happened_s and abs(v_m_s) > MOVES_M_S:
+            rest_s = now_s - happened_s
+    way_m = math.dist(at, vehicles.seen[1][:2])
+    result = json.loads(file.read_text()) if file.exists() else {}
+    said = ("ac_share", "longest_stall_s", "longest_without_ac_s", "violations", "min_margin", "uncontrolled")
+    print(f"\nready {ready_s:.1f} s, load {os.getloadavg()[0]:.1f}, exit {process.returncode}, top {top_m_s:.2f} m/s,",
+          f"last moved after {rest_s:.2f} s,",
+          f"way {way_m:.2f} m", {key: result.get(key) for key in said}, result.get("targets"), flush=True)  # fmt: skip
+    return Ended(process.returncode, result, top_m_s, way_m, ready_s)

@@ -1,0 +1,54 @@
+"""Copters with a real ArduCopter, in its own simulator: `make test-autopilot ARDUCOPTER=/path/to/arducopter`."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from tests.autopilot.ardupilot import Autopilots
+from tests.autopilot.missions import CALIBRATED, RULES, Example, run
+
+PROGRAM: Final = os.environ.get("ARDUCOPTER", "")
+pytestmark = [
+    pytest.mark.skipif(not PROGRAM, reason="needs ArduCopter; see `make test-autopilot`"),
+    pytest.mark.timeout(3600.0),
+]
+COPTER: Final = Example("arducopter", "quad", {**CALIBRATED, "FRAME_CLASS": 1, "FRAME_TYPE": 0, "BATT_MONITOR": 4})
+
+
+@pytest.fixture
+def copters(tmp_path: Path) -> Iterator[Autopilots]:
+    with COPTER.start(PROGRAM, tmp_path / "vehicles") as started:
+        yield started
+
+
+@pytest.mark.parametrize("robots", [1, 2])
+def test_copters_with_hostile_targets_break_no_rule(copters: Autopilots, tmp_path: Path, robots: int) -> None:
+    duration_s = float(os.environ.get("AUTOPILOT_S", "180"))
+    ended = run(COPTER, copters, tmp_path, duration_s, options=["--robots", str(robots)])
+    result, v_max_m_s = ended.result, COPTER.promise["v_max_m_s"]
+    assert (ended.code, result["violations"], result["uncontrolled"]) == (0, RULES, {})
+    assert result["ac_share"] >= 0.8
+    assert result["longest_stall_s"] <= 30.0
+    assert 0.9 * v_max_m_s <= ended.top_m_s <= v_max_m_s
+
+
+def test_a_copter_that_another_ground_station_takes_is_nobodys(copters: Autopilots, tmp_path: Path) -> None:
+    brake = 17.0
+    ended = run(COPTER, copters, tmp_path, 40.0, lambda _: copters.command(1, mav.MAV_CMD_DO_SET_MODE, 1.0, brake))
+    assert (ended.code, ended.result["violations"]) == (3, RULES)
+    assert "it is in the mode BRAKE, not GUIDED" in ended.result["uncontrolled"]["1"]["cause"]
+
+
+def test_copters_stop_by_themselves_when_soter_is_killed(copters: Autopilots, tmp_path: Path) -> None:
+    def kill(process: subprocess.Popen[bytes]) -> None:
+        process.kill()
+
+    ended = run(COPTER, copters, tmp_path, 60.0, kill)
+    assert ended.way_m <= 0.8 * COPTER.unheard_m
