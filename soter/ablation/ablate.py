@@ -16,8 +16,8 @@ from soter.config import load_mission
 from soter.config.tables import MODULES
 from soter.controllers import ADVERSARIES, PREFIX
 from soter.errors import ConfigError, IllFormedModule, RunFailed, SoterError
+from soter.runner import Study, run_mission
 from soter.runner.result import RunResult
-from soter.runner.run import Study, run_mission
 
 DELTAS_S: Final[Mapping[str, tuple[float, ...]]] = {
     "collision": (0.05, 0.1, 0.2, 0.5, 1.0),
@@ -81,7 +81,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class VariantRun:
     """One run of a variant, or why there was none.
 
     Attributes:
@@ -166,7 +166,7 @@ class Plan:
     seeds: Sequence[int]
     force: bool
 
-    def run(self, variant: Variant, seed: int, stop: Callable[[], bool] | None = None) -> Outcome:
+    def run(self, variant: Variant, seed: int, stop: Callable[[], bool] | None = None) -> VariantRun:
         """Run one variant once. What is wrong with a variant is part of its outcome."""
         refusals: list[str] = []
 
@@ -178,11 +178,11 @@ class Plan:
             study = Study(variant.deltas, variant.safer_alone, note if self.force else None)
             result = run_mission(mission, stop=stop, study=study).result
         except (IllFormedModule, ConfigError) as refusal:
-            return Outcome(variant, seed, ill_formed=str(refusal))
+            return VariantRun(variant, seed, ill_formed=str(refusal))
         except SoterError as error:
-            return Outcome(variant, seed, failure=str(error))
+            return VariantRun(variant, seed, failure=str(error))
         failure = result.failure if result.status == "failed" else ""
-        return Outcome(variant, seed, result, refusals[0] if refusals else "", failure)
+        return VariantRun(variant, seed, result, refusals[0] if refusals else "", failure)
 
 
 _stop: Event | None = None
@@ -195,20 +195,14 @@ def _begin(stop: Event) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _work(plan: Plan, variant: Variant, seed: int) -> Outcome:
+def _work(plan: Plan, variant: Variant, seed: int) -> VariantRun:
     return plan.run(variant, seed, None if _stop is None else _stop.is_set)
 
 
 def run_all(
     plan: Plan, chosen: Sequence[Variant], jobs: int, stop: Callable[[], bool] = lambda: False
-) -> Iterator[Outcome]:
-    """Run variants in processes of their own; yield outcomes as they come.
-
-    Args:
-        plan: how.
-        chosen: which.
-        jobs: so many at a time.
-        stop: asked again and again; runs under way then end early, and nothing more is yielded.
+) -> Iterator[VariantRun]:
+    """Run variants in so many processes at a time; yield outcomes as they come, until stopped: that ends runs early.
 
     Raises:
         RunFailed: a process died.
@@ -216,7 +210,7 @@ def run_all(
     context = multiprocessing.get_context("spawn")
     ended = context.Event()
     with ProcessPoolExecutor(jobs, context, _begin, (ended,)) as pool:
-        waiting: set[Future[Outcome]] = {
+        waiting: set[Future[VariantRun]] = {
             pool.submit(_work, plan, variant, seed) for variant in chosen for seed in plan.seeds
         }
         try:

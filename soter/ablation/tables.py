@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from soter.ablation.ablate import Outcome, Variant
+from soter.ablation.ablate import Variant, VariantRun
 from soter.runner.result import RunResult
 from soter.sdk import RULES
 
@@ -49,16 +49,11 @@ _FIGURES: Final = (
 
 
 @dataclass(frozen=True)
-class Row:
-    """All runs of one variant.
-
-    Attributes:
-        variant: which.
-        outcomes: one for each seed.
-    """
+class VariantRow:
+    """All runs of one variant, one for each seed."""
 
     variant: Variant
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[VariantRun]
 
     @property
     def results(self) -> list[RunResult]:
@@ -111,13 +106,13 @@ def _per_hour(results: Sequence[RunResult], counts: Sequence[int]) -> float | No
     return sum(counts) / hours if hours else None
 
 
-def rows(outcomes: Iterable[Outcome], order: Sequence[Variant]) -> list[Row]:
+def rows(outcomes: Iterable[VariantRun], order: Sequence[Variant]) -> list[VariantRow]:
     """Return a row for every variant that has an outcome, in the order given."""
-    by_variant: dict[str, list[Outcome]] = {}
+    by_variant: dict[str, list[VariantRun]] = {}
     for outcome in outcomes:
         by_variant.setdefault(_key(outcome.variant), []).append(outcome)
     return [
-        Row(variant, sorted(found, key=lambda outcome: outcome.seed))
+        VariantRow(variant, sorted(found, key=lambda outcome: outcome.seed))
         for variant in order
         if (found := by_variant.get(_key(variant)))
     ]
@@ -127,18 +122,13 @@ def _key(variant: Variant) -> str:
     return f"{variant.group}/{variant.name}"
 
 
-def ac_only(found: Sequence[Row]) -> float | None:
+def ac_only(found: Sequence[VariantRow]) -> float | None:
     """Return the throughput of the mission without decision modules; None if it was not run."""
     return next((row.reached_per_hour for row in found if row.variant.overrides == {"rta.enabled": False}), None)
 
 
-def markdown(found: Sequence[Row], command: str) -> str:
-    """Return the page.
-
-    Args:
-        found: from `rows`.
-        command: what was run.
-    """
+def markdown(found: Sequence[VariantRow], command: str) -> str:
+    """Return the page."""
     results = [result for row in found for result in row.results]
     seeds = sorted({outcome.seed for row in found for outcome in row.outcomes})
     first = results[0] if results else None

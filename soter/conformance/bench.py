@@ -3,73 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
-from soter.conformance.diagnosis import explain
 from soter.conformance.driver import ROUNDING, TICK_S, drive_until
-from soter.conformance.figure import Failed, Figure, NotTested
-from soter.conformance.harness import Harness
-from soter.conformance.track import Fastest, Sample, fastest, rates, turn
-from soter.sdk import Capabilities, Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
+from soter.conformance.figure import NotTested
+from soter.conformance.judging import Judging
+from soter.conformance.track import TrackSample, rates, turn
+from soter.sdk import Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
-STILL_M: Final = 0.005
 STILL_RAD: Final = 0.03
 
 SETTLE_S: Final = 2.0
 """After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
 
-READ_S: Final = 0.003
-"""A pose of the truth that took longer than this to read says nothing of when it was."""
-
-FIT_S: Final = 0.001
-"""Motors follow a fitted change of speed about as well as this."""
-
 _TIMES: Final = ("latency_s", "sample_age_s", "jitter_s", "setpoint_period_s", "lease_s")
 _LONGEST_S: Final = 30.0
-_WINDOW_S: Final = 1.0
-_FAST_SHARE: Final = 0.02
 _LOOKS: Final = 5
-_READS: Final = 5
 _PATIENCE_S: Final = 3.0
 _ASTRAY_RAD: Final = 0.3
 _CREEPS: Final = 0.1
 _BACK: Final = 0.05
-_NEAR_M: Final = 0.05
-_MAY_BE: Final = 0.2
+_MISREAD: Final = 2.0
+_MISREAD_M_S: Final = 0.1
+_MISREAD_M: Final = 0.1
 
 
-class Bench:
-    """What a clause works with.
-
-    Args:
-        harness: of the adapter.
-        truth: whether poses are the truth's instead of the state's.
-        needs: capabilities without which the clause does not apply.
-
-    Attributes:
-        figures: what was measured.
-        tracks: by robot, what was seen while driving, oldest first; one sample for each stamp.
-        judged: how many robots clauses about one open, of which they judge the last.
-        promised: what the robots are asked to promise; None for what they declare.
-        faulty: the clause has broken the link, so that silence is no surprise.
-    """
-
-    def __init__(self, harness: Harness, *, truth: bool = False, needs: tuple[str, ...] = ()) -> None:
-        self.harness = harness
-        self.truth = truth
-        self.needs = needs
-        self.figures: list[Figure] = []
-        self.tracks: dict[int, list[Sample]] = {}
-        self.fleets: list[Fleet] = []
-        self._stamps: dict[int, float] = {}
-        self._turned: dict[int, float] = {}
-        self.capabilities: Capabilities | None = None
-        self.faulty = False
-        self.judged = 1
-        self.promised: Capabilities | None = None
-
-    # --- opening ---------------------------------------------------------------------------------------------
+class Bench(Judging):
+    """What a clause works with: it opens robots, drives them, and sees them stop."""
 
     def open_raw(self, robots: int = 1) -> Fleet:
         """Open a fresh fleet whose robots are not initialised."""
@@ -140,24 +101,6 @@ class Bench:
         self.fleet.close()
         self.harness.close()
 
-    @property
-    def fleet(self) -> Fleet:
-        """The fleet opened last."""
-        return self.fleets[-1]
-
-    @property
-    def caps(self) -> Capabilities:
-        """What the robots declare."""
-        assert self.capabilities is not None
-        return self.capabilities
-
-    @property
-    def now_s(self) -> float:
-        """Fleet time."""
-        return self.fleet.clock.now()
-
-    # --- driving ---------------------------------------------------------------------------------------------
-
     def run(
         self,
         seconds: float,
@@ -181,7 +124,7 @@ class Bench:
         looks = _LOOKS if closely and not self.caps.in_process else 1
         return drive_until(self.fleet, look, seconds, renew=renew, read=read, looks=looks)
 
-    def look(self, robot: Robot) -> Sample:
+    def look(self, robot: Robot) -> TrackSample:
         """Return where a robot is now, and note it."""
         state = robot.read_state()
         track = self.tracks[robot.id]
@@ -197,12 +140,13 @@ class Bench:
             speed, rate = 0.0, 0.0
             if track and at_s - track[-1].at_s > ROUNDING:
                 speed, rate = rates(track[-1], at_s, x_m, y_m, heading_rad)
-            sample = Sample(at_s, x_m, y_m, heading_rad, speed, rate, state)
+            sample = TrackSample(at_s, x_m, y_m, heading_rad, speed, rate, state)
         else:
-            sample = Sample(
+            sample = TrackSample(
                 state.stamp_s, state.x_m, state.y_m, state.heading_rad,
                 math.hypot(state.vx_m_s, state.vy_m_s), state.yaw_rate_rad_s, state,
             )  # fmt: skip
+            self._require_possible([each for each in track[-1:] if sample.at_s > each.at_s + ROUNDING], sample)
         if not track or sample.at_s > track[-1].at_s + ROUNDING:
             track.append(sample)
         if robot.id in self._turned:
@@ -214,30 +158,25 @@ class Bench:
             )
         return sample
 
-    def true_pose(self, robot_id: int) -> tuple[float, float, float]:
-        """Return where a robot really is."""
-        truth = self.fleet.truth
-        return self.harness.observe(robot_id) if truth is None else truth.pose(robot_id)
-
-    def true_place(self, robot: Robot) -> tuple[float, float]:
-        """Return where a robot really is; where there is no truth, where its sample says."""
-        if self.fleet.truth is not None or self.harness.gives("observe"):
-            return self.true_pose(robot.id)[:2]
-        state = robot.read_state()
-        return state.x_m, state.y_m
-
-    def timed_pose(self, robot_id: int) -> tuple[float, tuple[float, float, float]]:
-        """Return fleet time, and where a robot really was then."""
-        for _ in range(_READS):
-            before_s, pose, after_s = self.now_s, self.true_pose(robot_id), self.now_s
-            if after_s - before_s <= READ_S * self.harness.speedup:
-                return (before_s + after_s) / 2.0, pose
-            # A host that is busy has stopped this thread between the two: read again.
-        return self.now_s, self.true_pose(robot_id)
-
-    def since(self, robot: Robot, at_s: float) -> list[Sample]:
-        """Return what was seen of a robot from a moment on."""
-        return [sample for sample in self.tracks[robot.id] if sample.at_s >= at_s - ROUNDING]
+    def _require_possible(self, before: list[TrackSample], sample: TrackSample) -> None:
+        """Fail the clause where a sample says a speed or a leap that is nowhere near what the robot can do."""
+        caps = self.caps
+        if self.faulty or not self.harness.judges:
+            return
+        most_m_s = _MISREAD * (caps.v_max_m_s + self.speed_noise_m_s) + _MISREAD_M_S
+        self.require(
+            sample.speed_m_s <= most_m_s,
+            f"a sample says {sample.speed_m_s:.2f} m/s of a robot whose v_max_m_s is {caps.v_max_m_s:.2f}: another "
+            "unit, or a number that is misread now and then, such as a small one with an exponent",
+        )
+        for last in before:
+            leap_m = sample.distance_m(last.x_m, last.y_m)
+            most_m = most_m_s * (sample.at_s - last.at_s + caps.jitter_s) + 4.0 * caps.position_noise_m + _MISREAD_M
+            self.require(
+                leap_m <= most_m,
+                f"from one sample to the next it leapt by {leap_m:.2f} m in {sample.at_s - last.at_s:.2f} s: samples "
+                "of another robot, or a number that is misread now and then",
+            )
 
     def place(self, robot: Robot, ahead: float, left: float = 0.0, **options: float) -> Waypoint:
         """Return a waypoint in a robot's room, in shares of its half side, seen from the start pose."""
@@ -265,10 +204,17 @@ class Bench:
         )
         return goal
 
-    def _astray(self, robot: Robot, began: Sample, target: Waypoint) -> str:
+    def arrive(self, goal: Goal, cause: str) -> None:
+        """See a robot arrive where it was sent."""
+        self.run(self.way_s(), lambda: not goal.active)
+        self.require_status(goal, GoalStatus.REACHED, cause)
+
+    def _astray(self, robot: Robot, began: TrackSample, target: Waypoint) -> str:
         """Return what the way that a robot took instead of that to its target says; empty where it says nothing."""
         last = self.tracks[robot.id][-1]
-        moved_m = last.distance_m(began.x_m, began.y_m)
+        moved_m, up_m = last.distance_m(began.x_m, began.y_m), last.state.z_m - target.z_m
+        if last.distance_m(target.x_m, target.y_m) <= target.radius_m and abs(up_m) > 0.5 * target.radius_m:
+            return f"it is there but for its height, which is said to be {up_m:.2f} m off: z_m is 0 on the ground"
         if moved_m <= 2.0 * self.still_m:
             return ""
         wanted = math.atan2(target.y_m - began.y_m, target.x_m - began.x_m)
@@ -370,127 +316,3 @@ class Bench:
             moved <= self.still_m and turned <= STILL_RAD,
             f"it moved by {moved:.3f} m and turned by {turned:.2f} rad in {seconds:g} s, expected rest: {cause}",
         )
-
-    # --- judging ---------------------------------------------------------------------------------------------
-
-    @property
-    def _slow_m_s(self) -> float:
-        """The least top speed to reckon with; a robot that is only measured may be far from its promise."""
-        return self.caps.v_max_m_s * (1.0 if self.harness.judges else _MAY_BE)
-
-    @property
-    def near_m(self) -> float:
-        """How near to a target a robot is asked to come: as near as it can know that it is there."""
-        return max(_NEAR_M, 0.0 if self.capabilities is None else self.capabilities.position_noise_m)
-
-    @property
-    def still_m(self) -> float:
-        """A robot whose pose changes by no more than this is at rest."""
-        return STILL_M + (0.0 if self.truth else 2.0 * self.caps.position_noise_m)
-
-    @property
-    def speed_noise_m_s(self) -> float:
-        """How far a speed may be off, as samples say it, or as poses of the truth over some time do."""
-        return 0.002 if self.truth else 0.002 + (self.caps.speed_noise_m_s or 0.02 * self.caps.v_max_m_s)
-
-    @property
-    def fit_s(self) -> float:
-        """How far the moment may be off at which a motion begins to change, as it is fitted to what was seen."""
-        return max(self.read_s, FIT_S)
-
-    @property
-    def read_s(self) -> float:
-        """How far the moment of a sample may be off: on a wire clocks are learned, and the truth is read in between."""
-        return 0.0 if self.caps.in_process else READ_S
-
-    def fastest(self, robot: Robot) -> tuple[Fastest, float]:
-        """Return the top speed and turn rates seen of a robot, and the share by which they may be off."""
-        if not self.truth or self.caps.in_process:
-            return fastest(self.tracks[robot.id], 0.0, 0.0), 0.0
-        window_s = min(_WINDOW_S, 0.25 * self.harness.room_m / self.caps.v_max_m_s)
-        return fastest(self.tracks[robot.id], window_s, 0.5 * window_s), _FAST_SHARE
-
-    def trials(self, many: int) -> int:
-        """Return how many trials of so many are worth their time.
-
-        Where the truth judges the same motions by all of them, the robot's own word is heard of a third.
-        """
-        fleet = self.fleet
-        watched = not self.truth and (fleet.truth is not None or self.harness.gives("observe"))
-        return -(-many // 3) if watched and not self.caps.in_process else many
-
-    def way_s(self) -> float:
-        """Return a time in which a robot gets anywhere in its room, generously."""
-        caps = self.caps
-        return 3.0 * self.harness.room_m / self._slow_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
-
-    def orphaned_s(self) -> float:
-        """Return how long after the last renewal of its lease a robot at top speed may still move."""
-        caps = self.caps
-        brakes_s = caps.v_max_m_s / caps.brake_m_s2
-        return caps.lease_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + brakes_s + TICK_S
-
-    def from_start(self, robot: Robot, target: Waypoint) -> float:
-        """Return how far a target is from where a robot started."""
-        return math.hypot(target.x_m - robot.spec.x_m, target.y_m - robot.spec.y_m)
-
-    def require(self, holds: bool, message: str) -> None:
-        """Fail the clause with a message unless something holds; what the kit knows of the samples comes before it."""
-        if not holds:
-            raise Failed(f"{explain(self)}{message}")
-
-    def require_hook(self, hook: str) -> None:
-        """Leave the clause untried where the harness does not give an optional hook."""
-        if not self.harness.gives(hook):
-            raise NotTested(f"not declared: the harness's hook '{hook}'")
-
-    def require_status(self, goal: Goal, status: GoalStatus, cause: str) -> None:
-        """Fail the clause unless a goal has ended, or not, in a certain way."""
-        self.require(
-            goal.status is status,
-            f"goal {goal.id} is {goal.status.value} ({goal.reason or 'no reason'}), expected {status.value}: {cause}",
-        )
-
-    def require_raises(self, kind: type[Exception], call: Callable[[], object], what: str) -> None:
-        """Fail the clause unless a call raises a certain error."""
-        try:
-            call()
-        except kind:
-            return
-        except Exception as other:
-            raise Failed(f"{what} raised {type(other).__name__} ({other}), expected {kind.__name__}") from other
-        raise Failed(f"{what} raised nothing, expected {kind.__name__}: a public method of Robot is overridden")
-
-    def measure(
-        self,
-        name: str,
-        seen: float,
-        bound: float | None = None,
-        resolution: float = 0.0,
-        cause: str = "",
-        *,
-        at_least: bool = False,
-        spread: Sequence[float] = (),
-    ) -> None:
-        """Record a figure, and fail the clause where it is certain to be beyond its bound.
-
-        Args:
-            name: what, with its unit at the end.
-            seen: as measured.
-            bound: what the capabilities declare, or allow.
-            resolution: how far the measurement itself may be off.
-            cause: the likely cause of a figure beyond its bound.
-            at_least: the bound is the least that is allowed.
-            spread: of several trials, all that was seen.
-        """
-        if not self.harness.judges:
-            self.figures.append(Figure.of(name, seen, None, resolution, trials=spread))
-            return
-        figure = Figure.of(name, seen, bound, resolution, at_least=at_least, trials=spread)
-        self.figures.append(figure)
-        assert bound is None or cause, f"{name}: a figure with a bound is judged by it"
-        if not figure.kept:
-            word = "declared" if hasattr(self.capabilities, name) else "allowed"
-            raise Failed(
-                f"{explain(self)}{name} is {seen:.4g}, {word} is {bound:.4g} (measured to {resolution:.2g}): {cause}"
-            )

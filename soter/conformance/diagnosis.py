@@ -8,11 +8,11 @@ from contextlib import suppress
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from soter.conformance.track import MOVING_M_S, Sample
+from soter.conformance.track import MOVING_M_S, TrackSample
 from soter.errors import SoterError
 
 if TYPE_CHECKING:
-    from soter.conformance.bench import Bench
+    from soter.conformance.judging import Judging
 
 _OLD_S: Final = 0.5
 _MANY: Final = 20
@@ -22,7 +22,7 @@ _RECENT: Final = 60
 _SLIP_M: Final = 0.002
 
 
-def explain(bench: Bench) -> str:
+def explain(bench: Judging) -> str:
     """Return what is wrong with the samples of the open fleet, ending with a semicolon; empty where nothing is."""
     if bench.capabilities is None or not bench.fleets:
         return ""
@@ -50,7 +50,7 @@ def explain(bench: Bench) -> str:
     return "".join(f"{each}; " for each in found)
 
 
-def _off_the_truth(bench: Bench, track: Sequence[Sample], who: str) -> Iterator[str]:
+def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> Iterator[str]:
     """Yield what is wrong where samples put a robot elsewhere than it is, or say that it moves and where it stands."""
     state = track[-1].state
     frozen_s = state.stamp_s - next(
@@ -67,7 +67,7 @@ def _off_the_truth(bench: Bench, track: Sequence[Sample], who: str) -> Iterator[
         yield f"the samples of {who} say that it moves, but {frozen}"
 
 
-def _scatter_m(track: Sequence[Sample]) -> float:
+def _scatter_m(track: Sequence[TrackSample]) -> float:
     """Return how far positions typically are off the line between their neighbours, beyond what braking explains."""
     states = [each.state for each in track[-_RECENT:]]
     off = []

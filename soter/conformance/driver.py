@@ -28,7 +28,7 @@ def drive_until(
     read: bool = True,
     looks: int = 1,
 ) -> bool:
-    """Tick like a supervisor: sleep, read every robot, renew every lease; until a condition holds.
+    """Tick like a supervisor: sleep, read every robot, renew every lease; return whether a condition held in time.
 
     Args:
         fleet: robots that are ready.
@@ -37,9 +37,6 @@ def drive_until(
         renew: whether leases are renewed.
         read: whether states are read.
         looks: how often that is done in each tick, at even distances.
-
-    Returns:
-        Whether the condition held in time.
     """
     clock = fleet.clock
     start_s = clock.now()

@@ -27,13 +27,7 @@ def open_floor() -> Workspace:
 
 
 class InProcessHarness(Harness):
-    """Opens robots of a backend that lives in this process, on an open floor.
-
-    Args:
-        name: what to call it.
-        backend: its class.
-        options: of the backend, beside workspace and seed.
-    """
+    """Opens robots of a backend that lives in this process, on an open floor."""
 
     side_by_side = True
     charges_at_start = True

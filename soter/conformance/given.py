@@ -87,10 +87,6 @@ class GivenHarness(RelayedHarness):
 
     It gives no hook that needs the robot to be started, and those that break the link only where there can be a relay.
     `start_driver` needs a truth, which sees the robot when its driver is gone.
-
-    Args:
-        given: which.
-        between: makes the relay.
     """
 
     charges_at_start = False

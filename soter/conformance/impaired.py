@@ -12,12 +12,7 @@ from typing import Final
 
 
 class Line:
-    """One kind of message of one robot, in one direction.
-
-    Args:
-        robot_id: whose.
-        send: sends a message on, from any thread.
-    """
+    """One kind of message of one robot, in one direction; sends from any thread."""
 
     def __init__(self, robot_id: int, send: Callable[[bytes], object]) -> None:
         self.robot_id: Final = robot_id

@@ -60,11 +60,6 @@ def judge(
     """Try clauses on an adapter in this process, one after another; none that ends stops the others.
 
     `soter.conformance.workshop` does it in processes of their own, where neither a crash does.
-
-    Args:
-        harness: of the adapter.
-        clauses: which; None for all.
-        on_outcome: told of each outcome as it comes, and of the record with it.
     """
     chosen = CLAUSES.values() if clauses is None else clauses
     tally = Tally(harness.name, chosen, on_outcome, given=not harness.starts_robots)
@@ -87,7 +82,8 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         return Outcome(clause, Verdict.NOT_TESTED, reason, (), 0.0), bench
     verdict, reason, unready = Verdict.PASS, "", False
     try:
-        with _host_limit(_ready_s(harness), extended=lambda: harness.clause_limit_s if bench.capabilities else 0.0):
+        ready_s = min(2.0 * harness.connect_timeout_s + _START_S, harness.clause_limit_s)
+        with _host_limit(ready_s, extended=lambda: harness.clause_limit_s if bench.capabilities else 0.0):
             clause.check(bench)
     except NotTested as missing_part:
         verdict, reason = Verdict.NOT_TESTED, str(missing_part)
@@ -116,11 +112,6 @@ def _close(bench: Bench) -> str:
         except Exception as failure:  # noqa: BLE001 - an adapter may fail in any way
             wrong = wrong or explain(failure)
     return wrong
-
-
-def _ready_s(harness: Harness) -> float:
-    """Return how long a clause may take until a robot is ready."""
-    return min(2.0 * harness.connect_timeout_s + _START_S, harness.clause_limit_s)
 
 
 def explain(failure: BaseException) -> str:

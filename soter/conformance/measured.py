@@ -11,15 +11,7 @@ from soter.sdk.values import WIDENS, Widens
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One capability.
-
-    Attributes:
-        name: of the capability, with its unit.
-        promised: what the robots declare.
-        measured: the worst that was measured; None if nothing was.
-        share: how much of the promise that takes: above 1 it is not kept.
-        clause: that measured it.
-    """
+    """One capability, declared and measured at worst; a share of the promise above 1 is a promise not kept."""
 
     name: str
     promised: float

@@ -18,7 +18,7 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Clause, Tier
 from soter.conformance.figure import Figure
 
-KIT_VERSION: Final = "2.3"
+KIT_VERSION: Final = "2.4"
 """Changes whenever an adapter that conformed might no longer do so."""
 
 NOT_DECLARED: Final = "not declared: "
@@ -84,14 +84,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """The result of a run of the kit.
-
-    Attributes:
-        adapter: the harness's name.
-        subject: whom it is about; None where no robot could be opened.
-        outcomes: of each clause.
-        overall: the verdict.
-    """
+    """The result of a run of the kit; without a subject where no robot could be opened."""
 
     adapter: str
     subject: Subject | None

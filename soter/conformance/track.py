@@ -12,7 +12,7 @@ MOVING_M_S: Final = 0.02
 TURNING_RAD_S: Final = 0.1
 
 
-class Sample(NamedTuple):
+class TrackSample(NamedTuple):
     """Where a robot was at one moment, as its own state or the truth has it. Metres, radians, seconds."""
 
     at_s: float
@@ -38,7 +38,7 @@ def turn(from_rad: float, to_rad: float) -> float:
     return (to_rad - from_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
-def rates(before: Sample, at_s: float, x_m: float, y_m: float, heading_rad: float) -> tuple[float, float]:
+def rates(before: TrackSample, at_s: float, x_m: float, y_m: float, heading_rad: float) -> tuple[float, float]:
     """Return the speed in m/s and the yaw rate in rad/s, counter-clockwise, from a sample to a later pose."""
     passed_s = at_s - before.at_s
     return before.distance_m(x_m, y_m) / passed_s, turn(before.heading_rad, heading_rad) / passed_s
@@ -52,7 +52,7 @@ class Fastest(NamedTuple):
     right_rad_s: float
 
 
-def fastest(track: Sequence[Sample], speed_s: float, turn_s: float) -> Fastest:
+def fastest(track: Sequence[TrackSample], speed_s: float, turn_s: float) -> Fastest:
     """Return the top rates that samples say, or their poses over at least so long.
 
     Args:
@@ -71,7 +71,7 @@ def fastest(track: Sequence[Sample], speed_s: float, turn_s: float) -> Fastest:
     return Fastest(speed, max((0.0, *turns)), -min((0.0, *turns)))
 
 
-def _over(track: Sequence[Sample], window_s: float) -> Iterator[tuple[float, float]]:
+def _over(track: Sequence[TrackSample], window_s: float) -> Iterator[tuple[float, float]]:
     """Yield the speed and the yaw rate between samples that are at least so far apart, and hardly farther."""
     first = 0
     for last, sample in enumerate(track):
@@ -110,7 +110,7 @@ _EARLY_S: Final = 0.02
 _SWIFT_M_S: Final = 0.01
 
 
-def fit_stop(track: Sequence[Sample], event_s: float) -> Ramp | None:
+def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
     """Return how a robot that drove evenly came to rest after an event; None where it did not drive before.
 
     The one unknown is when it begins to brake: the way that is left until rest then says how hard. So neither a late
@@ -138,7 +138,7 @@ def fit_stop(track: Sequence[Sample], event_s: float) -> Ramp | None:
     return Ramp(begins_s, lasts_s(begins_s), speed, run_m)
 
 
-def fit_start(track: Sequence[Sample], event_s: float) -> Ramp | None:
+def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
     """Return how a robot at rest got going after an event; None where it did not get to an even speed."""
     after = [each for each in track if each.at_s > event_s]
     if not after:
@@ -161,7 +161,9 @@ def fit_start(track: Sequence[Sample], event_s: float) -> Ramp | None:
     return Ramp(begins_s, 2.0 * (middle_s - begins_s), speed, 0.0)
 
 
-def _line(even: Sequence[Sample], whole: Sequence[Sample]) -> tuple[float, float, Callable[[Sample], float]] | None:
+def _line(
+    even: Sequence[TrackSample], whole: Sequence[TrackSample]
+) -> tuple[float, float, Callable[[TrackSample], float]] | None:
     """Return speed, way at time 0, and the way along their course, of samples on an even straight way."""
     if len(even) < 3 or even[-1].at_s <= even[0].at_s:
         return None
@@ -171,7 +173,7 @@ def _line(even: Sequence[Sample], whole: Sequence[Sample]) -> tuple[float, float
         return None
     ex, ey = dx / length, dy / length
 
-    def along(sample: Sample) -> float:
+    def along(sample: TrackSample) -> float:
         return sample.x_m * ex + sample.y_m * ey
 
     times = [each.at_s for each in even]

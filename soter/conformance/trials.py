@@ -28,14 +28,7 @@ _VOID: Final = 2
 
 
 class Trial(NamedTuple):
-    """One trial.
-
-    Attributes:
-        start: how the robot got going after a goto.
-        end: how it came to rest.
-        called_s: when it was told to stop.
-        backwards: whether it was sent backwards.
-    """
+    """One trial: how the robot got going after a goto, forwards or backwards, and how it came to rest when told to."""
 
     start: Ramp
     end: Ramp
@@ -71,15 +64,7 @@ def share_off(bench: Bench) -> float:
 
 
 class ToAndFro:
-    """Keeps a robot driving between both ends of its room.
-
-    Args:
-        bench: of the clause.
-        robot: to be driven, by the AC.
-
-    Attributes:
-        goal: the latest.
-    """
+    """Keeps a robot driving between both ends of its room."""
 
     def __init__(self, bench: Bench, robot: Robot) -> None:
         self._robot: Final = robot
@@ -100,10 +85,6 @@ class Shuttle:
     """Drives a robot to and fro in its room, from rest to an even speed and to rest.
 
     A robot that reverses goes forwards and backwards in turn, any other turns round where its room ends.
-
-    Args:
-        bench: of the clause.
-        robot: to be driven, by the AC.
 
     Attributes:
         end: of the room, straight ahead of the robot.

@@ -27,11 +27,7 @@ class WireRelay(Relay, Protocol):
 
 
 class WireHarness(RelayedHarness):
-    """Opens simulated robots behind a relay, for every fleet anew, at addresses that are free.
-
-    Attributes:
-        backend: what is judged.
-    """
+    """Opens simulated robots behind a relay, for every fleet anew, at addresses that are free."""
 
     backend: ClassVar[type[WireBackend]]
     room_m = 2.4
@@ -80,7 +76,8 @@ class WireHarness(RelayedHarness):
 
     def _start(self, robots: int) -> Simulator:
         config: Any = self.backend.config_model(workspace=WIDE_ROOMS, limits=self.limits)
-        self.simulator = simulator = self.backend.simulate(config, self.specs(robots))
+        simulator: Simulator = self.backend.simulate(config, self.specs(robots))
+        self.simulator = simulator
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 

@@ -30,6 +30,9 @@ _A_CORE: Final = 2
 """So many clauses on a wire a core bears at once, and half of it is left: most of one is waiting."""
 
 _MOST_JOBS: Final = 4
+_LONGEST: Final = ("endurance.minute", "several.second", "truth.capabilities.asked")
+"""Tried early where others are tried beside them: the last to begin would keep the rest waiting."""
+
 _LOOK_S: Final = 0.05
 _CLOSING_S: Final = 10.0
 _LEAVING_S: Final = 2.0
@@ -184,18 +187,19 @@ class Workshop:
         on_outcome: Callable[[Outcome, Record], None] | None = None,
         on_begin: Callable[[Collection[Clause]], None] | None = None,
     ) -> Record:
-        """Try clauses; none that crashes or hangs stops the others.
+        """Try clauses; none that crashes or hangs stops the others. The record of a stopped run is of what there is.
 
         Args:
             clauses: which.
             on_outcome: told of each outcome as it comes, and of the record with it.
             on_begin: told which clauses are being tried, when that changes.
-
-        Returns:
-            The record; where it was stopped, of what there is.
         """
         tally = Tally(self.name, clauses, on_outcome, given=self._given)
         waiting = deque(tally.clauses)
+        if self.jobs > 1:
+            # The first few say whether robots are there at all.
+            first, rest = tally.clauses[: self.jobs], tally.clauses[self.jobs :]
+            waiting = deque([*first, *sorted(rest, key=lambda each: each.id not in _LONGEST)])
         while not self._stop():
             if waiting and tally.hopeless():
                 tally.give_up(waiting)

@@ -6,7 +6,6 @@ is imported before a mission asks for it.
 
 from __future__ import annotations
 
-import importlib
 import logging
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -15,8 +14,8 @@ from typing import Any, ClassVar, Final, Generic, NamedTuple, Protocol, Self, Ty
 from pydantic import BaseModel
 
 from soter.config import validate_options
-from soter.errors import ConfigError, nearest
-from soter.isolation.messages import Garbage
+from soter.errors import ConfigError, Garbage
+from soter.loading import known_target, load_named
 
 Hear = Callable[[str, bytes], None]
 """Called with a key and what was published under it, in a thread of the bus; it must be quick and must not raise."""
@@ -72,35 +71,17 @@ def bus_class(name: str, source: str | None = None) -> type[Bus]:
     def refused(why: str) -> ConfigError:
         return ConfigError(why, source=source, key="distribution.via")
 
-    module_name, colon, class_name = BUILT_IN.get(name, name).partition(":")
-    if not (colon and class_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
-        known = ", ".join(BUILT_IN)
-        raise refused(
-            f"unknown bus '{name}'{nearest(name, [*BUILT_IN])}; known are {known}, or a class as 'module:Class'"
-        )
-    try:
-        found: Any = getattr(importlib.import_module(module_name), class_name, None)
-    except ImportError as failure:
-        raise refused(f"bus '{name}': cannot import '{module_name}' ({failure})") from failure
+    found: Any = load_named(known_target(name, BUILT_IN, "bus", refused), refused)
     model = getattr(found, "options_model", None)
     calls = ("open", "publish", "subscribe", "close")
     if not (isinstance(model, type) and issubclass(model, BaseModel) and all(hasattr(found, call) for call in calls)):
-        raise refused(
-            f"bus '{name}': '{class_name}' in '{module_name}' is no bus; it needs options_model, {', '.join(calls)}"
-        )
+        raise refused(f"it is '{name}', which is no bus; allowed: a class with options_model, {', '.join(calls)}")
     kind: type[Bus] = found
     return kind
 
 
 def open_bus(name: str, common: Mapping[str, Any], own: Mapping[str, Any], process: str, source: str | None) -> Bus:
-    """Open a bus for one process.
-
-    Args:
-        name: which bus.
-        common: the options of all processes, `[distribution] bus`.
-        own: those that this process has in their place.
-        process: its name.
-        source: the mission file, for error messages.
+    """Open a bus for one process, with the options of all and those that it has in their place.
 
     Raises:
         ConfigError: an option that the bus does not have or allow.
@@ -119,21 +100,15 @@ MAX_HELD: Final = 256
 """Messages that wait to be looked at, the newest: whoever sends more often than others look loses some."""
 
 
-class Heard(NamedTuple, Generic[M]):
-    """A message.
-
-    Attributes:
-        key: what it was published under.
-        message: decoded.
-        received_s: when it came, on the clock of whoever listens.
-    """
+class Received(NamedTuple, Generic[M]):
+    """A message, the key it was published under, and when it came, on the clock of whoever listens."""
 
     key: str
     message: M
     received_s: float
 
 
-class Inbox(Generic[M]):
+class BusInbox(Generic[M]):
     """Keeps what comes, with the time at which it came, until the thread that it is for takes it.
 
     Args:
@@ -153,13 +128,13 @@ class Inbox(Generic[M]):
         self._held: Final[deque[tuple[str, bytes, float]]] = deque(maxlen=MAX_HELD)
         bus.subscribe(key, self._hear)
 
-    def take(self) -> list[Heard[M]]:
+    def take(self) -> list[Received[M]]:
         """Return what has come since the last time, oldest first; no more than was there at the beginning."""
         heard = []
         for _ in range(len(self._held)):
             key, data, received_s = self._held.popleft()
             try:
-                heard.append(Heard(key, self._decode(data), received_s))
+                heard.append(Received(key, self._decode(data), received_s))
             except Garbage as garbage:
                 self.garbage += 1
                 if self.garbage == 1:

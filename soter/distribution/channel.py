@@ -18,8 +18,8 @@ from typing import Annotated, Final
 
 import msgspec
 
-from soter.distribution.bus import Bus, Inbox
-from soter.isolation.messages import Id, Text, decoded
+from soter.distribution.bus import Bus, BusInbox
+from soter.isolation.messages import Id, Text, decoded, encode
 from soter.sdk.values import MAX_COORDINATE_M
 
 MAX_FRAME_BYTES: Final = 1 << 14
@@ -38,7 +38,7 @@ class _ReliableMessage(msgspec.Struct, frozen=True, array_like=True, forbid_unkn
     pass
 
 
-class Visit(_ReliableMessage, tag="visit", frozen=True):
+class VisitMessage(_ReliableMessage, tag="visit", frozen=True):
     """To a robot's process: the robot is to go there."""
 
     robot_id: Id
@@ -66,10 +66,10 @@ class Ended(_ReliableMessage, tag="ended", frozen=True):
     reason: Reason = ""
 
 
-ReliableMessage = Visit | Joined | Ended
+ReliableMessage = VisitMessage | Joined | Ended
 
 
-class Frame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
+class ChannelFrame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """What one end of a channel sends at once.
 
     Attributes:
@@ -93,16 +93,10 @@ class Frame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=
     messages: Annotated[tuple[ReliableMessage, ...], msgspec.Meta(max_length=MAX_MESSAGES)] = ()
 
 
-_encoder: Final = msgspec.msgpack.Encoder()
-_frame: Final = msgspec.msgpack.Decoder(Frame)
+_frame: Final = msgspec.msgpack.Decoder(ChannelFrame)
 
 
-def encode_frame(frame: Frame) -> bytes:
-    """Encode a frame."""
-    return _encoder.encode(frame)
-
-
-def decode_frame(data: bytes) -> Frame:
+def decode_frame(data: bytes) -> ChannelFrame:
     """Decode a frame.
 
     Raises:
@@ -179,7 +173,7 @@ class Channel:
         self._waiting.append(message)
         self._fresh = True
 
-    def take(self, frame: Frame) -> list[ReliableMessage | Came]:
+    def take(self, frame: ChannelFrame) -> list[ReliableMessage | Came]:
         """Take a frame; return what follows from it, in order."""
         if frame.mission != self._mission:
             self.foreign = frame.mission
@@ -210,16 +204,16 @@ class Channel:
                 came.append(message)
         return came
 
-    def due(self, now_s: float) -> list[Frame]:
+    def due(self, now_s: float) -> list[ChannelFrame]:
         """Return the frames that are to be sent now; none most of the time."""
         frames = []
         epoch, asked = self._candidate
         if epoch and now_s - self._asked_s >= REPEAT_S:
             self._asked_s = now_s
-            frames.append(Frame(self._epoch, epoch, self._mission, asked, self._answered(epoch)))
+            frames.append(ChannelFrame(self._epoch, epoch, self._mission, asked, self._answered(epoch)))
         asker = self._answer[0]
         if asker not in (0, self._peer):
-            frames.append(Frame(self._epoch, asker, self._mission, 0, self._answered(asker)))
+            frames.append(ChannelFrame(self._epoch, asker, self._mission, 0, self._answered(asker)))
         quiet_s = now_s - self._sent_s
         at_once = self._owes_frame or self._fresh or self._answer[0] != 0
         within_s = REPEAT_S if self._waiting or not self.there else ALIVE_S
@@ -228,7 +222,9 @@ class Channel:
             self._owes_frame = self._fresh = False
             messages = tuple(self._waiting[index] for index in range(min(len(self._waiting), MAX_MESSAGES)))
             answer = self._answered(self._peer)
-            frames.append(Frame(self._epoch, self._peer, self._mission, 0, answer, self._taken, self._first, messages))
+            frames.append(
+                ChannelFrame(self._epoch, self._peer, self._mission, 0, answer, self._taken, self._first, messages)
+            )
         return frames
 
     def _answered(self, epoch: int) -> int:
@@ -267,15 +263,7 @@ def new_epoch() -> int:
 
 
 class Post:
-    """Sends and delivers messages. One thread, but for what the bus does.
-
-    Args:
-        bus: closed with it.
-        prefix: of all keys of this mission.
-        me: this process's name.
-        others: the processes that messages go to and come from.
-        mission: what this process runs.
-    """
+    """Sends and delivers messages. One thread, but for what the bus does."""
 
     def __init__(self, bus: Bus, prefix: str, me: str, others: Iterable[str], mission: str) -> None:
         self._bus: Final = bus
@@ -284,7 +272,7 @@ class Post:
         epoch = new_epoch()
         self._channels: Final = {name: Channel(epoch, mission, new_epoch) for name in others}
         self._said_foreign: Final[set[str]] = set()
-        self._inbox: Final = Inbox(bus, f"{prefix}/*/messages/{me}", decode_frame, lambda: 0.0)
+        self._inbox: Final = BusInbox(bus, f"{prefix}/*/messages/{me}", decode_frame, lambda: 0.0)
 
     def send(self, to: str, message: ReliableMessage) -> None:
         """Have a message delivered to a process as it lives now; dropped while it has not come."""
@@ -307,7 +295,7 @@ class Post:
                 logger.error("process '%s' runs another mission; messages to and from it are dropped", sender)
         for name, channel in self._channels.items():
             for frame in channel.due(now_s):
-                self._bus.publish(f"{self._prefix}/{self._me}/messages/{name}", encode_frame(frame))
+                self._bus.publish(f"{self._prefix}/{self._me}/messages/{name}", encode(frame))
         return delivered
 
     def close(self) -> None:

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from soter.clock import Clock
-from soter.distribution.bus import Bus, Inbox
+from soter.distribution.bus import Bus, BusInbox
 from soter.distribution.channel import new_epoch
-from soter.distribution.peers import OtherProcess, RemoteRobot, stamps_of
-from soter.distribution.status import RobotStatus, Status, decode_status, encode_status
+from soter.distribution.peers import OtherProcess, RemoteRobot
+from soter.distribution.status import RobotStatus, Status, decode_status
+from soter.isolation.messages import encode
 from soter.rta import PEER_SILENT_S, ReachModel
 
 logger = logging.getLogger(__name__)
@@ -34,10 +35,6 @@ class PeerGroup:
         others: the other processes with what is promised for their robots.
         mission: what this process runs; statuses of another mission are ignored.
         clock: this process's fleet time; thread-safe.
-
-    Attributes:
-        others: by name.
-        peers: the robots of all of them.
     """
 
     def __init__(
@@ -60,7 +57,7 @@ class PeerGroup:
         self.peers: Final[tuple[RemoteRobot, ...]] = tuple(
             robot for other in self.others.values() for robot in other.robots.values()
         )
-        self._inbox: Final = Inbox(bus, f"{prefix}/*/status", decode_status, clock.now)
+        self._inbox: Final = BusInbox(bus, f"{prefix}/*/status", decode_status, clock.now)
 
     @property
     def garbage(self) -> int:
@@ -82,11 +79,11 @@ class PeerGroup:
         now_s = self._clock.now()
         self._serial += 1
         echoes = tuple(echo for other in self.others.values() for echo in other.echoes(now_s))
-        stamps = stamps_of(robots)
+        stamps = {robot.state.robot_id: robot.state.stamp_s for robot in robots}
         for other in self.others.values():
             other.note(now_s, stamps)
         status = Status(self._me, self._epoch, self._mission, self._serial, now_s, tuple(robots), echoes)
-        self._bus.publish(self._key, encode_status(status))
+        self._bus.publish(self._key, encode(status))
 
     def missing(self, now_s: float) -> dict[str, str]:
         """Return which processes are not there, and why, in words: both have to hear the other."""

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from soter.distribution.status import Echo, RobotStatus, Status
 from soter.isolation.watched_port import WatchedPort
 from soter.rta import Assumption, PeerMonitor, ReachModel
-from soter.rta.monitors import Finding
+from soter.rta.monitors import BrokenAssumption
 from soter.sdk import RobotState
 
 DRIFT: Final = 1e-3
@@ -88,11 +88,6 @@ class _Sample:
 class RemoteRobot:
     """A robot of another process; a `soter.rta.RemotePeer`. Belongs to the supervisor's thread.
 
-    Args:
-        robot_id: which robot.
-        process: who supervises it.
-        monitor: tests what is reported of it.
-
     Attributes:
         port: what planners are shown of it.
     """
@@ -104,7 +99,7 @@ class RemoteRobot:
         self._monitor: Final = monitor
         self._latest: _Sample | None = None
         self._reported: RobotState | None = None
-        self._found: Finding | None = None
+        self._found: BrokenAssumption | None = None
 
     def sample(self) -> RobotState | None:
         """Return the latest sample, its stamp on this process's clock and never too late; None before the first."""
@@ -123,14 +118,14 @@ class RemoteRobot:
         """The module that drives it; empty for its AC, and before it was heard."""
         return "" if self._latest is None else self._latest.driver
 
-    def found(self) -> Finding | None:
+    def found(self) -> BrokenAssumption | None:
         """Return what is wrong with what was reported of it, and forget it."""
         found, self._found = self._found, None
         return found
 
     def distrust(self, cause: str) -> None:
         """Note that the stamps of its samples cannot be right."""
-        self._found = Finding(Assumption.CLOCK, f"robot {self.robot_id}: {cause}")
+        self._found = BrokenAssumption(Assumption.CLOCK, f"robot {self.robot_id}: {cause}")
 
     def take(self, status: RobotStatus, stamp_s: float, *, anew: bool) -> None:
         """Take what a status says of it.
@@ -284,8 +279,3 @@ class OtherProcess:
             (epoch for epoch in self._starts if epoch != self._current), key=lambda e: self._starts[e].received_s
         )
         del self._starts[oldest]
-
-
-def stamps_of(robots: Sequence[RobotStatus]) -> dict[int, float]:
-    """Return the stamps of the samples of a status, by robot."""
-    return {robot.state.robot_id: robot.state.stamp_s for robot in robots}

@@ -10,7 +10,8 @@ from typing import Annotated, Final
 
 import msgspec
 
-from soter.isolation.messages import Garbage, Id, Text, decoded
+from soter.errors import Garbage
+from soter.isolation.messages import Id, Text, decoded
 from soter.sdk import RobotState
 from soter.sdk.values import MAX_COORDINATE_M
 
@@ -81,13 +82,7 @@ class Status(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields
     echoes: Annotated[tuple[Echo, ...], msgspec.Meta(max_length=MAX_ECHOES)] = ()
 
 
-_encoder: Final = msgspec.msgpack.Encoder()
 _status: Final = msgspec.msgpack.Decoder(Status)
-
-
-def encode_status(status: Status) -> bytes:
-    """Encode a status."""
-    return _encoder.encode(status)
 
 
 def decode_status(data: bytes) -> Status:

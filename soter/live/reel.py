@@ -19,9 +19,6 @@ class Reel:
     """Numbered parts, of which the last ones are kept. Viewers take them at their own pace and hold nobody up.
 
     Any thread may use it.
-
-    Args:
-        most_bytes: how much is kept.
     """
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:

@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 from typing import Final, NamedTuple, Self
 
-from soter.errors import ConfigError
+from soter.errors import ConfigError, option_error
 from soter.isolation.child import Child, ChildDied
 
 logger = logging.getLogger(__name__)
@@ -58,9 +58,6 @@ class LiveView:
         kind: how to show it.
         port: of 127.0.0.1; 0 for one that is free.
 
-    Attributes:
-        address: where to look.
-
     Raises:
         ConfigError: the port cannot be had, or the process does not start.
     """
@@ -70,16 +67,15 @@ class LiveView:
         self._child: Final = Child(kind.module, port)
         try:
             said = self._child.receive(READY_S)
-        except ChildDied as failure:
+            if said is None or not said.startswith(READY):
+                why = f"its process is not ready after {READY_S:g} s" if said is None else reason(said)
+                taken = f"port {port} of {HOST} cannot be had: {why}; name another"
+                raise self._refusal(taken if port and said else why)
+        except BaseException as failure:
             self._child.kill()
-            raise self._refusal(f"its process has ended: {failure}") from failure
-        except BaseException:
-            self._child.kill()
+            if isinstance(failure, ChildDied):
+                raise self._refusal(f"its process has ended: {failure}") from failure
             raise
-        if said is None or not said.startswith(READY):
-            self._child.kill()
-            why = f"its process is not ready after {READY_S:g} s" if said is None else reason(said)
-            raise self._refusal(f"port {port} of {HOST} cannot be had: {why}; name another" if port and said else why)
         self.address: Final = kind.address.format(port=int(said[len(READY) :]))
         self._wake, self._woken = os.pipe()
         self._watcher: Final = threading.Thread(target=self._watch, name=f"watch {kind.module}", daemon=True)
@@ -139,7 +135,7 @@ class LiveView:
         logger.warning("%s has ended: %s; the run goes on", self._kind.name, reason(said or b""))
 
     def _refusal(self, why: str) -> ConfigError:
-        return ConfigError(f"{self._kind.name}: {why}", source="command line", key=self._kind.option)
+        return option_error(self._kind.option, f"{self._kind.name}: {why}")
 
 
 def reason(said: bytes) -> str:

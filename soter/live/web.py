@@ -22,7 +22,7 @@ from urllib.parse import parse_qs, urlsplit
 from soter.live.process import serve
 from soter.live.reel import FellBehind, Reel
 from soter.live.view import HOST
-from soter.record.content import Tick
+from soter.record.content import RecordedTick
 from soter.record.follow import GrowingRecording
 from soter.report.page.growing import GrowingPage
 
@@ -67,7 +67,7 @@ class PageScreen:
         self._page: GrowingPage | None = None
         self._goes_on = True
         self._whole = (-1, b"")
-        self._ticks: list[Tick] = []
+        self._ticks: list[RecordedTick] = []
         self._published_s = 0.0
         self._server: Final = _Server((HOST, port), self)
         threading.Thread(target=self._server.serve_forever, name="http", daemon=True).start()

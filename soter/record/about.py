@@ -17,16 +17,8 @@ from soter.config import MissionFile
 from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
 from soter.problems import MAX_FILE_BYTES
-from soter.record.messages import (
-    MISSION_TOML,
-    SITE_JSON,
-    VERSION,
-    WORKSPACE_XML,
-    About,
-    ModuleAbout,
-    PeerAbout,
-    RobotAbout,
-)
+from soter.record.attachments import MISSION_TOML, SITE_JSON, WORKSPACE_XML, About, ModuleAbout, PeerAbout, RobotAbout
+from soter.record.messages import VERSION
 from soter.record.samples import state_of
 from soter.rta import RobotSupervisor, RTAModule, Timing
 from soter.sdk import Capabilities, RobotState
@@ -42,16 +34,7 @@ def describe(
     modules: Mapping[int, Sequence[RTAModule]],
     peers: Mapping[int, Capabilities],
 ) -> About:
-    """Return what is known about a run before its first tick.
-
-    Args:
-        mission: the effective mission.
-        capabilities: what the robots promised, by id.
-        timings: what that adds to every horizon, by id.
-        supervisors: of the robots, before the first tick.
-        modules: their modules as declared.
-        peers: what robots of other processes promise, by id.
-    """
+    """Return what is known about a run, robots by id, before its first tick."""
     names = tuple(module.name for module in next(iter(modules.values()), ()))
     return About(
         VERSION,

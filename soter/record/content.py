@@ -9,39 +9,20 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from soter.record.messages import (
-    AC,
-    About,
-    Breach,
-    Drop,
-    Event,
-    Fault,
-    Goal,
-    Peer,
-    RobotTick,
-    Stall,
-    Switch,
-    Target,
-    Transition,
-    Violation,
-)
+from soter.record import messages
+from soter.record.attachments import About
+from soter.record.messages import AC
 
 
-class Way(NamedTuple):
-    """What an AC meant to drive.
-
-    Attributes:
-        time_s: fleet time.
-        robot_id: whose AC.
-        places: that the way led through: x and y, in metres.
-    """
+class RecordedWay(NamedTuple):
+    """What an AC meant to drive at a fleet time: the places, x and y in metres, that the way led through."""
 
     time_s: float
     robot_id: int
     places: list[tuple[float, float]]
 
 
-class Tick(NamedTuple):
+class RecordedTick(NamedTuple):
     """All robots at one tick, and what was said since the tick before.
 
     Attributes:
@@ -56,9 +37,9 @@ class Tick(NamedTuple):
     tick: int
     time_s: float
     host_ns: int
-    robots: Mapping[int, RobotTick]
-    events: tuple[Event, ...]
-    ways: tuple[Way, ...] = ()
+    robots: Mapping[int, messages.RobotTick]
+    events: tuple[messages.Event, ...]
+    ways: tuple[RecordedWay, ...] = ()
 
 
 @dataclass(slots=True)
@@ -117,16 +98,16 @@ class Content:
     last_s: float = 0.0
     robot_ticks: int = 0
     ac_ticks: int = 0
-    switches: list[Switch] = field(default_factory=list)
-    targets: list[Target] = field(default_factory=list)
-    goals: list[Goal] = field(default_factory=list)
-    transitions: list[Transition] = field(default_factory=list)
-    faults: list[Fault] = field(default_factory=list)
-    violations: list[Violation] = field(default_factory=list)
-    breaches: dict[tuple[int, str, float], Breach] = field(default_factory=dict)
-    stalls: dict[tuple[int, float], Stall] = field(default_factory=dict)
-    drops: list[Drop] = field(default_factory=list)
-    ways: list[Way] = field(default_factory=list)
+    switches: list[messages.SwitchEvent] = field(default_factory=list)
+    targets: list[messages.TargetEvent] = field(default_factory=list)
+    goals: list[messages.GoalEvent] = field(default_factory=list)
+    transitions: list[messages.TransitionEvent] = field(default_factory=list)
+    faults: list[messages.FaultEvent] = field(default_factory=list)
+    violations: list[messages.ViolationEvent] = field(default_factory=list)
+    breaches: dict[tuple[int, str, float], messages.BreachEvent] = field(default_factory=dict)
+    stalls: dict[tuple[int, float], messages.StallEvent] = field(default_factory=dict)
+    drops: list[messages.DropEvent] = field(default_factory=list)
+    ways: list[RecordedWay] = field(default_factory=list)
     _violation_at: dict[tuple[str, tuple[int, ...], float], int] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -134,7 +115,7 @@ class Content:
         """Return the empty content of a run that is about to begin."""
         return cls((AC, *about.modules), {robot.robot_id: Series() for robot in about.robots})
 
-    def add(self, tick: Tick, every_ticks: int = 1) -> None:
+    def add(self, tick: RecordedTick, every_ticks: int = 1) -> None:
         """Add a tick with what was said before it; to the series only if its number is a multiple of `every_ticks`."""
         for event in tick.events:
             self._sort_in(event)
@@ -155,7 +136,7 @@ class Content:
         self.series = {robot_id: Series() for robot_id in self.series}
 
     @property
-    def disengagements(self) -> list[Switch]:
+    def disengagements(self) -> list[messages.SwitchEvent]:
         """The switches in which an AC lost control."""
         return [switch for switch in self.switches if switch.before == AC and switch.after != AC]
 
@@ -164,34 +145,34 @@ class Content:
         """How many ticks are missing within."""
         return sum(drop.ticks for drop in self.drops)
 
-    def _sort_in(self, event: Event) -> None:
-        if isinstance(event, Peer):
+    def _sort_in(self, event: messages.Event) -> None:
+        if isinstance(event, messages.PeerEvent):
             # For replays: there is one at every tick.
             return
-        if isinstance(event, Violation):
+        if isinstance(event, messages.ViolationEvent):
             # There may have been a word on it before; this one is newer.
             key = (event.rule, event.robots, event.start_s)
             at = self._violation_at.setdefault(key, len(self.violations))
             self.violations[at : at + 1] = [event]
             return
-        if isinstance(event, Breach):
+        if isinstance(event, messages.BreachEvent):
             self.breaches[event.robot_id, event.assumption, event.start_s] = event
             return
-        if isinstance(event, Stall):
+        if isinstance(event, messages.StallEvent):
             self.stalls[event.robot_id, event.start_s] = event
             return
-        lists: dict[type[Event], list[Any]] = {
-            Switch: self.switches,
-            Target: self.targets,
-            Goal: self.goals,
-            Transition: self.transitions,
-            Fault: self.faults,
-            Drop: self.drops,
+        lists: dict[type[messages.Event], list[Any]] = {
+            messages.SwitchEvent: self.switches,
+            messages.TargetEvent: self.targets,
+            messages.GoalEvent: self.goals,
+            messages.TransitionEvent: self.transitions,
+            messages.FaultEvent: self.faults,
+            messages.DropEvent: self.drops,
         }
         lists[type(event)].append(event)
 
 
-def _append(series: Series, record: RobotTick, driver: int) -> None:
+def _append(series: Series, record: messages.RobotTick, driver: int) -> None:
     state = record.state
     series.time_s.append(record.time_s)
     series.x_m.append(state.x_m)

@@ -42,7 +42,7 @@ _LENGTH: Final = struct.Struct("<I")
 Sign = Callable[[bytes], bytes]
 
 
-class State(Enum):
+class DigestState(Enum):
     """What a recording's digest says of it."""
 
     WHOLE = "whole"
@@ -62,7 +62,7 @@ class Proof(NamedTuple):
         signature: it; empty for none.
     """
 
-    state: State
+    state: DigestState
     why: str
     key: str = ""
     signed: bytes = b""
@@ -70,13 +70,7 @@ class Proof(NamedTuple):
 
 
 class Sealed:
-    """A stream that hashes what is written to it, and at the end puts the digest where it belongs.
-
-    Args:
-        stream: a buffered binary file.
-        sign: returns a signature; None for none.
-        key: the public key that it can be told by.
-    """
+    """A stream that hashes what is written to it, and at the end puts the digest where it belongs."""
 
     def __init__(self, stream: IO[bytes], sign: Sign | None = None, key: bytes = b"") -> None:
         self._stream: Final = stream
@@ -149,7 +143,7 @@ def prove(path: Path) -> Proof:
 
 def _proof(stream: BinaryIO, size: int) -> Proof:
     if stream.read(len(MAGIC)) != MAGIC:
-        return Proof(State.CHANGED, "it does not begin as a recording")
+        return Proof(DigestState.CHANGED, "it does not begin as a recording")
     found: tuple[int, bytes] | None = None
     expected = False
     last = 0
@@ -160,22 +154,22 @@ def _proof(stream: BinaryIO, size: int) -> Proof:
         if opcode == Opcode.HEADER:
             expected = _library(content) == LIBRARY.encode()
         elif opcode == Opcode.ATTACHMENT and not _attached(content):
-            return Proof(State.CHANGED, f"an attachment at byte {at} does not fit its checksum")
-        elif opcode == Opcode.METADATA and _is_digest(content):
+            return Proof(DigestState.CHANGED, f"an attachment at byte {at} does not fit its checksum")
+        elif opcode == Opcode.METADATA and content.startswith(_LENGTH.pack(len(RECORD)) + RECORD.encode()):
             found = at + _HEAD.size, content
         if opcode == Opcode.FOOTER:
             rest = size - at - _HEAD.size - length
             if rest < len(MAGIC):
                 return _broken(stream, size)
             if rest > len(MAGIC) or not _ends(stream, size):
-                return Proof(State.CHANGED, "the mark is not at its end")
+                return Proof(DigestState.CHANGED, "the mark is not at its end")
             break
     if last != Opcode.FOOTER:
         return _broken(stream, size)
     if found is None:
         if expected:
-            return Proof(State.CHANGED, "its digest is not there")
-        return Proof(State.NONE, "it has no digest: an older version of SOTER, or something else, wrote it")
+            return Proof(DigestState.CHANGED, "its digest is not there")
+        return Proof(DigestState.NONE, "it has no digest: an older version of SOTER, or something else, wrote it")
     return _compared(stream, *found)
 
 
@@ -188,7 +182,7 @@ def _compared(stream: BinaryIO, at: int, content: bytes) -> Proof:
         if signature.hex() != digits:
             raise ValueError(digits)
     except (ValueError, struct.error):
-        return Proof(State.CHANGED, "its digest is not what it ought to be")
+        return Proof(DigestState.CHANGED, "its digest is not what it ought to be")
     zeros = [(at + values[name][0], len(values[name][1])) for name in (_SIGNATURE, _DIGEST)]
     hashed = hashlib.sha256()
     stream.seek(0)
@@ -199,15 +193,15 @@ def _compared(stream: BinaryIO, at: int, content: bytes) -> Proof:
     _feed(hashed, stream, -1)
     signed = hashed.digest()
     if _digest(signed, signature) != digest:
-        return Proof(State.CHANGED, "it does not fit its digest")
-    return Proof(State.WHOLE, "it fits its digest", key, signed, signature)
+        return Proof(DigestState.CHANGED, "it does not fit its digest")
+    return Proof(DigestState.WHOLE, "it fits its digest", key, signed, signature)
 
 
 def _broken(stream: BinaryIO, size: int) -> Proof:
     """Judge a file whose records do not come to their end: one that was closed has its mark there."""
     if _ends(stream, size):
-        return Proof(State.CHANGED, "its records do not fit together")
-    return Proof(State.CUT_OFF, "it was cut off, and so has no digest")
+        return Proof(DigestState.CHANGED, "its records do not fit together")
+    return Proof(DigestState.CUT_OFF, "it was cut off, and so has no digest")
 
 
 def _ends(stream: BinaryIO, size: int) -> bool:
@@ -261,10 +255,6 @@ def _library(content: bytes) -> bytes:
 def _attached(content: bytes) -> bool:
     (crc,) = _LENGTH.unpack(content[-_LENGTH.size :]) if len(content) >= _LENGTH.size else (1,)
     return crc in {0, zlib.crc32(content[: -_LENGTH.size])}
-
-
-def _is_digest(content: bytes) -> bool:
-    return content.startswith(_LENGTH.pack(len(RECORD)) + RECORD.encode())
 
 
 def _values(content: bytes) -> Iterator[tuple[int, bytes]]:

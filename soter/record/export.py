@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from msgspec import UNSET, Struct
 
-from soter.record.messages import EVENTS, ModuleTick, RobotTick, State
+from soter.record.messages import EVENTS, RobotTick, StateMessage, kind_name
 from soter.record.reader import Recording
 
 TICKS_CSV: Final = "ticks.csv"
@@ -22,7 +22,7 @@ _MODULE: Final = ("tick", "time_s", "robot_id", "module", "mode", "margin", "rea
 
 def file_name(event: type[Struct]) -> str:
     """Return the name of the file that a kind of event goes into, such as `switch.csv`."""
-    return f"{event.__name__.lower()}.csv"
+    return f"{kind_name(event).lower()}.csv"
 
 
 def csv_files(folder: Path) -> list[Path]:
@@ -36,10 +36,6 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
     `ticks.csv` has a line a robot and tick, `modules.csv` one a module, robot and tick; the others one an event.
     Numbers are written so that reading them gives the same bits; what is absent is an empty cell.
 
-    Args:
-        recording: what to write.
-        folder: where; it is made if it is not there.
-
     Raises:
         OSError: it cannot be written.
         BadRecording: it is damaged; what was read until then has been written.
@@ -47,7 +43,7 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         sheets = _Sheets(folder, stack)
-        ticks = sheets.sheet(TICKS_CSV, (*_TICK, *State.__struct_fields__, "ac_failure"))
+        ticks = sheets.sheet(TICKS_CSV, (*_TICK, *StateMessage.__struct_fields__, "ac_failure"))
         modules = sheets.sheet(MODULES_CSV, _MODULE)
         for kind in EVENTS:
             sheets.sheet(file_name(kind), kind.__struct_fields__)
@@ -57,7 +53,7 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
                 continue
             head = (message.tick, message.time_s, message.robot_id)
             ticks.writerow((*head, message.mode, message.driver, *_cells(message.state), message.ac_failure))
-            modules.writerows((*head, *_module(module)) for module in message.modules)
+            modules.writerows((*head, m.name, m.mode, m.margin_value, m.reach_value) for m in message.modules)
     return sheets.paths
 
 
@@ -79,10 +75,6 @@ class _Sheets:
             self._writers[name] = writer
             self.paths.append(path)
         return writer
-
-
-def _module(module: ModuleTick) -> tuple[object, ...]:
-    return module.name, module.mode, module.margin_value, module.reach_value
 
 
 def _cells(message: Struct) -> Iterator[object]:

@@ -13,15 +13,7 @@ from soter.record.reader import Recording
 
 
 class RawMessage(NamedTuple):
-    """A message as it stands in a file.
-
-    Attributes:
-        topic: where it was said.
-        schema: name of its schema.
-        definition: the JSON schema.
-        data: JSON.
-        time_ns: fleet time.
-    """
+    """A message as it stands in a file: JSON, with the JSON schema that defines it, at a fleet time."""
 
     topic: str
     schema: str

@@ -31,14 +31,14 @@ SC_COLOUR: Final = (0.90, 0.33, 0.20, 1.0)
 _LINE_STRIP: Final = 0
 
 
-class Time(Struct):
+class FoxgloveTime(Struct):
     """Seconds and nanoseconds."""
 
     sec: int
     nsec: int
 
     @classmethod
-    def of(cls, time_s: float) -> Time:
+    def of(cls, time_s: float) -> FoxgloveTime:
         """Return a fleet time; there is none before 0."""
         return cls(*divmod(nanoseconds(time_s), 1_000_000_000))
 
@@ -50,7 +50,7 @@ class Duration(Struct):
     nsec: int = 0
 
 
-class Vector3(Struct):
+class FoxgloveVector3(Struct):
     """A vector, or a point."""
 
     x: float
@@ -58,7 +58,7 @@ class Vector3(Struct):
     z: float = 0.0
 
 
-class Quaternion(Struct):
+class FoxgloveQuaternion(Struct):
     """A rotation."""
 
     x: float = 0.0
@@ -67,16 +67,16 @@ class Quaternion(Struct):
     w: float = 1.0
 
     @classmethod
-    def turned(cls, heading_rad: float) -> Quaternion:
+    def turned(cls, heading_rad: float) -> FoxgloveQuaternion:
         """Return a rotation about the vertical."""
         return cls(z=_seen(math.sin(heading_rad / 2.0)), w=_seen(math.cos(heading_rad / 2.0)))
 
 
-class Pose(Struct):
+class FoxglovePose(Struct):
     """Position and orientation."""
 
-    position: Vector3
-    orientation: Quaternion
+    position: FoxgloveVector3
+    orientation: FoxgloveQuaternion
 
 
 class Color(Struct):
@@ -91,11 +91,11 @@ class Color(Struct):
 class FrameTransform(Struct):
     """Where one frame stands in another."""
 
-    timestamp: Time
+    timestamp: FoxgloveTime
     parent_frame_id: str
     child_frame_id: str
-    translation: Vector3
-    rotation: Quaternion
+    translation: FoxgloveVector3
+    rotation: FoxgloveQuaternion
 
 
 class FrameTransforms(Struct):
@@ -107,24 +107,24 @@ class FrameTransforms(Struct):
 class PosesInFrame(Struct):
     """Poses, here those that an AC means to pass."""
 
-    timestamp: Time
+    timestamp: FoxgloveTime
     frame_id: str
-    poses: list[Pose]
+    poses: list[FoxglovePose]
 
 
 class CubePrimitive(Struct):
     """A box in a scene."""
 
-    pose: Pose
-    size: Vector3
+    pose: FoxglovePose
+    size: FoxgloveVector3
     color: Color
 
 
 class CylinderPrimitive(Struct):
     """A cylinder in a scene."""
 
-    pose: Pose
-    size: Vector3
+    pose: FoxglovePose
+    size: FoxgloveVector3
     bottom_scale: float
     top_scale: float
     color: Color
@@ -133,7 +133,7 @@ class CylinderPrimitive(Struct):
 class ArrowPrimitive(Struct):
     """An arrow in a scene, along its x axis."""
 
-    pose: Pose
+    pose: FoxglovePose
     shaft_length: float
     shaft_diameter: float
     head_length: float
@@ -145,17 +145,17 @@ class LinePrimitive(Struct):
     """A line in a scene."""
 
     type: Annotated[int, Meta(description="0 is a line strip.")]
-    pose: Pose
+    pose: FoxglovePose
     thickness: float
     scale_invariant: bool
-    points: list[Vector3]
+    points: list[FoxgloveVector3]
     color: Color
 
 
 class SceneEntity(Struct):
     """Something in a scene; it takes the place of what had the same id on the same topic."""
 
-    timestamp: Time
+    timestamp: FoxgloveTime
     frame_id: str
     id: str
     lifetime: Duration
@@ -175,7 +175,7 @@ class SceneUpdate(Struct):
 class Log(Struct):
     """A line of a log."""
 
-    timestamp: Time
+    timestamp: FoxgloveTime
     level: Annotated[int, Meta(description="1 debug, 2 info, 3 warning, 4 error, 5 fatal.")]
     message: str
     name: str
@@ -215,14 +215,20 @@ def robot_frame(robot_id: int) -> str:
     return f"robot{robot_id}"
 
 
-def transform(time: Time, robot_id: int, x_m: float, y_m: float, z_m: float, heading_rad: float) -> FrameTransform:
+def transform(
+    time: FoxgloveTime, robot_id: int, x_m: float, y_m: float, z_m: float, heading_rad: float
+) -> FrameTransform:
     """Return where a robot stands."""
     return FrameTransform(
-        time, FRAME, robot_frame(robot_id), Vector3(_seen(x_m), _seen(y_m), _seen(z_m)), Quaternion.turned(heading_rad)
+        time,
+        FRAME,
+        robot_frame(robot_id),
+        FoxgloveVector3(_seen(x_m), _seen(y_m), _seen(z_m)),
+        FoxgloveQuaternion.turned(heading_rad),
     )
 
 
-def way(time: Time, places: Sequence[tuple[float, float]]) -> PosesInFrame:
+def way(time: FoxgloveTime, places: Sequence[tuple[float, float]]) -> PosesInFrame:
     """Return a way as poses, each looking at the next."""
     headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(places)] or [0.0]
     headings.append(headings[-1])
@@ -230,7 +236,7 @@ def way(time: Time, places: Sequence[tuple[float, float]]) -> PosesInFrame:
         time,
         FRAME,
         [
-            Pose(Vector3(x, y), Quaternion.turned(heading))
+            FoxglovePose(FoxgloveVector3(x, y), FoxgloveQuaternion.turned(heading))
             for (x, y), heading in zip(places, headings, strict=False)
         ],
     )  # fmt: skip
@@ -238,27 +244,31 @@ def way(time: Time, places: Sequence[tuple[float, float]]) -> PosesInFrame:
 
 def workspace_scene(workspace: Workspace) -> SceneUpdate:
     """Return the fence, the boxes and the chargers."""
-    fence, _ = workspace.outlines()
+    fence, kept_out = workspace.outlines()
     lines = [_line(fence, 0.0, FENCE_COLOUR)] if fence else []
     cubes = [_cube(place.charger, _FLAT_M, CHARGER_COLOUR) for place in workspace.robots]
     if isinstance(workspace, Site):
         # A polygon is drawn round its foot and round its top.
-        areas = workspace.plan.areas
-        lines += [_line(area.ring, z, BOX_COLOUR) for area in areas for z in (0.0, area.height_m)]
+        grid = workspace.plan.map
+        heights_m = (
+            [area.height_m for area in workspace.plan.areas] if grid is None else [grid.height_m] * len(kept_out)
+        )
+        around = zip(kept_out, heights_m, strict=True)
+        lines += [_line(ring, z, BOX_COLOUR) for ring, height_m in around for z in (0.0, height_m)]
     else:
         cubes = [_cube(box, box.height_m, BOX_COLOUR) for box in workspace.boxes] + cubes
-    return SceneUpdate([_entity(Time(0, 0), FRAME, "workspace", cubes=cubes, lines=lines)])
+    return SceneUpdate([_entity(FoxgloveTime(0, 0), FRAME, "workspace", cubes=cubes, lines=lines)])
 
 
 def _line(ring: Sequence[tuple[float, float]], z: float, colour: tuple[float, float, float, float]) -> LinePrimitive:
-    corners = [Vector3(x, y, z) for x, y in (*ring, ring[0])]
+    corners = [FoxgloveVector3(x, y, z) for x, y in (*ring, ring[0])]
     return LinePrimitive(_LINE_STRIP, _at(0.0, 0.0, 0.0), _LINE_M, False, corners, Color(*colour))
 
 
-def robot_scene(time: Time, robot_id: int, radius_m: float, by_ac: bool) -> SceneUpdate:
+def robot_scene(time: FoxgloveTime, robot_id: int, radius_m: float, by_ac: bool) -> SceneUpdate:
     """Return a robot as a disc with an arrow, in the colour of who drives."""
     colour = Color(*(AC_COLOUR if by_ac else SC_COLOUR))
-    size = Vector3(2.0 * radius_m, 2.0 * radius_m, ROBOT_HEIGHT_M)
+    size = FoxgloveVector3(2.0 * radius_m, 2.0 * radius_m, ROBOT_HEIGHT_M)
     body = CylinderPrimitive(_at(0.0, 0.0, ROBOT_HEIGHT_M / 2.0), size, 1.0, 1.0, colour)
     arrow = ArrowPrimitive(
         _at(0.0, 0.0, ROBOT_HEIGHT_M), radius_m, radius_m / 3.0, radius_m / 2.0, radius_m / 1.5, colour
@@ -272,18 +282,18 @@ def _seen(value: float) -> float:
     return round(value, 5)
 
 
-def _at(x: float, y: float, z: float) -> Pose:
-    return Pose(Vector3(x, y, z), Quaternion())
+def _at(x: float, y: float, z: float) -> FoxglovePose:
+    return FoxglovePose(FoxgloveVector3(x, y, z), FoxgloveQuaternion())
 
 
 def _cube(box: Box, height_m: float, colour: tuple[float, float, float, float]) -> CubePrimitive:
     x, y = box.centre
-    size = Vector3(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m, height_m)
+    size = FoxgloveVector3(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m, height_m)
     return CubePrimitive(_at(x, y, height_m / 2.0), size, Color(*colour))
 
 
 def _entity(
-    time: Time,
+    time: FoxgloveTime,
     frame: str,
     name: str,
     *,

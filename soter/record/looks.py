@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 import msgspec
 
-from soter.record.messages import Breach, Event, Fault, Stall, Violation, Worst
+from soter.record.messages import BreachEvent, Event, FaultEvent, StallEvent, ViolationEvent, WorstMessage
 from soter.rta import RobotSupervisor
 from soter.sdk import Truth
 
@@ -28,37 +29,34 @@ class FaultStatus(Protocol):
     def affected(self) -> int: ...
 
 
-class StallStatus(Protocol):
-    """One stall of one robot; its end is None while it goes on."""
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """A time in which a robot was for long without its AC, and not charging.
 
-    @property
-    def robot_id(self) -> int: ...
-    @property
-    def start_s(self) -> float: ...
-    @property
-    def end_s(self) -> float | None: ...
-    @property
-    def module(self) -> str: ...
-    @property
-    def cause(self) -> str: ...
+    Attributes:
+        robot_id: which robot.
+        start_s: fleet time at which it began.
+        end_s: fleet time at which it ended; None while it goes on.
+        module: whose safe controller had the robot, when it was last looked at.
+        cause: why, in words.
+    """
+
+    robot_id: int
+    start_s: float
+    end_s: float | None
+    module: str
+    cause: str
 
 
 class Looks:
-    """Looks at ground truth, faults, assumptions and stalls of one run.
-
-    Args:
-        robots: the supervisors.
-        truth: of a simulated world.
-        faults: returns what the injected faults did up to now, always in the same order.
-        stalls: returns the stalls up to now.
-    """
+    """Looks at ground truth, faults, assumptions and stalls of one run."""
 
     def __init__(
         self,
         robots: Sequence[RobotSupervisor] = (),
         truth: Truth | None = None,
         faults: Callable[[], Sequence[FaultStatus]] = tuple,
-        stalls: Callable[[], Sequence[StallStatus]] = tuple,
+        stalls: Callable[[], Sequence[Stall]] = tuple,
     ) -> None:
         self._robots: Final = tuple(robots)
         self._truth: Final = truth
@@ -72,20 +70,20 @@ class Looks:
         if self._truth is not None:
             for each in self._truth.report().violations:
                 if self._is_news(("violation", each.rule, each.robots, each.start_s), each.end_s):
-                    yield Violation(now_s, each.rule, each.robots, each.start_s, _absent_if_none(each.end_s))
+                    yield ViolationEvent(now_s, each.rule, each.robots, each.start_s, _absent_if_none(each.end_s))
         for index, fault in enumerate(self._faults()):
             if self._is_more(("fault", index), 0.0, fault.affected):
-                yield Fault(now_s, fault.robot_id, fault.kind, fault.declared, fault.affected)
+                yield FaultEvent(now_s, fault.robot_id, fault.kind, fault.declared, fault.affected)
         for stall in self._stalls():
             if self._is_news(("stall", stall.robot_id, stall.start_s), stall.end_s):
                 end_s = _absent_if_none(stall.end_s)
-                yield Stall(now_s, stall.robot_id, stall.start_s, stall.module, stall.cause, end_s)
+                yield StallEvent(now_s, stall.robot_id, stall.start_s, stall.module, stall.cause, end_s)
         for robot in self._robots:
             for assumption, spell in robot.log.spells.items():
                 if self._is_more(("breach", robot.robot_id, assumption), spell.first_s, spell.times):
-                    yield Breach(
+                    yield BreachEvent(
                         now_s, robot.robot_id, assumption.id, spell.first_s, spell.last_s, spell.times, spell.cause,
-                        tuple(Worst(*each) for each in spell.worst),
+                        tuple(WorstMessage(*each) for each in spell.worst),
                     )  # fmt: skip
 
     def _is_news(self, key: tuple[object, ...], end_s: float | None) -> bool:

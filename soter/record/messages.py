@@ -6,15 +6,17 @@ The JSON schemas inside of a recording, and the tables of its documentation, are
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final
+from typing import Annotated, Final, get_args
 
 from msgspec import UNSET, Meta, Struct, UnsetType
+
+from soter.sdk import Controller
 
 VERSION: Final = 1
 """Of the messages; a reader refuses recordings of a newer one."""
 
-AC: Final = "AC"
-SC: Final = "SC"
+AC: Final = Controller.AC.value
+SC: Final = Controller.SC.value
 
 FleetTime = Annotated[float, Meta(description="Fleet time in seconds, exact.")]
 # Whole numbers that a float holds exactly, as other readers of JSON need it.
@@ -26,7 +28,7 @@ class Message(Struct, omit_defaults=True):
     """What all of them share: a field that has its default is left out of the JSON."""
 
 
-class State(Message):
+class StateMessage(Message):
     """The sample that a supervisor has of its robot: workspace frame, ENU, metres, radians."""
 
     stamp_s: Annotated[float, Meta(description="Fleet time at which the vehicle was in this state.")]
@@ -104,40 +106,40 @@ class RobotTick(Message):
     robot_id: RobotId
     mode: Annotated[str, Meta(description="Who has control: AC or SC.")]
     driver: Annotated[str, Meta(description="Who drives: AC, or the module whose safe controller does.")]
-    state: Annotated[State, Meta(description="What it knew.")]
+    state: Annotated[StateMessage, Meta(description="What it knew.")]
     modules: Annotated[tuple[ModuleTick, ...], Meta(description="The decision modules, in their order.")] = ()
     unread: Annotated[bool, Meta(description="There was no sample at this tick; `state` is the one before.")] = False
     no_state: Annotated[str, Meta(description="Why there was none.")] = ""
     refused: Annotated[tuple[Refusal, ...], Meta(description="Calls to the robot that failed at this tick.")] = ()
     ac_drove: Annotated[bool, Meta(description="Whether the AC's port passed on a command at this tick.")] = False
     ac_failure: Annotated[str, Meta(description="Why the AC will never get control again.")] = ""
-    check: Annotated[str, Meta(description="Check digits of this record, see soter.record.check.")] = ""
+    check: Annotated[str, Meta(description="Checksum of this record, see soter.record.check.")] = ""
 
 
-class Heard(Message):
+class HeardMessage(Message):
     """What another process is known to have heard of one of this process's robots."""
 
     robot_id: RobotId
     stamp_s: Annotated[float, Meta(description="Fleet time of the latest sample of it that was heard.")]
 
 
-class Peer(Message):
+class PeerEvent(Message):
     """A robot that another process supervises, as it was known at a tick. There is one a tick for each of them."""
 
     time_s: FleetTime
     robot_id: RobotId
     state: Annotated[
-        State | UnsetType, Meta(description="Its latest sample; its stamp is the earliest that it can be of. Absent "
-                                            "before the first.")
-    ] = UNSET  # fmt: skip
-    heard: Annotated[tuple[Heard, ...], Meta(description="What its process is known to have heard.")] = ()
+        StateMessage | UnsetType,
+        Meta(description="Its latest sample; its stamp is the earliest that it can be of. Absent before the first."),
+    ] = UNSET
+    heard: Annotated[tuple[HeardMessage, ...], Meta(description="What its process is known to have heard.")] = ()
     needs_charge: Annotated[bool, Meta(description="Whether it is on its way to charge, and low.")] = False
     assumption: Annotated[str, Meta(description="Number of the assumption that it was seen to break.")] = ""
     cause: Annotated[str, Meta(description="How, in words.")] = ""
-    check: Annotated[str, Meta(description="Check digits of this record, see soter.record.check.")] = ""
+    check: Annotated[str, Meta(description="Checksum of this record, see soter.record.check.")] = ""
 
 
-class Goal(Message):
+class GoalEvent(Message):
     """A goal was sent to a robot, or ended. That one was superseded is not recorded: the next goal says it."""
 
     time_s: FleetTime
@@ -153,7 +155,7 @@ class Goal(Message):
     reason: Annotated[str, Meta(description="Why it ended so.")] = ""
 
 
-class Switch(Message):
+class SwitchEvent(Message):
     """A robot changed hands, or the module that drives it changed."""
 
     time_s: FleetTime
@@ -165,7 +167,7 @@ class Switch(Message):
     joined: Annotated[tuple[str, ...], Meta(description="Further modules that fired at the same tick.")] = ()
 
 
-class Target(Message):
+class TargetEvent(Message):
     """A robot was given a target, or is done with it."""
 
     time_s: FleetTime
@@ -176,7 +178,7 @@ class Target(Message):
     outcome: Annotated[str, Meta(description="reached, unsafe, blocked or timed_out; absent when it begins.")] = ""
 
 
-class Transition(Message):
+class TransitionEvent(Message):
     """A machine of the mission changed its state."""
 
     time_s: FleetTime
@@ -189,7 +191,7 @@ class Transition(Message):
     detail: Annotated[str, Meta(description="The event, cut after 200 characters.")] = ""
 
 
-class Fault(Message):
+class FaultEvent(Message):
     """An injected fault has spoilt something since the record before."""
 
     time_s: FleetTime
@@ -201,7 +203,7 @@ class Fault(Message):
     ]
 
 
-class Violation(Message):
+class ViolationEvent(Message):
     """Ground truth saw a rule broken, or kept again. Looked at every second, and at the end."""
 
     time_s: FleetTime
@@ -213,7 +215,7 @@ class Violation(Message):
     )
 
 
-class Worst(Message):
+class WorstMessage(Message):
     """The look at which an assumption failed by the most, of all excesses in one unit."""
 
     excess: Annotated[float, Meta(description="By how much what was seen was more than is assumed.")]
@@ -222,7 +224,7 @@ class Worst(Message):
     cause: Annotated[str, Meta(description="What was seen then.")]
 
 
-class Breach(Message):
+class BreachEvent(Message):
     """Looks at which an assumption failed, at most 2 s apart; told again, a second later, while there are more."""
 
     time_s: FleetTime
@@ -232,11 +234,13 @@ class Breach(Message):
     last_s: Annotated[float, Meta(description="Fleet time of the last one up to now.")]
     times: Annotated[int, Meta(description="How many there were up to now.")]
     cause: Annotated[str, Meta(description="What was seen at the first.")]
-    worst: Annotated[tuple[Worst, ...], Meta(description="The worst of them, for each unit; empty where none can be "
-                                                         "measured.")] = ()  # fmt: skip
+    worst: Annotated[
+        tuple[WorstMessage, ...],
+        Meta(description="The worst of them, for each unit; empty where none can be measured."),
+    ] = ()
 
 
-class Stall(Message):
+class StallEvent(Message):
     """A robot has been without its AC for 300 s, and was not charging; or that has ended."""
 
     time_s: FleetTime
@@ -249,7 +253,7 @@ class Stall(Message):
     )
 
 
-class Drop(Message):
+class DropEvent(Message):
     """Ticks are missing: on a wall clock the run does not wait for its writer."""
 
     time_s: FleetTime
@@ -257,162 +261,43 @@ class Drop(Message):
     ticks: Annotated[Whole, Meta(description="How many are missing.")]
 
 
-Event = Goal | Switch | Target | Transition | Fault | Violation | Drop | Peer | Breach | Stall
+Event = (
+    GoalEvent
+    | SwitchEvent
+    | TargetEvent
+    | TransitionEvent
+    | FaultEvent
+    | ViolationEvent
+    | DropEvent
+    | PeerEvent
+    | BreachEvent
+    | StallEvent
+)
 
-EVENTS: Final[tuple[type[Event], ...]] = (
-    Goal, Switch, Target, Transition, Fault, Violation, Drop, Peer, Breach, Stall,
-)  # fmt: skip
+EVENTS: Final[tuple[type[Event], ...]] = get_args(Event)
 """Everything but ticks; what crosses to the writer is numbered by it."""
 
 TOPICS: Final[dict[type[Message], str]] = {
     RobotTick: "/robots/{robot_id}/tick",
-    Goal: "/robots/{robot_id}/goal",
-    Switch: "/switches",
-    Target: "/targets",
-    Transition: "/machines",
-    Fault: "/faults",
-    Violation: "/violations",
-    Drop: "/drops",
-    Peer: "/peers",
-    Breach: "/breaches",
-    Stall: "/stalls",
+    GoalEvent: "/robots/{robot_id}/goal",
+    SwitchEvent: "/switches",
+    TargetEvent: "/targets",
+    TransitionEvent: "/machines",
+    FaultEvent: "/faults",
+    ViolationEvent: "/violations",
+    DropEvent: "/drops",
+    PeerEvent: "/peers",
+    BreachEvent: "/breaches",
+    StallEvent: "/stalls",
 }
 """Where each of them is recorded."""
 
 
+def kind_name(message: type[Struct]) -> str:
+    """Return the name of a kind of message as files have it, such as `Goal`."""
+    return message.__name__.removesuffix("Event").removesuffix("Message")
+
+
 def schema_name(message: type[Struct]) -> str:
     """Return the name of a message's schema."""
-    return f"soter.{message.__name__}"
-
-
-class PeerAbout(Message):
-    """One robot that another process supervises.
-
-    Attributes:
-        robot_id: its number.
-        capabilities: what it promises, by name; what it leaves open is left out.
-    """
-
-    robot_id: Whole
-    capabilities: dict[str, float | bool | str]
-
-
-class RobotAbout(Message):
-    """One robot of a run.
-
-    Attributes:
-        robot_id: its number.
-        capabilities: what it promised, by name; what it left open is left out.
-        initial: the sample before the first tick.
-        modules: its modules.
-    """
-
-    robot_id: Whole
-    capabilities: dict[str, float | bool | str]
-    initial: State
-    modules: tuple[ModuleAbout, ...]
-
-
-class ModuleAbout(Message):
-    """One module of one robot, as declared.
-
-    Attributes:
-        name: its name.
-        delta_s: its Delta.
-        dwell_s: how long phi_safer must hold before control goes back.
-        unit: of its margin; empty where the rule is given by predicates.
-        edge_margin: the margin at the edge of phi_safer; None where it has none.
-        horizon_reach: the most that the margin can fall within the horizon H; None where there is no model.
-    """
-
-    name: str
-    delta_s: float
-    dwell_s: float
-    unit: str = ""
-    edge_margin: float | None = None
-    horizon_reach: float | None = None
-
-
-class About(Message):
-    """What was run, where, with what. Kept in a recording as the attachment `about.json`.
-
-    Attributes:
-        version: of the messages.
-        mission: the effective mission, with what the command line changed, as TOML tables.
-        source: the mission file, empty if it was made in code.
-        backend: name of the backend.
-        seed: of the mission.
-        base_tick_s: period of the tick.
-        virtual_time: whether time stood still while nobody slept.
-        started_utc: when, in ISO 8601.
-        modules: names of the modules, in their order.
-        robots: all of them, in the order of the supervisor.
-        versions: of SOTER, Python, the platform and the libraries, by name.
-        peers: robots of other processes.
-        accepted_unproved: what was run although it is not proved.
-    """
-
-    version: int
-    mission: dict[str, object]
-    source: str
-    backend: str
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)]
-    base_tick_s: float
-    virtual_time: bool
-    started_utc: str
-    modules: tuple[str, ...]
-    robots: tuple[RobotAbout, ...]
-    versions: dict[str, str]
-    peers: tuple[PeerAbout, ...] = ()
-    accepted_unproved: tuple[str, ...] = ()
-
-
-class FailedAssumption(Message):
-    """What a result says of an assumption that was seen not to hold.
-
-    Attributes:
-        times: looks at which it did not hold.
-        first_s: fleet time of the first.
-        cause: what was seen then.
-    """
-
-    times: Whole
-    first_s: float
-    cause: str
-
-
-class Result(Message):
-    """What readers take from the result of a run, `result.json`; all of it is `soter.runner.RunResult`.
-
-    Attributes:
-        status: how the run ended.
-        duration_s: how long it went on, in fleet time.
-        failure: why it failed.
-        engine: of the backend.
-        violations: by rule; None where there was no truth.
-        min_margin: by rule, likewise.
-        truth_ended_s: fleet time at which ground truth fell silent.
-        trace_sha256: of all states and decisions.
-        assumptions: by robot and number, those that were seen not to hold.
-        never_moved: robots that stood still.
-    """
-
-    status: str
-    duration_s: float = 0.0
-    failure: str = ""
-    engine: str | None = None
-    violations: dict[str, Whole] | None = None
-    min_margin: dict[str, float | None] | None = None
-    truth_ended_s: float | None = None
-    trace_sha256: str | None = None
-    assumptions: dict[Whole, dict[str, FailedAssumption]] = {}
-    never_moved: tuple[Whole, ...] = ()
-
-
-ABOUT_JSON: Final = "about.json"
-MISSION_TOML: Final = "mission.toml"
-WORKSPACE_XML: Final = "workspace.xml"
-SITE_JSON: Final = "site.json"
-"""A workspace that is made of polygons, whatever file it was read from."""
-
-RESULT_JSON: Final = "result.json"
+    return f"soter.{kind_name(message)}"

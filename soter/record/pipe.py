@@ -17,7 +17,7 @@ from typing import Final
 
 import msgspec
 
-from soter.record.outcome import Outcome, Task
+from soter.record.wire import Task, WriterOutcome
 
 CAPACITY_BYTES: Final = 1 << 20
 """What is asked for on a wall clock: more than a minute of two robots at 20 Hz. The system may give less."""
@@ -133,7 +133,7 @@ class WriterPipe:
         if said:
             self._fail(said)
 
-    def close(self, last: bytes) -> Outcome:
+    def close(self, last: bytes) -> WriterOutcome:
         """Send a last frame and end the writer; wait for at most `CLOSE_S`. Empty if the run has nothing to say."""
         until_s = time.monotonic() + CLOSE_S
         self._go_on()
@@ -147,13 +147,15 @@ class WriterPipe:
         try:
             said, _ = self._process.communicate(timeout=max(0.1, until_s - time.monotonic()))
         except subprocess.TimeoutExpired:
-            return Outcome(self.failure or f"its writer, process {self.pid}, was still at work after {CLOSE_S:g} s")
+            return WriterOutcome(
+                self.failure or f"its writer, process {self.pid}, was still at work after {CLOSE_S:g} s"
+            )
         if self.failure:
-            return Outcome(self.failure)
+            return WriterOutcome(self.failure)
         try:
-            return msgspec.json.decode(said, type=Outcome)
+            return msgspec.json.decode(said, type=WriterOutcome)
         except msgspec.DecodeError:
-            return Outcome(_KILLED)
+            return WriterOutcome(_KILLED)
 
     def _taken(self) -> bool:
         """Pass on what is held, and wait for that where the run waits; return whether nothing is left of it."""
@@ -208,7 +210,7 @@ class WriterPipe:
 
     def _fail(self, said: bytes) -> None:
         with contextlib.suppress(msgspec.DecodeError):
-            self.failure = msgspec.json.decode(said, type=Outcome).failure or "its writer has ended"
+            self.failure = msgspec.json.decode(said, type=WriterOutcome).failure or "its writer has ended"
 
 
 def _resized(fd: int, capacity_bytes: int) -> int:

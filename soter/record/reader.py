@@ -20,26 +20,20 @@ from soter.geometry.site import Site, SitePlan
 from soter.geometry.workspace import Workspace
 from soter.geometry.workspace_xml import parse_workspace
 from soter.record import foxglove, messages
-from soter.record.content import Content, Tick, Way
-from soter.record.digest import Proof, State, opened, prove
+from soter.record.attachments import ABOUT_JSON, MISSION_TOML, RESULT_JSON, SITE_JSON, WORKSPACE_XML, About, Result
+from soter.record.content import Content, RecordedTick, RecordedWay
+from soter.record.digest import DigestState, Proof, opened, prove
 from soter.record.file import PROFILE
 from soter.record.messages import (
-    ABOUT_JSON,
     AC,
     EVENTS,
-    MISSION_TOML,
-    RESULT_JSON,
-    SITE_JSON,
-    WORKSPACE_XML,
-    About,
-    Breach,
+    BreachEvent,
     Event,
-    Goal,
-    Result,
+    GoalEvent,
     RobotTick,
-    Stall,
-    Switch,
-    Target,
+    StallEvent,
+    SwitchEvent,
+    TargetEvent,
 )
 from soter.record.tracks import RunTracks, Track
 from soter.record.unpack import Unpacker
@@ -68,9 +62,6 @@ class BadRecording(ConfigError):
 class Recording:
     """A recording in a file. What it was a recording of is read at once; the rest is streamed, any number of times.
 
-    Args:
-        path: the file.
-
     Attributes:
         about: the run, its robots and their modules.
         attachments: the mission file, the workspace file and others, by name, as far as they were read.
@@ -87,7 +78,7 @@ class Recording:
         for _ in self._records(head_only=True):
             pass
         self.proof: Final = self._prove()
-        if self.proof is not None and self.proof.state is State.CHANGED:
+        if self.proof is not None and self.proof.state is DigestState.CHANGED:
             raise BadRecording(f"{path}: it was damaged or changed after it was written: {self.proof.why}")
         about = self.attachments.get(ABOUT_JSON)
         if about is None:
@@ -122,10 +113,10 @@ class Recording:
             BadRecording: something in it is damaged, or is not what it ought to be.
         """
         for host_ns, message in self._messages():
-            if not isinstance(message, Way):
+            if not isinstance(message, RecordedWay):
                 yield host_ns, message
 
-    def ticks(self) -> Iterator[Tick]:
+    def ticks(self) -> Iterator[RecordedTick]:
         """Yield every tick of which all robots are there; the last of a file that was cut off may not be.
 
         What was said after the last tick comes with a tick without robots.
@@ -135,11 +126,11 @@ class Recording:
         """
         count = len(self._robot_ids)
         events: list[Event] = []
-        ways: list[Way] = []
+        ways: list[RecordedWay] = []
         robots: dict[int, RobotTick] = {}
-        last: Tick | None = None
+        last: RecordedTick | None = None
         for host_ns, message in self._messages():
-            if isinstance(message, Way):
+            if isinstance(message, RecordedWay):
                 ways.append(message)
                 continue
             self._check_names(message)
@@ -150,11 +141,11 @@ class Recording:
                 raise BadRecording(f"{self.path}: the tick before {message.time_s:.3f} s lacks a robot")
             robots[message.robot_id] = message
             if len(robots) == count:
-                last = Tick(message.tick, message.time_s, host_ns, robots, tuple(events), tuple(ways))
+                last = RecordedTick(message.tick, message.time_s, host_ns, robots, tuple(events), tuple(ways))
                 yield last
                 robots, events, ways = {}, [], []
         if (events or ways) and last is not None:
-            yield Tick(last.tick, last.time_s, last.host_ns, {}, tuple(events), tuple(ways))
+            yield RecordedTick(last.tick, last.time_s, last.host_ns, {}, tuple(events), tuple(ways))
 
     def _check_names(self, message: RobotTick | Event) -> None:
         """Refuse a message of a robot, or of a module, that did not take part."""
@@ -167,14 +158,14 @@ class Recording:
                 and tuple(each.name for each in message.modules) != self._modules[message.robot_id]
             ):
                 raise BadRecording(f"{self.path}: a tick at {message.time_s:.3f} s has not the modules of its robot")
-        elif isinstance(message, Switch):
+        elif isinstance(message, SwitchEvent):
             drivers = (message.before, message.after)
-        elif isinstance(message, Target):
+        elif isinstance(message, TargetEvent):
             # The process that has the task planner records what that gives to the robots of others.
             robot_ids = self._all_ids
             if not message.outcome and UNSET in (message.x_m, message.y_m):
                 raise BadRecording(f"{self.path}: a target that begins at {message.time_s:.3f} s is nowhere")
-        elif not isinstance(message, Goal | Breach | Stall):
+        elif not isinstance(message, GoalEvent | BreachEvent | StallEvent):
             return
         if message.robot_id not in robot_ids or not self._drivers.issuperset(drivers):
             raise BadRecording(
@@ -210,7 +201,13 @@ class Recording:
 
     def _read_workspace(self) -> Workspace:
         if (made_of := self.attachments.get(SITE_JSON)) is not None:
-            return Site(self._decoded(made_of, SitePlan, SITE_JSON))
+            site = Site(self._decoded(made_of, SitePlan, SITE_JSON))
+            try:
+                if site.plan.map is not None:
+                    site.plan.map.occupied()
+            except ValueError as failure:
+                raise BadRecording(f"{self.path}: its {SITE_JSON} is not what it ought to be: {failure}") from failure
+            return site
         data = self.attachments.get(WORKSPACE_XML)
         if data is None:
             raise BadRecording(f"{self.path}: it lacks the workspace file")
@@ -256,8 +253,6 @@ class Recording:
         fence = (module for robot in self.about.robots for module in robot.modules if module.name == "geofence")
         return next((module.edge_margin for module in fence), None)
 
-    # --- the file ------------------------------------------------------------------------------------------
-
     def _prove(self) -> Proof | None:
         try:
             return prove(self.path)
@@ -267,7 +262,7 @@ class Recording:
     def _open(self) -> BinaryIO:
         return opened(self.path)
 
-    def _messages(self) -> Iterator[tuple[int, RobotTick | Event | Way]]:
+    def _messages(self) -> Iterator[tuple[int, RobotTick | Event | RecordedWay]]:
         """Yield every message of SOTER's own, and what ACs meant to drive, which stands in messages for the eye."""
         names: dict[int, str] = {}
         robots: dict[int, int] = {}
@@ -282,7 +277,7 @@ class Recording:
                 elif record.channel_id in robots:
                     way: foxglove.PosesInFrame = self._decode(ways, record)
                     places = [(pose.position.x, pose.position.y) for pose in way.poses]
-                    yield record.publish_time, Way(record.log_time / 1e9, robots[record.channel_id], places)
+                    yield record.publish_time, RecordedWay(record.log_time / 1e9, robots[record.channel_id], places)
             elif isinstance(record, Schema):
                 names[record.id] = record.name
             elif isinstance(record, Channel):

@@ -18,16 +18,15 @@ import msgspec
 from soter.config import MissionFile
 from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
+from soter.record import wire
 from soter.record.about import describe, files
-from soter.record.looks import LOOK_S, FaultStatus, Looks, StallStatus
-from soter.record.messages import AC, EVENTS, Drop, Event, Switch, Target, Transition
-from soter.record.outcome import Outcome
-from soter.record.peer_tap import PeerTap
+from soter.record.looks import LOOK_S, FaultStatus, Looks, Stall
+from soter.record.messages import EVENTS, DropEvent, Event, TargetEvent, TransitionEvent
 from soter.record.pipe import WriterPipe
-from soter.record.tap import GoalActuator, Tap
-from soter.record.wire import WAY, Begin, Finish, PendingEvent, Row, Tick, Ticks, Way, packed, tamed
-from soter.rta import Mode, RemotePeer, RobotSupervisor, RTAModule, SwitchRecord, Timing
-from soter.sdk import Capabilities, RobotState, Truth
+from soter.record.samples import switch_of
+from soter.record.tap import GoalActuator, PeerTap, Tap
+from soter.rta import RemotePeer, RobotSupervisor, RTAModule, SwitchRecord, Timing
+from soter.sdk import Capabilities, Controller, RobotState, Truth
 
 logger = logging.getLogger(__name__)
 
@@ -49,7 +48,7 @@ _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
 
 
 class TargetLog(Protocol):
-    """Somebody who is told what robots are after."""
+    """What is told of robots' targets. Statistics: nothing that is safe depends on it."""
 
     def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
         """A robot has been given a target."""
@@ -93,6 +92,8 @@ class Recorder:
         self, path: Path, *, waits: bool, sign: Path | None = None, stop: Callable[[], bool] = lambda: False
     ) -> None:
         self.path: Final = path
+        # Foreign code may change the folder that this runs in.
+        self._file: Final = path.absolute()
         self._stop: Final = stop
         self._sign: Final = sign
         self._refused = self._changes = 0
@@ -101,8 +102,8 @@ class Recorder:
         self._taps: Final[dict[int, Tap]] = {}
         self._peers: Final[list[PeerTap]] = []
         self._robots: Sequence[tuple[RobotSupervisor, Tap]] = ()
-        self._events: list[PendingEvent] = []
-        self._ticks: Final[list[Tick]] = []
+        self._events: list[wire.PendingEvent] = []
+        self._ticks: Final[list[wire.TickFrame]] = []
         self._now_s = 0.0
         self._host_ns = 0
         self._looks = Looks()
@@ -151,7 +152,7 @@ class Recorder:
         truth: Truth | None,
         faults: Callable[[], Sequence[FaultStatus]] = tuple,
         peers: Mapping[int, Capabilities] | None = None,
-        stalls: Callable[[], Sequence[StallStatus]] = tuple,
+        stalls: Callable[[], Sequence[Stall]] = tuple,
         accepted_unproved: Sequence[str] = (),
     ) -> None:
         """Start the writer and say what is to be run; call it once, before the first tick.
@@ -176,8 +177,8 @@ class Recorder:
         self._looks = Looks(robots, truth, faults, stalls)
         about = describe(mission, capabilities, timings, robots, modules, peers or {})
         about.accepted_unproved = tuple(accepted_unproved)
-        frame = Begin(
-            msgspec.json.encode(tamed(about)),
+        frame = wire.FirstFrame(
+            msgspec.json.encode(wire.tamed(about)),
             files(mission, workspace),
             None if isinstance(workspace, Site) else workspace,
             workspace.plan if isinstance(workspace, Site) else None,
@@ -185,8 +186,8 @@ class Recorder:
             [robot.robot_id for robot in robots],
             {robot.robot_id: [module.name for module in robot.modules] for robot in robots},
         )
-        self._pipe = WriterPipe(self.path, waits=self._waits, sign=self._sign, stop=self._stop)
-        self._send(self._pipe, packed(frame))
+        self._pipe = WriterPipe(self._file, waits=self._waits, sign=self._sign, stop=self._stop)
+        self._send(self._pipe, wire.packed(frame))
         self._pipe.wait_ready()
         self._say(self._pipe.failure, "; the run goes on")
 
@@ -194,20 +195,17 @@ class Recorder:
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
         """Record a change of hands."""
-        self._note(Switch(
-            record.time_s, record.robot_id, record.before or AC, record.after or AC, record.module, record.cause,
-            record.joined,
-        ))  # fmt: skip
+        self._note(switch_of(record))
 
     def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
         """Record a robot's target."""
-        self._note(Target(self._now_s, robot_id, target_id, float(place[0]), float(place[1])))
+        self._note_target(TargetEvent(self._now_s, robot_id, target_id, float(place[0]), float(place[1])))
 
     def on_ended(self, robot_id: int, target_id: int, outcome: Enum) -> None:
         """Record how a target ended."""
-        self._note(Target(self._now_s, robot_id, target_id, outcome=str(outcome.value)))
+        self._note_target(TargetEvent(self._now_s, robot_id, target_id, outcome=str(outcome.value)))
 
-    def on_transition(self, transition: Transition) -> None:
+    def on_transition(self, transition: TransitionEvent) -> None:
         """Record a change of state of one of the mission's machines; when it was, is judged at the tick."""
         self._changes += 1
         if self._changes <= MOST_CHANGES:
@@ -235,7 +233,7 @@ class Recorder:
         self._refuse_times(now_s)
         host_ns, ticks = time.time_ns(), self._ticks
         took_ns, self._host_ns = host_ns - self._host_ns, host_ns
-        ticks.append(Tick(tick, now_s, host_ns, rows, self._events))  # type: ignore[arg-type]
+        ticks.append(wire.TickFrame(tick, now_s, host_ns, rows, self._events))  # type: ignore[arg-type]
         self._events = []
         if self._waits and len(ticks) < TOGETHER and host_ns + took_ns - ticks[0].host_ns < TOGETHER_NS:
             return
@@ -252,14 +250,12 @@ class Recorder:
         self._look(self._now_s)
         self._last = self._packed_end(result_json)
 
-    # --- the end ---------------------------------------------------------------------------------------------
-
     def close(self) -> RecordingReport:
         """Close the file; return how it went. Idempotent. On a wall clock, stop the robots first: it takes its time."""
         if self._report is None:
             # A run that did not come to an end has no result, but what happened in its last tick.
             last = self._packed_ticks() + (self._last or self._packed_end(b""))
-            outcome = Outcome() if self._pipe is None else self._pipe.close(last)
+            outcome = wire.WriterOutcome() if self._pipe is None else self._pipe.close(last)
             self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes, self._refused)
             self._say(outcome.failure, "")
         return self._report
@@ -270,20 +266,27 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    # --- inside ----------------------------------------------------------------------------------------------
+    def _note(self, event: Event | wire.WayFrame) -> None:
+        self._events.append((wire.WAY if isinstance(event, wire.WayFrame) else _INDEX[type(event)], event))
 
-    def _note(self, event: Event | Way) -> None:
-        self._events.append((WAY if isinstance(event, Way) else _INDEX[type(event)], event))
+    def _note_target(self, event: TargetEvent) -> None:
+        """Record what a mission tells of a target, but not what no file could give back: that would spoil all of it."""
+        try:
+            msgspec.json.decode(msgspec.json.encode(event), type=TargetEvent)
+        except (msgspec.MsgspecError, ValueError, TypeError, OverflowError):
+            self._refused += 1
+        else:
+            self._note(event)
 
     def _note_lost(self) -> None:
         first, lost = self._lost
         if lost:
-            self._note(Drop(self._now_s, first, lost))
+            self._note(DropEvent(self._now_s, first, lost))
 
     def _refuse_times(self, now_s: float) -> None:
         """Leave out what the mission says of other times than these: no file holds them, and every axis would."""
         events = self._events
-        kept = [each for each in events if not isinstance(each[1], Transition) or _near(each[1].time_s, now_s)]
+        kept = [each for each in events if not isinstance(each[1], TransitionEvent) or _near(each[1].time_s, now_s)]
         if len(kept) < len(events):
             if not self._refused:
                 logger.warning("the mission tells of changes at impossible times; they are not recorded")
@@ -293,7 +296,7 @@ class Recorder:
     def _packed_end(self, result_json: bytes) -> bytes:
         self._note_lost()
         self._refuse_times(self._now_s)
-        frame = packed(Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
+        frame = wire.packed(wire.Finish(self._now_s, result_json, self._events))  # type: ignore[arg-type]
         self._events = []
         return frame
 
@@ -301,7 +304,7 @@ class Recorder:
         """Return the ticks that have not crossed yet, as a frame; nothing if there are none."""
         if not self._ticks:
             return b""
-        frame = packed(Ticks(self._ticks))
+        frame = wire.packed(wire.Ticks(self._ticks))
         self._ticks.clear()
         return frame
 
@@ -345,7 +348,7 @@ def _near(time_s: object, now_s: float) -> bool:
     return isinstance(time_s, int | float) and now_s - LATE_S <= time_s <= now_s + LATE_S
 
 
-def _row(robot: RobotSupervisor, tap: Tap) -> Row:
+def _row(robot: RobotSupervisor, tap: Tap) -> wire.RobotRow:
     sample, driver = robot.situation.own, robot.driver
     assert isinstance(sample, RobotState)
     in_sc, bit = 0, 1
@@ -353,10 +356,10 @@ def _row(robot: RobotSupervisor, tap: Tap) -> Row:
     for module in robot.modules:
         numbers.append(module.margin)
         numbers.append(module.reach)
-        if module.mode is Mode.SC:
+        if module.mode is Controller.SC:
             in_sc |= bit
         bit <<= 1
-    row = Row(sample, -1 if driver is None else driver.rank, robot.mode is Mode.SC, in_sc, numbers)
+    row = wire.RobotRow(sample, -1 if driver is None else driver.rank, robot.mode is Controller.SC, in_sc, numbers)
     if tap.unread or tap.refused or tap.ac_drove or robot.ac_failure:
         row.unread, row.no_state, row.refused = tap.unread, tap.no_state, tuple(tap.refused)
         row.ac_drove, row.ac_failure = tap.ac_drove, robot.ac_failure

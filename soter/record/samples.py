@@ -1,4 +1,4 @@
-"""Samples of the narrow interface as recorded states, and back."""
+"""What a run has as recordings have it: samples, and back; changes of hands; changes of state of machines."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from typing import Final
 
 from msgspec import UNSET
 
-from soter.record.messages import State
+from soter.machine import Transition
+from soter.record.messages import AC, StateMessage, SwitchEvent, TransitionEvent
+from soter.rta import SwitchRecord
 from soter.sdk import Controller, Link, RobotState
+
+DETAIL_CHARACTERS: Final = 200
 
 _LINKS: Final = {link.value: link for link in Link}
 _CONTROLLERS: Final = {"": None, **{controller.value: controller for controller in Controller}}
 
 
-def state_of(sample: RobotState) -> State:
+def state_of(sample: RobotState) -> StateMessage:
     """Return a sample as it is recorded."""
     vehicle_stamp_s = sample.vehicle_stamp_s
-    return State(
+    return StateMessage(
         sample.stamp_s, sample.x_m, sample.y_m, sample.z_m, sample.heading_rad, sample.vx_m_s, sample.vy_m_s,
         sample.yaw_rate_rad_s, sample.link.value,
         vehicle_stamp_s if math.isfinite(vehicle_stamp_s) else UNSET,
@@ -28,7 +32,7 @@ def state_of(sample: RobotState) -> State:
     )  # fmt: skip
 
 
-def sample_of(state: State, robot_id: int) -> RobotState:
+def sample_of(state: StateMessage, robot_id: int) -> RobotState:
     """Return a recorded state as the sample that it was.
 
     Raises:
@@ -42,4 +46,21 @@ def sample_of(state: State, robot_id: int) -> RobotState:
         None if state.battery is UNSET else state.battery, _CONTROLLERS[state.controller],
         None if state.goal_id is UNSET else state.goal_id, _LINKS[state.link],
         None if state.vz_m_s is UNSET else state.vz_m_s,
+    )  # fmt: skip
+
+
+def in_words(transition: Transition) -> TransitionEvent:
+    """Return a transition as it is recorded."""
+    event, machine = transition.event, transition.machine
+    return TransitionEvent(
+        transition.time_s, machine.name, machine.id, machine.node, transition.source or "", transition.target or "",
+        "" if event is None else type(event).__name__, "" if event is None else repr(event)[:DETAIL_CHARACTERS],
+    )  # fmt: skip
+
+
+def switch_of(record: SwitchRecord) -> SwitchEvent:
+    """Return a change of hands as it is recorded."""
+    return SwitchEvent(
+        record.time_s, record.robot_id, record.before or AC, record.after or AC, record.module, record.cause,
+        record.joined,
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soter.errors import BackendUnavailable, ConfigError
+from soter.errors import BackendUnavailable, ConfigError, option_error
 from soter.sdk.hints import install_command
 
 if TYPE_CHECKING:
@@ -76,14 +76,13 @@ def _read(path: Path, option: str) -> bytes:
         return path.read_bytes()
     except OSError as failure:
         why = failure.strerror or failure
-        raise ConfigError(f"'{path}' cannot be read: {why}", source="command line", key=option) from failure
+        raise option_error(option, f"'{path}' cannot be read: {why}") from failure
 
 
 def _refusal(path: Path, option: str, kind: str, command: str) -> ConfigError:
-    return ConfigError(
-        f"'{path}' is no {kind} key of Ed25519 in PEM without a passphrase; `openssl {command}` makes one",
-        source="command line", key=option,
-    )  # fmt: skip
+    return option_error(
+        option, f"'{path}' is no {kind} key of Ed25519 in PEM without a passphrase; `openssl {command}` makes one"
+    )
 
 
 def _require() -> None:

@@ -7,15 +7,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from msgspec import UNSET
+
 from soter.record import messages
+from soter.record.attachments import Result
 from soter.record.content import Content
-from soter.record.messages import Result, Violation
+from soter.record.looks import Stall
 from soter.record.reader import Recording
 from soter.rta import Breach, Worst
 
 
 @dataclass(frozen=True, slots=True)
-class FailedAssumption:
+class AssumptionFailure:
     """An assumption of the safety argument that was seen not to hold for one robot.
 
     Attributes:
@@ -35,25 +38,6 @@ class FailedAssumption:
     last_s: float | None
     cause: str
     worst: tuple[Worst, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class LongStall:
-    """A robot that was without its AC for long, and not charging.
-
-    Attributes:
-        robot_id: which robot.
-        start_s: fleet time at which it began.
-        end_s: fleet time at which it ended; None if it went on at the end of the recording.
-        module: whose safe controller had it.
-        cause: why.
-    """
-
-    robot_id: int
-    start_s: float
-    end_s: float | None
-    module: str
-    cause: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +96,8 @@ class Summary:
     transitions: int
     faults: dict[str, int]
     violations: dict[str, int]
-    assumptions: tuple[FailedAssumption, ...]
-    stalls: tuple[LongStall, ...]
+    assumptions: tuple[AssumptionFailure, ...]
+    stalls: tuple[Stall, ...]
     never_moved: tuple[int, ...]
     accepted_unproved: tuple[str, ...]
     status: str | None
@@ -122,12 +106,7 @@ class Summary:
 
 
 def summarise(recording: Recording, content: Content) -> Summary:
-    """Return the figures of a recording.
-
-    Args:
-        recording: the file.
-        content: all of it.
-    """
+    """Return the figures of a recording."""
     about, result = recording.about, recording.result
     return Summary(
         file=str(recording.path),
@@ -153,13 +132,7 @@ def summarise(recording: Recording, content: Content) -> Summary:
         violations=_violations(content.violations, result),
         assumptions=tuple(_in_all(content.breaches.values()) or ([] if result is None else _in_result(result))),
         stalls=tuple(
-            LongStall(
-                each.robot_id,
-                each.start_s,
-                each.end_s if isinstance(each.end_s, float) else None,
-                each.module,
-                each.cause,
-            )
+            Stall(each.robot_id, each.start_s, None if each.end_s is UNSET else each.end_s, each.module, each.cause)
             for each in content.stalls.values()
         ),
         never_moved=() if result is None else result.never_moved,
@@ -174,7 +147,7 @@ def _counted(names: Any) -> dict[str, int]:
     return dict(sorted(Counter(names).items()))
 
 
-def _in_all(spells: Iterable[messages.Breach]) -> list[FailedAssumption]:
+def _in_all(spells: Iterable[messages.BreachEvent]) -> list[AssumptionFailure]:
     """Return the spells of each robot and assumption as one."""
     joined: dict[tuple[int, str], Breach] = {}
     for each in spells:
@@ -183,21 +156,21 @@ def _in_all(spells: Iterable[messages.Breach]) -> list[FailedAssumption]:
         spell = Breach(each.times, each.start_s, each.cause, each.last_s, worst)
         joined[key] = joined[key].joined(spell) if key in joined else spell
     return [
-        FailedAssumption(robot, assumption, each.times, each.first_s, each.last_s, each.cause, each.worst)
+        AssumptionFailure(robot, assumption, each.times, each.first_s, each.last_s, each.cause, each.worst)
         for (robot, assumption), each in joined.items()
     ]
 
 
-def _in_result(result: Result) -> list[FailedAssumption]:
+def _in_result(result: Result) -> list[AssumptionFailure]:
     """Return what the result says, for recordings that do not have the spells."""
     return [
-        FailedAssumption(robot, assumption, each.times, each.first_s, None, each.cause)
+        AssumptionFailure(robot, assumption, each.times, each.first_s, None, each.cause)
         for robot, failed in result.assumptions.items()
         for assumption, each in failed.items()
     ]
 
 
-def _violations(seen: list[Violation], result: Result | None) -> dict[str, int]:
+def _violations(seen: list[messages.ViolationEvent], result: Result | None) -> dict[str, int]:
     """Return the result's counts, which know every rule; without a result what was seen until then."""
     counted = None if result is None else result.violations
     return _counted(each.rule for each in seen) if counted is None else dict(counted)

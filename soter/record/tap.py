@@ -1,16 +1,21 @@
-"""Writes down what passes between a supervisor and its robot, and changes none of it."""
+"""Writes down what passes between a supervisor and its robots, its own and others', and changes none of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol
 
 from msgspec import UNSET
 
-from soter.record.messages import Goal as GoalMessage
-from soter.record.wire import Way
-from soter.rta import Actuator, Mode, Request, Sample
-from soter.sdk import Goal, GoalStatus
+from soter.errors import account_of
+from soter.record.messages import GoalEvent, HeardMessage, PeerEvent
+from soter.record.samples import state_of
+from soter.record.wire import WayFrame
+from soter.rta import Actuator, RemotePeer, Request, Sample
+from soter.rta.monitors import BrokenAssumption
+from soter.sdk import Controller, Goal, GoalStatus, RobotState
+from soter.sdk.values import MAX_COORDINATE_M
 
 LONGEST_WAY: Final = 100
 """Places of an AC's way that are recorded; it is untrusted, and may be of any length."""
@@ -27,11 +32,6 @@ class GoalActuator(Actuator, Protocol):
 class Tap:
     """An `Actuator` in front of a robot's own.
 
-    Args:
-        robot_id: which robot.
-        inner: its actuator.
-        note: takes goals and ways.
-
     Attributes:
         unread: whether there was no sample at this tick.
         no_state: why there was none.
@@ -41,7 +41,7 @@ class Tap:
 
     __slots__ = ("_goal", "_inner", "_note", "_now_s", "_robot_id", "ac_drove", "no_state", "refused", "unread")
 
-    def __init__(self, robot_id: int, inner: GoalActuator, note: Callable[[GoalMessage | Way], None]) -> None:
+    def __init__(self, robot_id: int, inner: GoalActuator, note: Callable[[GoalEvent | WayFrame], None]) -> None:
         self._robot_id: Final = robot_id
         self._inner: Final = inner
         self._note: Final = note
@@ -54,8 +54,8 @@ class Tap:
     def read(self) -> Sample:
         try:
             sample = self._inner.read()
-        except Exception as failure:
-            self.unread, self.no_state = True, str(failure)
+        except BaseException as failure:
+            self.unread, self.no_state = True, account_of(failure, str)
             raise
         # Goals begin elsewhere; looked at here at every tick, they only end.
         goal = self._goal
@@ -63,41 +63,34 @@ class Tap:
             self._look()
         return sample
 
-    def drive(self, command: Any, mode: Mode) -> None:
+    def drive(self, command: Any, mode: Controller) -> None:
         if isinstance(command, Request):
             self.ac_drove = True
         try:
-            self._inner.drive(command, mode)
-        except Exception as failure:
-            self.refused.append(("drive", repr(failure)))
-            raise
+            self._call("drive", self._inner.drive, command, mode)
         finally:
             self._look(command)
 
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+    def hand_over(self, mode: Controller, module: str, cause: str) -> None:
         try:
-            self._inner.hand_over(mode, module, cause)
-        except Exception as failure:
-            self.refused.append(("hand_over", repr(failure)))
-            raise
+            self._call("hand_over", self._inner.hand_over, mode, module, cause)
         finally:
             self._look()
 
     def renew(self) -> None:
-        try:
-            self._inner.renew()
-        except Exception as failure:
-            self.refused.append(("renew", repr(failure)))
-            raise
+        self._call("renew", self._inner.renew)
 
-    def reported(self, sample: Sample) -> Mode | None:
+    def reported(self, sample: Sample) -> Controller | None:
         return self._inner.reported(sample)
 
     def insist(self) -> None:
+        self._call("insist", self._inner.insist)
+
+    def _call(self, name: str, call: Callable[..., None], *arguments: Any) -> None:
         try:
-            self._inner.insist()
-        except Exception as failure:
-            self.refused.append(("insist", repr(failure)))
+            call(*arguments)
+        except BaseException as failure:
+            self.refused.append((name, account_of(failure)))
             raise
 
     def _look(self, command: Any = None) -> None:
@@ -120,18 +113,68 @@ class Tap:
         places = [(goal.target.x_m, goal.target.y_m)]
         for waypoint in request.upcoming[: LONGEST_WAY - 1]:
             try:
-                places.append((float(waypoint.x_m), float(waypoint.y_m)))
-            except (AttributeError, TypeError, ValueError, OverflowError):
+                place = float(waypoint.x_m), float(waypoint.y_m)
+            except KeyboardInterrupt:
+                raise
+            except BaseException:  # noqa: BLE001 - they are the AC's own objects
                 break
-        self._note(Way(goal.sent_s, self._robot_id, places))
+            if not all(-MAX_COORDINATE_M <= each <= MAX_COORDINATE_M for each in place):
+                break
+            places.append(place)
+        self._note(WayFrame(goal.sent_s, self._robot_id, places))
 
-    def _message(self, goal: Goal) -> GoalMessage:
+    def _message(self, goal: Goal) -> GoalEvent:
         target = goal.target
         ended = goal.status is not GoalStatus.ACTIVE
-        return GoalMessage(
+        return GoalEvent(
             goal.sent_s if goal.ended_s is None else goal.ended_s, self._robot_id, goal.id, goal.by.value,
             goal.status.value, float(target.x_m), float(target.y_m), float(target.z_m),
             UNSET if target.heading_rad is None else float(target.heading_rad),
             UNSET if target.speed_m_s is None else float(target.speed_m_s),
             goal.reason if ended else "",
         )  # fmt: skip
+
+
+class PeerTap:
+    """A `RemotePeer` in front of another one. What it says at a tick is settled when it is asked for a sample."""
+
+    def __init__(self, inner: RemotePeer, robot_ids: Sequence[int]) -> None:
+        self.robot_id = inner.robot_id
+        self._inner: Final = inner
+        self._robot_ids: Final = tuple(robot_ids)
+        self._sample: Sample | None = None
+        self._heard: dict[int, float] = {}
+        self._needs_charge = False
+        self._found: BrokenAssumption | None = None
+
+    def sample(self) -> Sample | None:
+        inner = self._inner
+        self._sample, self._found = inner.sample(), inner.found()
+        self._heard = {robot_id: inner.heard_of(robot_id) for robot_id in self._robot_ids}
+        self._needs_charge = inner.needs_charge()
+        return self._sample
+
+    def heard_of(self, robot_id: int) -> float:
+        return self._heard.get(robot_id, -math.inf)
+
+    def needs_charge(self) -> bool:
+        return self._needs_charge
+
+    def found(self) -> BrokenAssumption | None:
+        return self._found
+
+    def message(self, now_s: float) -> PeerEvent:
+        """Return what was said at the tick at `now_s`."""
+        sample, found = self._sample, self._found
+        assert sample is None or isinstance(sample, RobotState)
+        return PeerEvent(
+            now_s,
+            self.robot_id,
+            UNSET if sample is None else state_of(sample),
+            tuple(
+                HeardMessage(robot_id, stamp_s) for robot_id, stamp_s in self._heard.items() if math.isfinite(stamp_s)
+            ),
+            self._needs_charge,
+            "" if found is None else found.assumption.id,
+            "" if found is None else found.cause,
+        )

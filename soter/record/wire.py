@@ -21,7 +21,7 @@ from soter.sdk import RobotState
 _LENGTH: Final = struct.Struct("<I")
 
 
-class Row(Struct, array_like=True, gc=False):
+class RobotRow(Struct, array_like=True, gc=False):
     """One robot at one tick.
 
     Attributes:
@@ -49,7 +49,7 @@ class Row(Struct, array_like=True, gc=False):
     ac_failure: str = ""
 
 
-class Way(Struct, array_like=True, gc=False):
+class WayFrame(Struct, array_like=True, gc=False):
     """What an AC means to drive, for the eye only."""
 
     time_s: float
@@ -57,7 +57,7 @@ class Way(Struct, array_like=True, gc=False):
     places: list[tuple[float, float]]
 
 
-class Begin(Struct, array_like=True, tag=0):
+class FirstFrame(Struct, array_like=True, tag=0):
     """The first frame.
 
     Attributes:
@@ -79,7 +79,7 @@ class Begin(Struct, array_like=True, tag=0):
     modules: dict[int, list[str]]
 
 
-class Tick(Struct, array_like=True, gc=False):
+class TickFrame(Struct, array_like=True, gc=False):
     """One tick.
 
     Attributes:
@@ -93,14 +93,14 @@ class Tick(Struct, array_like=True, gc=False):
     tick: int
     time_s: float
     host_ns: int
-    rows: list[Row]
+    rows: list[RobotRow]
     events: list[tuple[int, Raw]]
 
 
 class Ticks(Struct, array_like=True, tag=1, gc=False):
     """Some ticks, one after the other."""
 
-    ticks: list[Tick]
+    ticks: list[TickFrame]
 
 
 class Finish(Struct, array_like=True, tag=2):
@@ -117,13 +117,37 @@ class Finish(Struct, array_like=True, tag=2):
     events: list[tuple[int, Raw]]
 
 
-Frame = Begin | Ticks | Finish
+Frame = FirstFrame | Ticks | Finish
 
 WAY: Final = -1
-"""Index of a `Way` among the events."""
+"""Index of a `WayFrame` among the events."""
 
-PendingEvent = tuple[int, Event | Way]
+PendingEvent = tuple[int, Event | WayFrame]
 """An event that is not encoded yet; an encoded frame does not differ by that."""
+
+
+class Task(Struct):
+    """How to write.
+
+    Attributes:
+        nice: whether the run does not wait for the writer, and is not to be held up by it.
+        part: the file that is written.
+        target: the file that it replaces when it is complete; None for none.
+        sign: the private key to sign it with; None for none.
+    """
+
+    nice: bool
+    part: str
+    target: str | None = None
+    sign: str | None = None
+
+
+class WriterOutcome(Struct):
+    """How the writing went; its failure says why the recording is not complete."""
+
+    failure: str = ""
+    size_bytes: int = 0
+
 
 _MOST: Final = (1 << 63) - 1
 
@@ -165,7 +189,7 @@ def tamed(value: Any) -> Any:
     return value
 
 
-class Intake:
+class FrameReader:
     """Puts together the frames that arrive in pieces."""
 
     def __init__(self) -> None:

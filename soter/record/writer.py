@@ -19,29 +19,13 @@ import msgspec
 from msgspec import Raw
 
 from soter.geometry.site import Site
-from soter.record import foxglove, messages
+from soter.record import foxglove, messages, wire
+from soter.record.attachments import ABOUT_JSON, RESULT_JSON, About
 from soter.record.check import seal
 from soter.record.digest import Sign
 from soter.record.file import RecordingFile
-from soter.record.messages import (
-    AC,
-    EVENTS,
-    RESULT_JSON,
-    SC,
-    Breach,
-    Fault,
-    Goal,
-    ModuleTick,
-    Refusal,
-    RobotTick,
-    Stall,
-    Switch,
-    Target,
-    Violation,
-)
-from soter.record.outcome import Outcome, Task
+from soter.record.messages import AC, SC
 from soter.record.samples import state_of
-from soter.record.wire import WAY, Begin, Frame, Intake, Row, Tick, Ticks, Way
 
 CHUNK_S: Final = 0.5
 """Host time after which a chunk is closed at the latest; what is in it is lost when this process is killed."""
@@ -67,29 +51,26 @@ _MEDIA_TYPES: Final = {".json": "application/json", ".toml": "application/toml",
 class Scribe:
     """Turns frames into messages.
 
-    Args:
-        file: where they go.
-
     Attributes:
         complete: whether the run has come to its end, by itself or not.
     """
 
     def __init__(self, file: RecordingFile) -> None:
         self._file: Final = file
-        self._begin: Begin | None = None
-        self._decoders: Final = [msgspec.msgpack.Decoder(kind) for kind in EVENTS]
-        self._ways: Final = msgspec.msgpack.Decoder(Way)
+        self._begin: wire.FirstFrame | None = None
+        self._decoders: Final = [msgspec.msgpack.Decoder(kind) for kind in messages.EVENTS]
+        self._ways: Final = msgspec.msgpack.Decoder(wire.WayFrame)
         self._picture_s = 0.0
         self._by_ac: dict[int, bool] = {}
         self._spells: dict[tuple[int, str], float] = {}
         self._host_ns = time.time_ns()
         self.complete = False
 
-    def take(self, frame: Frame) -> None:
+    def take(self, frame: wire.Frame) -> None:
         """Write what a frame says."""
-        if isinstance(frame, Begin):
+        if isinstance(frame, wire.FirstFrame):
             self._start(frame)
-        elif isinstance(frame, Ticks):
+        elif isinstance(frame, wire.Ticks):
             for tick in frame.ticks:
                 self._host_ns = tick.host_ns
                 self._note(tick.events)
@@ -100,29 +81,27 @@ class Scribe:
             if frame.result:
                 self._file.attach(RESULT_JSON, frame.result, _MEDIA_TYPES[".json"])
 
-    def _start(self, begin: Begin) -> None:
+    def _start(self, begin: wire.FirstFrame) -> None:
         self._begin = begin
-        about = msgspec.json.decode(begin.about, type=messages.About)
+        about = msgspec.json.decode(begin.about, type=About)
         versions = {f"version of {name}": text for name, text in about.versions.items()}
         self._file.describe("soter", {
             "mission": about.source, "backend": about.backend, "seed": str(about.seed), "started": about.started_utc,
             "robots": str(len(about.robots)), "modules": ", ".join(about.modules), **versions,
         })  # fmt: skip
-        for name, data in {messages.ABOUT_JSON: begin.about, **begin.files}.items():
+        for name, data in {ABOUT_JSON: begin.about, **begin.files}.items():
             self._file.attach(name, data, _MEDIA_TYPES[name[name.rindex(".") :]])
         workspace = begin.workspace if begin.site is None else Site(begin.site)
         assert workspace is not None
         self._file.write(foxglove.SCENE_TOPIC, foxglove.workspace_scene(workspace), 0, self._host_ns)
         self._file.flush()
 
-    # --- ticks ---------------------------------------------------------------------------------------------
-
-    def _tick(self, tick: Tick) -> None:
+    def _tick(self, tick: wire.TickFrame) -> None:
         begin = self._begin
         if begin is None:
             return
         time_ns = foxglove.nanoseconds(tick.time_s)
-        topic = messages.TOPICS[RobotTick]
+        topic = messages.TOPICS[messages.RobotTick]
         for robot_id, row in zip(begin.robots, tick.rows, strict=True):
             record = _record(tick, robot_id, row, begin.modules[robot_id])
             record.check = seal(record)
@@ -131,8 +110,8 @@ class Scribe:
             self._picture_s = tick.time_s + PICTURE_S - 1e-9
             self._picture(begin, tick, time_ns)
 
-    def _picture(self, begin: Begin, tick: Tick, time_ns: int) -> None:
-        now = foxglove.Time.of(tick.time_s)
+    def _picture(self, begin: wire.FirstFrame, tick: wire.TickFrame, time_ns: int) -> None:
+        now = foxglove.FoxgloveTime.of(tick.time_s)
         transforms = [
             foxglove.transform(now, robot_id, row.state.x_m, row.state.y_m, row.state.z_m, row.state.heading_rad)
             for robot_id, row in zip(begin.robots, tick.rows, strict=True)
@@ -144,90 +123,85 @@ class Scribe:
                 scene = foxglove.robot_scene(now, robot_id, begin.radii_m[robot_id], not row.in_sc)
                 self._file.write(foxglove.ROBOT_TOPIC.format(robot_id=robot_id), scene, time_ns, tick.host_ns)
 
-    # --- events --------------------------------------------------------------------------------------------
-
     def _note(self, events: Sequence[tuple[int, Raw]]) -> None:
         for index, raw in events:
             self._event(index, raw)
 
     def _event(self, index: int, raw: Raw) -> None:
-        if index == WAY:
+        if index == wire.WAY:
             way = self._ways.decode(raw)
             topic = foxglove.WAY_TOPIC.format(robot_id=way.robot_id)
-            message = foxglove.way(foxglove.Time.of(way.time_s), way.places)
+            message = foxglove.way(foxglove.FoxgloveTime.of(way.time_s), way.places)
             self._file.write(topic, message, foxglove.nanoseconds(way.time_s), self._host_ns)
             return
         event = self._decoders[index].decode(raw)
-        if isinstance(event, messages.Peer):
+        if isinstance(event, messages.PeerEvent):
             event.check = seal(event)
         topic = messages.TOPICS[type(event)]
-        if isinstance(event, Goal):
+        if isinstance(event, messages.GoalEvent):
             topic = topic.format(robot_id=event.robot_id)
         time_ns = foxglove.nanoseconds(event.time_s)
         self._file.write(topic, event, time_ns, self._host_ns)
         line = None if self._is_told(event) else _line(event)
         if line is not None:
             level, name, text = line
-            log = foxglove.Log(foxglove.Time.of(event.time_s), level, text, name)
+            log = foxglove.Log(foxglove.FoxgloveTime.of(event.time_s), level, text, name)
             self._file.write(foxglove.LOG_TOPIC, log, time_ns, self._host_ns)
 
     def _is_told(self, event: messages.Event) -> bool:
         """Whether the log has said it: of a failed assumption, it tells the beginning of every spell."""
-        if not isinstance(event, Breach):
+        if not isinstance(event, messages.BreachEvent):
             return False
         key = (event.robot_id, event.assumption)
         before, self._spells[key] = self._spells.get(key), event.start_s
         return before == event.start_s
 
 
-def _record(tick: Tick, robot_id: int, row: Row, names: Sequence[str]) -> RobotTick:
+def _record(tick: wire.TickFrame, robot_id: int, row: wire.RobotRow, names: Sequence[str]) -> messages.RobotTick:
     numbers, in_sc = row.numbers, row.modules_in_sc
     modules = tuple(
-        ModuleTick.of(name, SC if in_sc >> index & 1 else AC, numbers[2 * index], numbers[2 * index + 1])
+        messages.ModuleTick.of(name, SC if in_sc >> index & 1 else AC, numbers[2 * index], numbers[2 * index + 1])
         for index, name in enumerate(names)
     )
-    return RobotTick(
+    return messages.RobotTick(
         tick.tick, tick.time_s, robot_id, SC if row.in_sc else AC, AC if row.driver < 0 else names[row.driver],
-        state_of(row.state), modules, row.unread, row.no_state, tuple(Refusal(*each) for each in row.refused),
+        state_of(row.state), modules, row.unread, row.no_state, tuple(messages.Refusal(*each) for each in row.refused),
         row.ac_drove, row.ac_failure,
     )  # fmt: skip
 
 
 def _line(event: messages.Event) -> tuple[int, str, str] | None:
     """Return what the log says of an event: level, who, text; None for what is too frequent for a log."""
-    if isinstance(event, Switch):
+    if isinstance(event, messages.SwitchEvent):
         who = foxglove.robot_frame(event.robot_id)
         if event.after == AC:
             return foxglove.INFO, who, f"AC in control again, released by {event.module}"
         text = f"{event.before} -> {event.after}: {event.module}: {event.cause}"
         return foxglove.WARNING if event.before == AC else foxglove.INFO, who, text
-    if isinstance(event, Target):
+    if isinstance(event, messages.TargetEvent):
         text = f"target {event.target_id}: {event.outcome}" if event.outcome else f"target {event.target_id}"
         return foxglove.INFO, foxglove.robot_frame(event.robot_id), text
-    if isinstance(event, Violation):
+    if isinstance(event, messages.ViolationEvent):
         who = ", ".join(map(foxglove.robot_frame, event.robots))
         return foxglove.ERROR, who, f"{event.rule} broken since {event.start_s:.2f} s"
-    if isinstance(event, Breach):
+    if isinstance(event, messages.BreachEvent):
         text = f"assumption {event.assumption} failed at {event.start_s:.2f} s: {event.cause}"
         return foxglove.WARNING, foxglove.robot_frame(event.robot_id), text
-    if isinstance(event, Stall):
+    if isinstance(event, messages.StallEvent):
         since = f"without its AC since {event.start_s:.2f} s: {event.module}: {event.cause}"
         text = since if event.end_s is msgspec.UNSET else f"no longer {since}"
         return foxglove.WARNING, foxglove.robot_frame(event.robot_id), text
-    if isinstance(event, Fault):
+    if isinstance(event, messages.FaultEvent):
         return foxglove.WARNING, foxglove.robot_frame(event.robot_id), f"fault {event.kind}: {event.affected} so far"
-    if isinstance(event, messages.Drop):
+    if isinstance(event, messages.DropEvent):
         return foxglove.ERROR, "recording", f"{event.ticks} ticks from {event.first_tick} on were not recorded"
     return None
-
-
-# --- the process -------------------------------------------------------------------------------------------
 
 
 def record(
     source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: float, sign: Sign | None = None, key: bytes = b""
 ) -> bool:
-    """Write everything that comes through a pipe, until its other end is closed.
+    """Write all that comes through a pipe, until its other end is closed; return whether the run came to its end.
 
     Args:
         source_fd: the pipe.
@@ -237,14 +211,11 @@ def record(
         sign: returns a signature of the whole, or None for none.
         key: the public key that it can be told by.
 
-    Returns:
-        Whether the run has come to its end.
-
     Raises:
         OSError: the file cannot be written.
     """
     file = RecordingFile(stream, sign, key)
-    scribe, intake = Scribe(file), Intake()
+    scribe, intake = Scribe(file), wire.FrameReader()
     os.set_blocking(source_fd, False)
     flushed_s = time.monotonic()
     while True:
@@ -257,7 +228,7 @@ def record(
                 break
             for frame in intake.take(data):
                 scribe.take(frame)
-                if isinstance(frame, Begin):
+                if isinstance(frame, wire.FirstFrame):
                     os.write(sys.stdout.fileno(), READY)
                 flushed_s = _flushed(file, flushed_s, chunk_s)
         flushed_s = _flushed(file, flushed_s, chunk_s)
@@ -292,11 +263,11 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     file_fd, capacity_bytes = int(sys.argv[1]), int(sys.argv[2])
-    task = msgspec.json.decode(sys.argv[3], type=Task)
+    task = msgspec.json.decode(sys.argv[3], type=wire.Task)
     if task.nice:
         with contextlib.suppress(OSError):
             os.nice(NICENESS)
-    outcome = Outcome()
+    outcome = wire.WriterOutcome()
     stream = os.fdopen(file_fd, "wb")
     try:
         complete = record(

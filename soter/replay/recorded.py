@@ -7,10 +7,11 @@ from typing import Any, ClassVar, Final, NoReturn
 
 from soter.clock import Clock
 from soter.record.about import capabilities_of
-from soter.record.messages import Peer, RobotAbout, RobotTick, State
+from soter.record.attachments import RobotAbout
+from soter.record.messages import PeerEvent, RobotTick, StateMessage
 from soter.record.samples import sample_of
-from soter.rta import Assumption, Mode, Sample
-from soter.rta.monitors import Finding
+from soter.rta import Assumption, Sample
+from soter.rta.monitors import BrokenAssumption
 from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
 from soter.stack.actuator import RobotActuator
 
@@ -54,16 +55,16 @@ class RecordedActuator:
             raise RecordedFailure(self._failure)
         return self._sample
 
-    def drive(self, command: Any, mode: Mode) -> None:
+    def drive(self, command: Any, mode: Controller) -> None:
         self._fail("drive")
 
-    def hand_over(self, mode: Mode, module: str, cause: str) -> None:
+    def hand_over(self, mode: Controller, module: str, cause: str) -> None:
         self._fail("hand_over")
 
     def renew(self) -> None:
         self._fail("renew")
 
-    def reported(self, sample: Sample) -> Mode | None:
+    def reported(self, sample: Sample) -> Controller | None:
         return self._inner.reported(sample) if self._obeys else None
 
     def insist(self) -> None:
@@ -81,13 +82,13 @@ class RecordedPeer:
 
     def __init__(self, robot_id: int) -> None:
         self.robot_id = robot_id
-        self._said = Peer(0.0, robot_id)
+        self._said = PeerEvent(0.0, robot_id)
         self._sample: Sample | None = None
 
-    def load(self, said: Peer) -> None:
+    def load(self, said: PeerEvent) -> None:
         """Take what was recorded of the tick that comes."""
         self._said = said
-        self._sample = sample_of(said.state, self.robot_id) if isinstance(said.state, State) else None
+        self._sample = sample_of(said.state, self.robot_id) if isinstance(said.state, StateMessage) else None
 
     def sample(self) -> Sample | None:
         return self._sample
@@ -98,17 +99,13 @@ class RecordedPeer:
     def needs_charge(self) -> bool:
         return self._said.needs_charge
 
-    def found(self) -> Finding | None:
+    def found(self) -> BrokenAssumption | None:
         said = self._said
-        return Finding(_ASSUMPTIONS[said.assumption], said.cause) if said.assumption in _ASSUMPTIONS else None
+        return BrokenAssumption(_ASSUMPTIONS[said.assumption], said.cause) if said.assumption in _ASSUMPTIONS else None
 
 
 class RecordedRobot(Robot, overrides=("capabilities",)):
     """The promises of a recorded robot; it takes no orders.
-
-    Args:
-        about: what the recording says of it.
-        clock: any.
 
     Raises:
         ValueError: its promises are not those of this version.

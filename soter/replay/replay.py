@@ -16,18 +16,18 @@ from typing import Any, Final, NamedTuple
 
 from soter.clock import VirtualClock
 from soter.config import make_mission
-from soter.errors import ConfigError, IllFormedModule
+from soter.errors import IllFormedModule, option_error
 from soter.record.about import capabilities_of
 from soter.record.check import Flaw, flaw
-from soter.record.content import Tick
-from soter.record.messages import AC, Peer, RobotTick, Switch
+from soter.record.content import RecordedTick
+from soter.record.messages import AC, PeerEvent, RobotTick, SwitchEvent
 from soter.record.reader import BadRecording, Recording
-from soter.record.samples import sample_of
+from soter.record.samples import sample_of, switch_of
 from soter.replay.recorded import RecordedActuator, RecordedPeer, RecordedRobot
 from soter.rta import RobotSupervisor, SwitchRecord
 from soter.sdk import Waypoint
 from soter.stack.actuator import RobotActuator
-from soter.stack.assembly import SafetySide, assemble
+from soter.stack.assembly import SafetySide, Study, assemble
 
 CHANGEABLE: Final = ("rta", "battery")
 """The tables of a mission that a replay may change: what the modules are told."""
@@ -39,16 +39,7 @@ _ANYWHERE: Final = Waypoint(0.0, 0.0)
 
 
 class Difference(NamedTuple):
-    """A value that is not what was recorded.
-
-    Attributes:
-        tick: number of the tick.
-        time_s: its fleet time.
-        robot_id: whose value.
-        field: which value, such as "collision.margin".
-        recorded: what the recording says.
-        replayed: what came out now.
-    """
+    """A value of a robot, such as "collision.margin", that at a tick of a fleet time is not what was recorded."""
 
     tick: int
     time_s: float
@@ -128,10 +119,8 @@ def replay(recording: Recording, settings: Mapping[str, object] | None = None) -
     settings = dict(settings or {})
     for key in settings:
         if key.partition(".")[0] not in CHANGEABLE:
-            raise ConfigError(
-                f"a replay changes what the modules are told, so only keys below {' and '.join(CHANGEABLE)}",
-                source="command line",
-                key=key,
+            raise option_error(
+                key, f"a replay changes what the modules are told, so only keys below {' and '.join(CHANGEABLE)}"
             )
     found = Replay(settings)
     cast = _Cast(recording, settings, found)
@@ -185,7 +174,7 @@ class _Cast:
         try:
             self._safety: Final[SafetySide] = assemble(
                 mission, workspace, robots, lambda _: None, [self], tap=tap,
-                on_ill_formed=refused if settings else None, remote=tuple(self._peers.values()),
+                study=Study(on_ill_formed=refused if settings else None), remote=tuple(self._peers.values()),
                 remote_promises=elsewhere,
             )  # fmt: skip
         except (ValueError, ArithmeticError) as failure:
@@ -198,11 +187,11 @@ class _Cast:
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
         self._switches.append(record)
 
-    def play(self, tick: Tick) -> None:
+    def play(self, tick: RecordedTick) -> None:
         """Do one tick again and compare."""
         supervisor, ports = self._safety.supervisor, self._safety.ports
         for event in tick.events:
-            if isinstance(event, Peer):
+            if isinstance(event, PeerEvent):
                 self._judge(event)
                 self._load(self._peers, event)
         for robot_id, record in tick.robots.items():
@@ -227,7 +216,7 @@ class _Cast:
             self._found.spells.append(spell._replace(end_s=time_s))
         self._found.spells.sort(key=lambda each: (each.start_s, each.robot_id))
 
-    def _load(self, parts: Mapping[int, Any], record: RobotTick | Peer) -> None:
+    def _load(self, parts: Mapping[int, Any], record: RobotTick | PeerEvent) -> None:
         try:
             parts[record.robot_id].load(record)
         except (KeyError, ValueError) as failure:
@@ -236,7 +225,7 @@ class _Cast:
     def _bad(self, failure: Exception) -> BadRecording:
         return BadRecording(f"{self._path}: it cannot be replayed: {failure}")
 
-    def _judge(self, record: RobotTick | Peer) -> None:
+    def _judge(self, record: RobotTick | PeerEvent) -> None:
         wrong = flaw(record)
         if wrong is not None:
             self._found.flaws.append(wrong)
@@ -270,14 +259,9 @@ class _Cast:
         if record.robot_id not in self._spells and record.driver != driver:
             self._spells[record.robot_id] = Spell(record.robot_id, record.time_s, math.inf, record.driver, driver)
 
-    def _compare_switches(self, tick: Tick) -> None:
-        was = [event for event in tick.events if isinstance(event, Switch)]
-        now = [
-            Switch(
-                each.time_s, each.robot_id, each.before or AC, each.after or AC, each.module, each.cause, each.joined
-            )
-            for each in self._switches
-        ]
+    def _compare_switches(self, tick: RecordedTick) -> None:
+        was = [event for event in tick.events if isinstance(event, SwitchEvent)]
+        now = [switch_of(each) for each in self._switches]
         self._switches.clear()
         self._found.before.update(_disengaged(was))
         self._found.after.update(_disengaged(now))
@@ -302,9 +286,9 @@ def _same(one: float, other: float) -> bool:
     return one != one and other != other
 
 
-def _disengaged(switches: Sequence[Switch]) -> list[str]:
+def _disengaged(switches: Sequence[SwitchEvent]) -> list[str]:
     return [each.module for each in switches if each.before == AC and each.after != AC]
 
 
-def _said(switches: Sequence[Switch]) -> str:
+def _said(switches: Sequence[SwitchEvent]) -> str:
     return "; ".join(f"{each.before} -> {each.after} by {each.module}: {each.cause}" for each in switches) or "none"

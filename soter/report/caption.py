@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 
 class Rule(NamedTuple):
-    """How a safety rule fared, in words.
-
-    Attributes:
-        name: the rule.
-        violations: how often it was broken.
-        margin: the least margin that was left, with its unit; negative where it was broken.
-        broken: whether it was.
-    """
+    """How a safety rule fared, in words; the margin is the least that was left, negative where it was broken."""
 
     name: str
     violations: str
@@ -23,17 +16,28 @@ class Rule(NamedTuple):
     broken: bool
 
 
-class Broken(NamedTuple):
-    """Where something was broken, to be shown.
-
-    Attributes:
-        x_m: where the robot was then, east.
-        y_m: the same, north.
-        text: what, in a few words.
-    """
+class Remark(NamedTuple):
+    """What is said of a place on the plan, where a robot was then, and whether something was broken there."""
 
     x_m: float
     y_m: float
+    text: str
+    broken: bool
+
+
+class Margins(NamedTuple):
+    """What a rule makes of a place, all over the workspace: its edge is where that is 0.
+
+    Attributes:
+        x_m: columns, east.
+        y_m: rows, north.
+        margins: the rule's margin for a robot there, by row and column; negative where the rule is broken.
+        text: which rule, in a few words.
+    """
+
+    x_m: Sequence[float]
+    y_m: Sequence[float]
+    margins: Sequence[Sequence[float]]
     text: str
 
 
@@ -49,7 +53,8 @@ class Caption:
         disengagements: by safety module; a module that is not in it was not counted.
         rules: as ground truth judged them; empty without it.
         safer_charge: charge from 0 to 1 from which a robot is given back; None without that module.
-        broken: what is to be seen to be broken on the plan.
+        remarks: what is said on the plan.
+        rule: the rule whose edge is on the plan; None for none.
     """
 
     title: str = ""
@@ -59,4 +64,5 @@ class Caption:
     disengagements: Mapping[str, int] = field(default_factory=dict)
     rules: tuple[Rule, ...] = ()
     safer_charge: float | None = None
-    broken: tuple[Broken, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    rule: Margins | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import Any, Final
+from typing import Final
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -60,12 +60,10 @@ def draw_ground(axes: Axes, workspace: Workspace, inset_m: float | None) -> None
         axes.add_patch(Polygon(inner, fc=INSIDE, ec=SOFT, lw=0.8, ls=(0, (5, 4))))
     for place in workspace.robots:
         charger = place.charger
-        axes.add_patch(_rectangle(charger, fc=CHARGER, ec=MODULES["battery"], lw=1.0))
+        wide_m, deep_m = charger.high_x_m - charger.low_x_m, charger.high_y_m - charger.low_y_m
+        low = charger.low_x_m, charger.low_y_m
+        axes.add_patch(Rectangle(low, wide_m, deep_m, fc=CHARGER, ec=MODULES["battery"], lw=1.0))
     for outline in kept_out:
         axes.add_patch(Polygon(outline, fc=BOX, ec="none", zorder=1.5))
     if fence is not None:
         axes.add_patch(Polygon(fence, fc="none", ec=INK, lw=1.8, zorder=1.6))
-
-
-def _rectangle(box: Any, **style: Any) -> Rectangle:
-    return Rectangle((box.low_x_m, box.low_y_m), box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m, **style)

@@ -38,14 +38,7 @@ class Stretch(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """A place at which a robot changed hands, in metres.
-
-    Attributes:
-        robot_id: which robot.
-        x_m: east.
-        y_m: north.
-        module: the module that took over from the AC, or None where the AC got the robot back.
-    """
+    """A place, in metres, at which a module took a robot over from the AC, or with None the AC got it back."""
 
     robot_id: int
     x_m: float

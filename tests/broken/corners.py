@@ -18,6 +18,7 @@ from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 _NEAR_M: Final = 0.15
 _MICROSECONDS_S: Final = 2**32 / 1e6
+_MILLISECONDS_S: Final = 2**32 / 1e3
 
 
 class _MinuteMux(Mux[Controller, Goal]):
@@ -139,13 +140,17 @@ def _closes_ready(robot: Any, timeout_s: float) -> None:
 _UNCLOSED: Final[list[socket.socket]] = []
 
 
-def _microseconds(self: Any, clock_s: float, *state: float) -> RobotState:
-    return Vehicle.sample(self, clock_s % _MICROSECONDS_S, *state)
+def _of_32_bits(name: str, wraps_s: float) -> type[Vehicle]:
+    """Return a vehicle whose clock begins anew after so long, which its gate knows."""
 
+    def sample(self: Any, clock_s: float, *state: float) -> RobotState:
+        return Vehicle.sample(self, clock_s % wraps_s, *state)
 
-def _unwrapped(self: Any, intent: Intent, clock_s: float) -> None:
-    if intent.renewed_s is not None:
-        self.mux.renew(min(clock_s - clock_s % _MICROSECONDS_S + intent.renewed_s, clock_s))
+    def renew(self: Any, intent: Intent, clock_s: float) -> None:
+        if intent.renewed_s is not None:
+            self.mux.renew(min(clock_s - clock_s % wraps_s + intent.renewed_s, clock_s))
+
+    return type(name, (Vehicle,), {"sample": sample, "renew": renew})
 
 
 def _drops_older(robot: Any) -> RobotState | None:
@@ -208,7 +213,10 @@ CORNERS: Final[tuple[type[Broken], ...]] = (
 CORNERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     wired("Microseconds", "Hears nothing more once its stamps, microseconds in 32 bits, begin anew after 72 minutes.",
           "deadman.wraps", "32 bits", _sample=_drops_older,
-          vehicle_class=type("MicrosecondsVehicle", (Vehicle,), {"sample": _microseconds, "renew": _unwrapped})),
+          vehicle_class=_of_32_bits("MicrosecondsVehicle", _MICROSECONDS_S)),
+    wired("FiftyDays", "Hears nothing more once its stamps, milliseconds in 32 bits, begin anew after 50 days.",
+          "deadman.wraps", "32 bits", _sample=_drops_older,
+          vehicle_class=_of_32_bits("MillisecondsVehicle", _MILLISECONDS_S)),
     wired("InitThreeTimes", "Waits in init() for three answers, as long as it may for each.", "link.in_time",
           "init_s is", _connect=_takes_three_times),
     wired("CloseWaits", "Waits in close() for the answer of a robot that is not heard.", "link.in_time",

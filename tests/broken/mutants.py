@@ -471,7 +471,7 @@ PROMISES: Final = (
               yaw_rate_max_rad_s=2.58),
     promising(Broken, "BodyTenPercent", "Promises a body that is 10 % smaller.", "truth.bounds.body", "body_radius_m",
               body_radius_m=0.095),
-    promising(Broken, "OvershootTenPercent", "Promises to run on less than it does.", "bounds.overshoot",
+    promising(Exact, "OvershootTenPercent", "Promises to run on less than it does.", "bounds.overshoot",
             "brakes too late",
               overshoot_m=0.001),
     promising(Exact, "AccelerationTenPercent", "Promises to gain speed 10 % more slowly.", "bounds.acceleration",

@@ -80,6 +80,12 @@ SURVIVORS: Final = (
         "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",
     ),
     Survivor(
+        "Misreads places near an axis of its frame, such as numbers with an exponent.",
+        "The rooms lie off the axes; headings along them are driven, places on them are not.",
+        "Where it crosses an axis its place leaps for a sample, or is kept from before: what is decided at that tick "
+        "is decided by a wrong place. Let one of the harness's rooms lie across both axes.",
+    ),
+    Survivor(
         "Follows two programs, or keeps its lease over a restart or a step of its clock, behind a harness without the "
         "hooks `second`, `restart` and `step_clock`.",
         "The clauses `authority.one_program`, `deadman.restart` and `deadman.clock_back` are NOT TESTED then.",

@@ -9,6 +9,7 @@ from soter.conformance import CLAUSES, Outcome, try_clause
 from soter.conformance.promises import MEASURED_BY
 from tests.broken import in_process, on_wire
 from tests.broken.corners import CORNERS, CORNERS_ON_WIRE
+from tests.broken.drivers import DRIVERS, DRIVERS_ON_WIRE
 from tests.broken.mutants import MUTANTS
 from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.survivors import SURVIVORS
@@ -26,8 +27,8 @@ def _written(base: Kind) -> tuple[Kind, ...]:
 
 
 BROKEN: Final[tuple[Kind, ...]] = (
-    *_written(in_process.Broken), *MUTANTS, *SELDOM, *CORNERS, *_written(on_wire.BrokenWire), *WIRE_MUTANTS,
-    *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
+    *_written(in_process.Broken), *MUTANTS, *SELDOM, *CORNERS, *DRIVERS, *_written(on_wire.BrokenWire), *WIRE_MUTANTS,
+    *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE,
 )  # fmt: skip
 
 

@@ -14,20 +14,20 @@ from soter.distribution.channel import (
     REPEAT_S,
     Came,
     Channel,
-    Frame,
+    ChannelFrame,
     ReliableMessage,
-    Visit,
+    VisitMessage,
     decode_frame,
-    encode_frame,
 )
-from soter.isolation.messages import Garbage
+from soter.errors import Garbage
+from soter.isolation.messages import encode
 
 TICK_S = 0.05
 MISSION = "a mission"
 
 
-def message(number: int) -> Visit:
-    return Visit(1, number, 0.0, 0.0, None, 3)
+def message(number: int) -> VisitMessage:
+    return VisitMessage(1, number, 0.0, 0.0, None, 3)
 
 
 class End:
@@ -57,14 +57,14 @@ class End:
             self.sent.append(number)
         self.channel.send(message(number))
 
-    def take(self, frame: Frame) -> None:
+    def take(self, frame: ChannelFrame) -> None:
         for each in self.channel.take(frame):
             if isinstance(each, Came):
                 self.heard[-1].append([])
                 # Letters to whoever was there before are gone.
                 self.sent.clear()
             else:
-                assert isinstance(each, Visit)
+                assert isinstance(each, VisitMessage)
                 self.heard[-1][-1].append(each.target_id)
 
 
@@ -77,12 +77,12 @@ class Air:
         self.cut = {0: False, 1: False}
         self.now_s = 0.0
         self.ends = (End(self.draw), End(self.draw))
-        self._under_way: list[tuple[float, int, Frame]] = []
+        self._under_way: list[tuple[float, int, ChannelFrame]] = []
 
     def tick(self) -> None:
         for index, end in enumerate(self.ends):
             for frame in end.channel.due(self.now_s):
-                assert decode_frame(encode_frame(frame)) == frame
+                assert decode_frame(encode(frame)) == frame
                 if self.cut[index] or self.draw.random() < self.loss:
                     continue
                 for _ in range(2 if self.draw.random() < self.twice else 1):
@@ -245,13 +245,13 @@ def test_garbage_is_refused(data: bytes) -> None:
 
 
 @pytest.mark.parametrize("bad", [
-    Frame(1, 2, MISSION, messages=(Visit(1, 2, float("nan"), 0.0, None, 3),)),
-    Frame(1, 2, MISSION, messages=(Visit(1, 2, 1e9, 0.0, None, 3),)),
-    Frame(-1, 2, MISSION),
-    Frame(1, 2, "x" * 1000),
-    Frame(1, 2, MISSION, messages=(message(1),) * (MAX_MESSAGES + 1)),
-    Frame(1, 2, MISSION, messages=(message(1),) * 5000),
+    ChannelFrame(1, 2, MISSION, messages=(VisitMessage(1, 2, float("nan"), 0.0, None, 3),)),
+    ChannelFrame(1, 2, MISSION, messages=(VisitMessage(1, 2, 1e9, 0.0, None, 3),)),
+    ChannelFrame(-1, 2, MISSION),
+    ChannelFrame(1, 2, "x" * 1000),
+    ChannelFrame(1, 2, MISSION, messages=(message(1),) * (MAX_MESSAGES + 1)),
+    ChannelFrame(1, 2, MISSION, messages=(message(1),) * 5000),
 ])  # fmt: skip
-def test_what_was_not_agreed_is_garbage(bad: Frame) -> None:
+def test_what_was_not_agreed_is_garbage(bad: ChannelFrame) -> None:
     with pytest.raises(Garbage):
-        decode_frame(encode_frame(bad))
+        decode_frame(encode(bad))

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from soter.clock import Clock
 from soter.distribution.peer_group import PeerGroup
 from soter.distribution.peers import DRIFT, RemoteRobot
-from soter.distribution.status import Echo, RobotStatus, Status, decode_status, encode_status
-from soter.isolation.messages import Garbage
+from soter.distribution.status import Echo, RobotStatus, Status, decode_status
+from soter.errors import Garbage
+from soter.isolation.messages import encode
 from soter.rta import PEER_SILENT_S, Assumption, SpeedBound
 from soter.sdk import Waypoint
 from tests.distribution.air import MemoryBus, Network
@@ -240,7 +241,7 @@ def test_late_words_of_an_ended_start_are_not_taken_for_the_one_that_lives() -> 
     assert before is not None
     serial = decode_status(late[18]).serial
     stale = msgspec.structs.replace(decode_status(late[18]), serial=serial + 1000)
-    MemoryBus(world.network, "b").publish("soter/b/status", encode_status(stale))
+    MemoryBus(world.network, "b").publish("soter/b/status", encode(stale))
     world.network.advance(world.network.now_s + 0.003)
     world.a.peer_group.look()
     assert world.a.peer.sample() == before
@@ -309,11 +310,11 @@ def test_another_process_of_the_same_name_is_told_from_what_an_earlier_start_has
     world = World()
     bus, peer_group = MemoryBus(world.network, "c"), world.a.peer_group
     for serial in range(40):
-        bus.publish("soter/a/status", encode_status(Status("a", 999, MISSION, serial, serial * TICK_S)))
+        bus.publish("soter/a/status", encode(Status("a", 999, MISSION, serial, serial * TICK_S)))
     world.run(1.0)
     assert not peer_group.has_twin(), "all of it came at once"
     for serial in range(10):
-        bus.publish("soter/a/status", encode_status(Status("a", 888, MISSION, serial, serial * TICK_S)))
+        bus.publish("soter/a/status", encode(Status("a", 888, MISSION, serial, serial * TICK_S)))
         world.run(TICK_S)
     assert peer_group.has_twin()
     assert not world.b.peer_group.has_twin()
@@ -325,14 +326,14 @@ def test_another_mission_and_garbage_are_noticed(caplog: pytest.LogCaptureFixtur
     bus, peer_group = MemoryBus(world.network, "c"), world.a.peer_group
     for data in (b"garbage", b"", b"\xc1" * 99):
         bus.publish("soter/b/status", data)
-    bus.publish("soter/c/status", encode_status(Status("c", 999, MISSION, 1, 0.0)))
+    bus.publish("soter/c/status", encode(Status("c", 999, MISSION, 1, 0.0)))
     stranger = RobotStatus(state(7), True, "", False)
-    bus.publish("soter/b/status", encode_status(Status("b", 999, MISSION, 1, 0.0, (stranger,))))
+    bus.publish("soter/b/status", encode(Status("b", 999, MISSION, 1, 0.0, (stranger,))))
     world.network.advance(world.network.now_s + 0.01)
     peer_group.look()
     assert peer_group.garbage == 3
     assert peer_group.others["b"].strangers == 1
-    bus.publish("soter/b/status", encode_status(Status("b", 999, "another", 1, 0.0)))
+    bus.publish("soter/b/status", encode(Status("b", 999, "another", 1, 0.0)))
     world.network.advance(world.network.now_s + 0.01)
     peer_group.look()
     assert "another mission" in peer_group.missing(0.0)["b"]
@@ -359,7 +360,7 @@ GOOD = state(1)
 ])  # fmt: skip
 def test_a_status_that_cannot_be_meant_is_garbage(bad: Status) -> None:
     with pytest.raises(Garbage):
-        decode_status(encode_status(bad))
+        decode_status(encode(bad))
 
 
 @given(st.binary(max_size=300))

@@ -14,11 +14,12 @@ import pytest
 
 from soter.record import pipe as pipes
 from soter.record import recorder as recorders
-from soter.record.messages import Result, Transition
+from soter.record.attachments import Result
+from soter.record.messages import TransitionEvent
 from soter.record.pipe import WriterPipe
 from soter.record.reader import Recording
 from soter.record.recorder import TOGETHER, TOGETHER_NS, Recorder
-from soter.record.wire import Intake, Ticks
+from soter.record.wire import FrameReader, Ticks
 from soter.rta import Supervisor
 from soter.runner import Run, run_mission
 from soter.runner.trace import Trace
@@ -62,7 +63,7 @@ def crossings(
     monkeypatch: pytest.MonkeyPatch, path: Path, took_ns: Callable[[int], int], *, waits: bool = True
 ) -> list[Crossing]:
     """Record a run of `TICKS` ticks, of which each takes so much host time; return what crossed."""
-    clock, seen, intake = HostClock(), [], Intake()
+    clock, seen, intake = HostClock(), [], FrameReader()
 
     class Seen(WriterPipe):
         def send(self, frame: bytes) -> bool:
@@ -298,7 +299,7 @@ def test_changes_at_impossible_times_are_left_out_and_counted(tmp_path: Path, mo
     class Lied(Recorder):
         def tick(self, now_s: float, tick: int) -> None:
             for time_s in (1e300, -1e9, float("nan"), 10**400, now_s + 61.0, now_s):
-                self.on_transition(Transition(time_s, "Liar", 1, "local"))
+                self.on_transition(TransitionEvent(time_s, "Liar", 1, "local"))
             super().tick(now_s, tick)
 
     monkeypatch.setattr("soter.runner.run.Recorder", Lied)
@@ -306,5 +307,7 @@ def test_changes_at_impossible_times_are_left_out_and_counted(tmp_path: Path, mo
     done = run_mission(mission(duration_s=1.0), record=path)
     assert done.recording is not None
     assert (done.recording.failure, done.recording.refused) == ("", 5 * 20)
-    said = [each for _, each in Recording(path).messages() if isinstance(each, Transition) and each.machine == "Liar"]
+    said = [
+        each for _, each in Recording(path).messages() if isinstance(each, TransitionEvent) and each.machine == "Liar"
+    ]
     assert [each.time_s for each in said] == pytest.approx([tick * 0.05 for tick in range(20)])

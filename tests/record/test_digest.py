@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 from soter.cli.app import app
 from soter.errors import ConfigError
 from soter.record import digest
-from soter.record.digest import MAGIC, RECORD, State
+from soter.record.digest import MAGIC, RECORD, DigestState
 from soter.record.file import RecordingFile
-from soter.record.messages import TOPICS, Switch
+from soter.record.messages import TOPICS, SwitchEvent
 from soter.record.reader import BadRecording, Recording
 from soter.record.signing import is_signature, read_private_key, read_public_key
 from tests.record.helpers import recorded
@@ -37,7 +37,12 @@ def made(sign: Ed25519PrivateKey | None = None) -> bytes:
     file.describe("soter", {"seed": "1"})
     file.attach("result.json", b'{"violations": {"geofence": 1}}', "application/json")
     for second in range(3):
-        file.write(TOPICS[Switch], Switch(float(second), 1, "AC", "geofence", "geofence", "x" * 50), second, second)
+        file.write(
+            TOPICS[SwitchEvent],
+            SwitchEvent(float(second), 1, "AC", "geofence", "geofence", "x" * 50),
+            second,
+            second,
+        )
         file.flush()
     file.finish()
     return stream.getvalue()
@@ -50,7 +55,7 @@ def proof(data: bytes) -> digest.Proof:
 @pytest.mark.parametrize("signed", [False, True])
 def test_no_bit_changes_unnoticed(signed: bool) -> None:
     whole = made(Ed25519PrivateKey.generate() if signed else None)
-    assert proof(whole).state is State.WHOLE
+    assert proof(whole).state is DigestState.WHOLE
     data, bits = bytearray(whole), 8 * len(whole)
     # The head, the footer and its mark are where a change could be taken for something else.
     places = {*range(8 * EDGE_BYTES), *range(bits - 8 * EDGE_BYTES, bits)}
@@ -59,16 +64,16 @@ def test_no_bit_changes_unnoticed(signed: bool) -> None:
     places |= {*random.Random(1).sample(range(bits), SAMPLED)}
     for place in places:
         data[place >> 3] ^= 1 << (place & 7)
-        assert proof(bytes(data)).state is State.CHANGED, f"bit {place & 7} of byte {place >> 3}"
+        assert proof(bytes(data)).state is DigestState.CHANGED, f"bit {place & 7} of byte {place >> 3}"
         data[place >> 3] ^= 1 << (place & 7)
 
 
 def test_what_was_cut_off_or_added_to_is_never_taken_for_whole() -> None:
     whole = made()
     states = {length: proof(whole[:length]).state for length in range(len(MAGIC), len(whole), 7)}
-    assert {*states.values()} == {State.CUT_OFF}
-    assert proof(whole + b"\0").state is State.CHANGED
-    assert proof(whole + MAGIC).state is State.CHANGED
+    assert {*states.values()} == {DigestState.CUT_OFF}
+    assert proof(whole + b"\0").state is DigestState.CHANGED
+    assert proof(whole + MAGIC).state is DigestState.CHANGED
 
 
 def test_other_tools_read_it_and_show_the_digest() -> None:
@@ -91,7 +96,7 @@ def test_a_recording_without_a_digest_says_so_and_its_attachments_are_verified(t
     path.write_bytes(old.getvalue())
     opened = Recording(path)
     assert opened.proof is not None
-    assert opened.proof.state is State.NONE
+    assert opened.proof.state is DigestState.NONE
     assert "has no digest" in opened.proof.why
     path.write_bytes(old.getvalue().replace(b'"status": "completed"', b'"status": "Completed"'))
     with pytest.raises(BadRecording, match=r"an attachment at byte .* does not fit its checksum"):
@@ -152,9 +157,9 @@ def test_who_makes_a_digest_of_its_own_cannot_sign_it(tmp_path: Path) -> None:
 def test_any_bytes_are_judged(size: int) -> None:
     for seed in range(50):
         noise = random.Random(seed).randbytes(size)
-        assert proof(noise).state is not State.WHOLE
-        assert proof(MAGIC + noise).state is not State.WHOLE
-        assert proof(MAGIC + struct.pack("<BQ", seed % 16, size) + noise + MAGIC).state is not State.WHOLE
+        assert proof(noise).state is not DigestState.WHOLE
+        assert proof(MAGIC + noise).state is not DigestState.WHOLE
+        assert proof(MAGIC + struct.pack("<BQ", seed % 16, size) + noise + MAGIC).state is not DigestState.WHOLE
 
 
 def keys(folder: Path, name: str) -> tuple[Path, Path]:

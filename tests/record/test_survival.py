@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from soter.record.content import Tick
-from soter.record.digest import State, prove
+from soter.record.content import RecordedTick
+from soter.record.digest import DigestState, prove
 from soter.record.reader import BadRecording, Recording
 from soter.record.recorder import Recorder
 from soter.runner import run_mission
@@ -36,7 +36,7 @@ MOMENTS_S = [random.Random(f"moment {number}").uniform(0.05, 1.5) for number in 
 LATEST_S = 1.0
 
 
-def ticks_of(path: Path) -> list[Tick]:
+def ticks_of(path: Path) -> list[RecordedTick]:
     ticks = [tick for tick in Recording(path).ticks() if tick.robots]
     assert [tick.tick for tick in ticks] == list(range(len(ticks)))
     return ticks
@@ -166,7 +166,7 @@ def test_a_run_that_waits_for_a_stopped_writer_ends_when_it_is_told_to(tmp_path:
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=100)
     assert process.returncode == 128 + signal.SIGTERM
-    assert prove(path).state is State.WHOLE
+    assert prove(path).state is DigestState.WHOLE
 
 
 def test_on_a_wall_clock_nobody_waits_and_what_is_dropped_is_counted(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from soter.record.content import Tick
+from soter.record.content import RecordedTick
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.growing import GrowingPage
@@ -67,7 +67,7 @@ def grown(path: Path, seed: str) -> Viewer:
     """A viewer who has heard all of a recording, in parts of any length."""
     recording = Recording(path)
     page, viewer, draw = GrowingPage(recording), Viewer(), random.Random(seed)
-    waiting: list[Tick] = []
+    waiting: list[RecordedTick] = []
     for tick in recording.ticks():
         waiting.append(tick)
         if draw.random() < 0.02:

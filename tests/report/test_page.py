@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from soter.record.content import Content, Tick
-from soter.record.messages import Breach, Drop, Event, Stall, Worst
+from soter.record.content import Content, RecordedTick
+from soter.record.messages import BreachEvent, DropEvent, Event, StallEvent, WorstMessage
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
@@ -169,20 +169,20 @@ def test_violations_are_listed(tmp_path: Path) -> None:
 
 
 def test_failed_assumptions_and_stalls_are_listed_with_their_times(path: Path, tmp_path: Path) -> None:
-    worst = Worst(0.045, "of a charge", 61.0, "'battery': margin -0.045")
+    worst = WorstMessage(0.045, "of a charge", 61.0, "'battery': margin -0.045")
     told: list[Event] = [
-        Breach(30.0, 1, "A14", 29.5, 30.0, 11, "'battery': margin -0.001"),
-        Breach(62.0, 1, "A14", 29.5, 61.5, 600, "'battery': margin -0.001", (worst,)),
-        Breach(90.0, 2, "A7", 89.0, 89.0, 1, "robot 1: not heard of for 0.550 s"),
-        Stall(100.0, 1, 40.0, "obstacle", "margin 0.02 m"),
-        Stall(110.0, 2, 50.0, "battery", "start", 109.0),
+        BreachEvent(30.0, 1, "A14", 29.5, 30.0, 11, "'battery': margin -0.001"),
+        BreachEvent(62.0, 1, "A14", 29.5, 61.5, 600, "'battery': margin -0.001", (worst,)),
+        BreachEvent(90.0, 2, "A7", 89.0, 89.0, 1, "robot 1: not heard of for 0.550 s"),
+        StallEvent(100.0, 1, 40.0, "obstacle", "margin 0.02 m"),
+        StallEvent(110.0, 2, 50.0, "battery", "start", 109.0),
     ]
     recording = Recording(path)
     whole = recording.content
 
     def with_trouble(self: Recording) -> Content:
         content = whole()
-        content.add(Tick(0, 0.0, 0, {}, tuple(told)))
+        content.add(RecordedTick(0, 0.0, 0, {}, tuple(told)))
         return content
 
     with pytest.MonkeyPatch.context() as patch:
@@ -214,7 +214,7 @@ def test_a_recording_that_ended_before_its_first_tick_has_a_page(path: Path, tmp
 
 
 def test_gaps_are_said(path: Path, tmp_path: Path) -> None:
-    gap = Drop(time_s=60.0, first_tick=1200, ticks=40)
+    gap = DropEvent(time_s=60.0, first_tick=1200, ticks=40)
     target = tmp_path / "gap.mcap"
     rewrite(path, target, lambda topic, message: None if in_gap(message) else message)
     recording = Recording(target)
@@ -233,7 +233,7 @@ def in_gap(message: bytes) -> bool:
     return found is not None and 1200 <= int(found[1]) < 1240
 
 
-def with_drop(content: Content, drop: Drop) -> Content:
+def with_drop(content: Content, drop: DropEvent) -> Content:
     content.drops.append(drop)
     return content
 

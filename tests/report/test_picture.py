@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from soter.record.tracks import RunTracks
-from soter.report.caption import Caption, Rule
+from soter.report.caption import Caption, Margins, Remark, Rule
 from tests.project.source import ROOT
 from tests.report.conftest import make_run
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.collections import LineCollection
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 
 from soter.report.colours import driver_colour
@@ -169,8 +170,13 @@ def test_the_global_state_of_matplotlib_is_left_alone() -> None:
     assert done.stderr == ""
 
 
-def test_a_moment_of_a_run_is_drawn_in_the_place_that_it_has_in_the_whole(run: RunTracks) -> None:
-    whole, moment = make_figure(run, Caption()), make_figure(run, Caption(), 3.0)
-    assert [axes.get_xlim() for axes in moment.axes] == [axes.get_xlim() for axes in whole.axes]
-    assert [axes.get_position().bounds for axes in moment.axes] == [axes.get_position().bounds for axes in whole.axes]
-    assert draw_png(run, None, 3.0) != draw_png(run)
+def test_the_edge_of_a_rule_and_what_happened_at_it_are_on_the_plan(run: RunTracks) -> None:
+    xs = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    rule = Margins(xs, xs[:4], [[x - 2.5 for x in xs] for _ in range(4)], "where it is broken")
+    remarks = (Remark(1.0, 1.0, "it took over", broken=False), Remark(2.5, 1.0, "broken", broken=True))
+    plan = make_figure(run, Caption(rule=rule, remarks=remarks)).axes[0]
+    edges = [each for each in plan.collections if isinstance(each, ContourSet) and not each.filled]
+    corners = np.concatenate([np.asarray(path.vertices) for each in edges for path in each.get_paths()])
+    assert len(corners) > 1
+    assert np.allclose(corners[:, 0], 2.5)
+    assert {text.get_text() for text in plan.texts} >= {"it took over", "broken", "red: where it is broken"}

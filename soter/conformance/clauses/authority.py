@@ -11,7 +11,7 @@ from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import quantile
 from soter.conformance.trials import Shuttle, Trial, measure_braking
 from soter.errors import SoterError
-from soter.sdk import Controller, Goal, GoalStatus, Robot
+from soter.sdk import Controller, GoalStatus, Robot
 
 _ALTERNATIONS = 1000
 _CHECKED = 100
@@ -102,10 +102,7 @@ def obeys_at_once(bench: Bench) -> None:
     caps = bench.caps
     begin_s = caps.latency_s + caps.setpoint_period_s + TICK_S + caps.sample_age_s
     allowed = caps.v_max_m_s * begin_s + caps.v_max_m_s**2 / (2 * caps.brake_m_s2)
-    bench.run(bench.way_s(), lambda: not goal.active)
-    bench.require_status(
-        goal, GoalStatus.REACHED, "a goto right after a switch is ignored: streaming must end before it"
-    )
+    bench.arrive(goal, "a goto right after a switch is ignored: streaming must end before it")
     beyond = max(
         at.distance_m(each.x_m, each.y_m) for each in bench.since(robot, called_s)[: 1 + int((begin_s + 0.5) / TICK_S)]
     )
@@ -240,8 +237,7 @@ def old_cancel(bench: Bench) -> None:
     robot.switch_ac_sc(Controller.SC, "conformance")
     mine = bench.get_going(robot, bench.place(robot, 0.7), Controller.SC)
     old.cancel()
-    bench.run(bench.way_s(), lambda: not mine.active)
-    bench.require_status(mine, GoalStatus.REACHED, "cancel() of a pre-empted goal stopped the controller in charge")
+    bench.arrive(mine, "cancel() of a pre-empted goal stopped the controller in charge")
 
 
 @clause("authority.alternations")
@@ -283,15 +279,13 @@ def effective(bench: Bench) -> None:
     stops: list[Trial] = []
     early: list[float] = []
 
-    def hand_over(_goal: Goal) -> None:
-        robot.switch_ac_sc(Controller.SC, "conformance")
-
     def hand_back() -> None:
         robot.switch_ac_sc(Controller.AC, "conformance")
         bench.run(caps.latency_s + 2 * TICK_S)
 
     trials = Shuttle(bench, robot).trials(
-        _HAND_OVERS_IN_PROCESS if caps.in_process else bench.trials(_HAND_OVERS), hand_over,
+        _HAND_OVERS_IN_PROCESS if caps.in_process else bench.trials(_HAND_OVERS),
+        lambda _: robot.switch_ac_sc(Controller.SC, "conformance"),
         cause="a hand-over was lost, and left the old controller's target in force", after=hand_back,
     )  # fmt: skip
     for trial in trials:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, STILL_M, STILL_RAD, Bench
+from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
-from soter.conformance.track import Sample, quantile, turn
+from soter.conformance.judging import STILL_M
+from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
 from soter.errors import Unsupported
 from soter.sdk import Controller, Robot, Waypoint
@@ -35,7 +36,8 @@ def latency(bench: Bench) -> None:
     caps, seen = bench.caps, []
     for trial in Shuttle(bench, robot).trials(bench.trials(_TRIALS), lambda goal: goal.cancel()):
         seen += [trial.start.begins_s, trial.end.begins_s]
-    cause = "latency_s is declared too small, commands wait in a queue, or old samples are stamped as new"
+    cause = "latency_s is declared too small, commands wait in a queue or some are dropped, or old samples are "
+    cause += "stamped as new"
     # Nine of ten are judged sharply; of the rest one may have met a host that was busy for a moment.
     bench.measure(
         "latency_s", quantile(seen, 0.9), caps.latency_s, bench.fit_s, cause, spread=seen
@@ -113,7 +115,7 @@ def clock(bench: Bench) -> None:
     )  # fmt: skip
 
 
-def _legs(bench: Bench) -> list[tuple[Sample, Waypoint, list[Sample]]]:
+def _legs(bench: Bench) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
     """Drive legs from rest to rest; return where each began, its target, and what was seen of it."""
     robot = bench.open_one()
     legs = []
@@ -143,16 +145,18 @@ def _off_m(bench: Bench) -> float:
     return 1e-4 + noise_m + bench.caps.v_max_m_s * bench.read_s
 
 
+def _along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSample]) -> list[tuple[float, float]]:
+    """Return how far beyond the target, and how far beside the straight segment to it, a robot was."""
+    dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
+    length = math.hypot(dx, dy)
+    off = [(each.x_m - began.x_m, each.y_m - began.y_m) for each in seen]
+    return [((x_m * dx + y_m * dy) / length - length, (y_m * dx - x_m * dy) / length) for x_m, y_m in off]
+
+
 @clause("bounds.tube", truth=True)
 def tube(bench: Bench) -> None:
     """The robot stays within tube_m of the straight segment to its target."""
-    widest = 0.0
-    for began, target, seen in _legs(bench):
-        dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
-        length = math.hypot(dx, dy)
-        for sample in seen:
-            across = ((sample.y_m - began.y_m) * dx - (sample.x_m - began.x_m) * dy) / length
-            widest = max(widest, abs(across))
+    widest = max((0.0, *(abs(across) for leg in _legs(bench) for _, across in _along_and_across(*leg))))
     bench.measure(
         "tube_m", widest, bench.caps.tube_m, _off_m(bench),
         "the vehicle drives a curve (it turns while it drives, or is pulled off), or tube_m is declared too small",
@@ -173,7 +177,7 @@ def long_tube(bench: Bench) -> None:
         goal = robot.goto(target, Controller.AC)
         most_m = 2.0 * _FAR_FROM * bench.harness.room_m / 2.0
 
-        def through(began: Sample = began, began_s: float = began_s, most_m: float = most_m) -> bool:
+        def through(began: TrackSample = began, began_s: float = began_s, most_m: float = most_m) -> bool:
             gone_m = bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m)
             return gone_m > most_m or bench.stands(robot, began_s)
 
@@ -183,13 +187,8 @@ def long_tube(bench: Bench) -> None:
             bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m) > most_m,
             f"towards a target {_FAR_TO * bench.harness.room_m / 2.0:.0f} m away it stopped short",
         )
-        dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
-        length = math.hypot(dx, dy)
-        across = [
-            ((each.y_m - began.y_m) * dx - (each.x_m - began.x_m) * dy) / length
-            for each in bench.since(robot, began_s)
-        ]  # fmt: skip
-        widest = max(widest, max(map(abs, across)))
+        beside = _along_and_across(began, target, bench.since(robot, began_s))
+        widest = max((widest, *(abs(across) for _, across in beside)))
         bench.run(SETTLE_S)
     bench.measure(
         "long_tube_m", widest, bench.caps.tube_m, _off_m(bench),
@@ -201,13 +200,7 @@ def long_tube(bench: Bench) -> None:
 @clause("bounds.overshoot", truth=True)
 def overshoot(bench: Bench) -> None:
     """The robot runs no more than overshoot_m beyond its target."""
-    furthest = 0.0
-    for began, target, seen in _legs(bench):
-        dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
-        length = math.hypot(dx, dy)
-        for sample in seen:
-            along = ((sample.x_m - began.x_m) * dx + (sample.y_m - began.y_m) * dy) / length
-            furthest = max(furthest, along - length)
+    furthest = max((0.0, *(beyond for leg in _legs(bench) for beyond, _ in _along_and_across(*leg))))
     bench.measure(
         "overshoot_m", furthest, bench.caps.overshoot_m, _off_m(bench),
         "it brakes too late for its target, or overshoot_m is declared too small",
@@ -335,7 +328,7 @@ def noise(bench: Bench) -> None:
     )  # fmt: skip
 
 
-def _beside(track: list[Sample]) -> list[tuple[Sample, float, float, float]]:
+def _beside(track: list[TrackSample]) -> list[tuple[TrackSample, float, float, float]]:
     """Return samples with the true pose at their stamps, between two looks at the truth."""
     found, first = [], 0
     for sample in track:

@@ -42,7 +42,8 @@ def charge(bench: Bench) -> None:
     fallen_by = _charge(began) - _charge(robot.read_state())
     bench.measure(
         "discharge", fallen_by, 1.05 * driven_s / full_s + _PERCENT, 1e-6,
-        f"in {driven_s:.1f} s the charge fell by more than driving from full to empty in {full_s:.0f} s explains",
+        f"in {driven_s:.1f} s the charge fell by more than driving from full to empty in {full_s:.0f} s explains: "
+        "it is rounded, or of another unit",
     )  # fmt: skip
     shuttle.goal.cancel()
     _never_jumps(bench, robot)
@@ -91,7 +92,7 @@ def _compare_charges(bench: Bench, robot: Robot, truth: Truth, done: str) -> Non
     bench.measure(
         "charge_off", abs(said - left), _PERCENT, 1e-3,
         f"after it has {done} the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, "
-        "an old value, or something that is not counted",
+        "an old value, a rounded one, or something that is not counted",
     )  # fmt: skip
 
 

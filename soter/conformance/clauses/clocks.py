@@ -8,16 +8,19 @@ from collections.abc import Callable
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.track import turn
 from soter.sdk import Controller, Robot, RobotState
 
 _LEARNS_S = 3.0
 _STEP_AGE_S = 0.1
 _CHARGE = 0.02
+_OFF_RAD = 0.1
+_AWAY = 0.1
 # Vehicle time at whose multiples what is counted in so many digits or bits begins anew.
 _SOON = ((60.0, "the seconds of a minute"), (65.536, "milliseconds in 16 bits"))
-# Where clocks can be set, both at once, and what else begins anew no sooner than after an hour.
+# Where clocks can be set, both at once, and what else begins anew no sooner than after an hour, or after fifty days.
 _LATER = (
-    (4294.967296, "microseconds in 32 bits"),
+    (4294967.296, "milliseconds in 32 bits, or microseconds"),
     (491520.0, "the seconds of a minute, or milliseconds in 16 bits"),
 )
 
@@ -27,6 +30,8 @@ def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> R
     robot = bench.open_one()
     bench.faulty = True
     bench.get_going(robot, bench.place(robot, 0.9))
+    # Away from where it began, so that whoever begins anew there shows it.
+    bench.run(_AWAY * bench.harness.room_m / bench.caps.v_max_m_s)
     clock = bench.fleet.clock
     # The last renewal has arrived by then, and lives.
     clock.sleep_until(clock.now() + min(bench.caps.latency_s, 0.5 * bench.caps.lease_s))
@@ -68,8 +73,9 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
     # A leg that begins so long before does not end by then.
     leg_s = 0.25 * bench.harness.room_m / caps.v_max_m_s
     soon_s = _LEARNS_S + 2.0 * leg_s
+    state, wraps_s = robot.read_state(), 0.0
     if not caps.in_process:
-        shown_s = robot.read_state().vehicle_stamp_s + soon_s
+        shown_s, wraps_s = state.vehicle_stamp_s + soon_s, state.stamp_s + soon_s
         bench.faulty = True
         bench.harness.step_clock(robot.id, math.ceil(shown_s / every_s) * every_s - shown_s)
         bench.run(_LEARNS_S)
@@ -78,8 +84,9 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
         cause="its clock was set forward, and it does not obey since: leases and stamps are said by a clock that it no "
         "longer has, or in too few digits",
     )  # fmt: skip
-    state = robot.read_state()
-    wraps_s = math.ceil(state.vehicle_stamp_s / every_s) * every_s + state.stamp_s - state.vehicle_stamp_s
+    if caps.in_process:
+        state = robot.read_state()
+        wraps_s = math.ceil(state.vehicle_stamp_s / every_s) * every_s + state.stamp_s - state.vehicle_stamp_s
     bench.run(wraps_s - leg_s - bench.now_s)
     ahead = bench.place(robot, 0.9)
     robot.goto(ahead, Controller.AC)
@@ -149,6 +156,15 @@ def restart(bench: Bench) -> None:
         before is None or (now.battery is not None and abs(now.battery - before) <= _CHARGE + rises),
         f"before it restarted the charge was said to be {before}, and now {now.battery}: its gauge begins anew with a "
         "guess",
+    )
+    known = bench.fleet.truth is not None or bench.harness.gives("observe")
+    x_m, y_m, heading_rad = bench.true_pose(robot.id) if known else (said[0].x_m, said[0].y_m, said[0].heading_rad)
+    off_m, off_rad = math.dist((now.x_m, now.y_m), (x_m, y_m)), abs(turn(heading_rad, now.heading_rad))
+    rolled_m = 0.0 if known else bench.caps.v_max_m_s * bench.orphaned_s()
+    bench.require(
+        off_m <= bench.caps.position_noise_m + bench.still_m + rolled_m and off_rad <= _OFF_RAD,
+        f"after the restart its samples put it {off_m:.2f} m and {off_rad:.2f} rad from where it "
+        f"{'really is' if known else 'was'}: its odometry begins anew, at 0 or where it was set up first",
     )
     for to in (Controller.SC, Controller.AC):
         robot.switch_ac_sc(to, "conformance")

@@ -11,7 +11,7 @@ from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
 from soter.conformance.trials import Shuttle, measure_braking
-from soter.sdk import Controller, Goal, GoalStatus, Robot
+from soter.sdk import Controller, Goal, Robot
 
 _TRIALS = 8
 _FEW = 3
@@ -67,29 +67,25 @@ def _middle(seen: Sequence[float]) -> float:
     return mean(sorted(seen)[1:-1] if len(seen) > _FEW else seen)
 
 
-def _phase_s(bench: Bench, many: int) -> float:
-    """Return how far two such means may be apart because each trial falls into the vehicle's period somewhere."""
-    return 0.0 if bench.caps.in_process else bench.caps.setpoint_period_s * 0.9 / math.sqrt(many)
-
-
 @clause("deadman.lease", truth=True)
 def lease(bench: Bench) -> None:
     """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
     robot, caps = bench.open_one(), bench.caps
     shuttle, many = Shuttle(bench, robot), _FEW if bench.judged > 1 or bench.promised else bench.trials(_TRIALS)
     told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
-
-    def fall_silent(_goal: Goal) -> None:
-        robot.renew_lease()
-
-    stops = [*shuttle.trials(many, fall_silent, waits_s=caps.lease_s, renew=False, cause="the lease never ends")]
+    stops = [
+        *shuttle.trials(
+            many, lambda _: robot.renew_lease(), waits_s=caps.lease_s, renew=False, cause="the lease never ends"
+        )
+    ]
     seen = [trial.end.begins_s for trial in stops]
     cause = "the vehicle's lease is longer than lease_s, or is counted from something later than the renewal" + _RENEWED
+    # Each trial falls into the vehicle's period somewhere, which sets two such means apart.
+    phase_s = 0.0 if caps.in_process else caps.setpoint_period_s * 0.9 / math.sqrt(many)
     # What a message takes, and the vehicle's period, are in both.
     bench.measure(
         "lease_s", _middle(seen) - max(_middle(told), 0.0), caps.lease_s,
-        bench.read_s + bench.fit_s + _phase_s(bench, many), cause,
-        spread=seen,
+        bench.read_s + bench.fit_s + phase_s, cause, spread=seen,
     )  # fmt: skip
     bench.measure("lease_worst_s", max(seen), caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s, cause)
     measure_braking(bench, stops, "when its lease ends")
@@ -267,5 +263,4 @@ def recovers(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, 0.8))
     bench.run(bench.caps.lease_s + bench.caps.latency_s + 1.0, renew=False)
     goal = robot.goto(bench.place(robot, 0.2, 0.3), Controller.AC)
-    bench.run(bench.way_s(), lambda: not goal.active)
-    bench.require_status(goal, GoalStatus.REACHED, "a robot whose lease has died must obey again once it is renewed")
+    bench.arrive(goal, "a robot whose lease has died must obey again once it is renewed")

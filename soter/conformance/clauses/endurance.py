@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import gc
 import math
+import sys
+import time
+from array import array
 from collections import deque
 from itertools import pairwise
 from statistics import median
@@ -15,14 +18,28 @@ from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import quantile
 from soter.conformance.trials import ToAndFro
 from soter.conformance.usage import usage
-from soter.sdk import Robot, RobotState
+from soter.sdk import Controller, Robot, RobotState
 
 _LASTS_S: Final = 75.0
 """What happens once a minute happens in this time."""
 
 _ROUNDS: Final = 3
 _REST_M: Final = 2e-4
-_GROWS_MIB: Final = 0.25
+_SWITCHES: Final = 10
+
+_COUNTED: Final = 2**16 + 2**10
+_COUNTS_FOR_S: Final = 20.0
+_AT_ONCE: Final = 400
+_EVERY_S: Final = 0.02
+
+_GROWS: Final = {
+    "threads": (3.0, "a thread is begun at each goal or switch, and not ended"),
+    "descriptors": (3.0, "a file or socket is opened at each goal or switch, and not closed"),
+    "objects_per_goal": (1.0, "goals, samples or messages are kept; what looks through them takes ever longer"),
+    "memory_mib": (0.25, "messages are kept"),
+}
+"""By what is held, how much more of it may be held after each round, and the likely cause of more."""
+
 _GROWS_S: Final = 0.01
 _LEAST: Final = 0.01
 _KEPT: Final = 20
@@ -31,12 +48,15 @@ _MANY: Final = 200
 
 @clause("endurance.minute")
 def minute(bench: Bench) -> None:
-    """In more than a minute of driving no goal is taken late, places do not drift, and the memory taken stays."""
+    """In more than a minute of driving no goal is taken late, places do not drift, and no more is held than before."""
     robot = bench.open_one()
-    commands, held, ages_s = _Commands(bench, robot), [_memory_mib()], []
+    commands, ages_s = _Commands(bench, robot), []
+    held = [_held()]
     for _ in range(_ROUNDS):
         commands.drive(_LASTS_S / _ROUNDS)
-        held.append(_memory_mib())
+        for to in (Controller.SC, Controller.AC) * _SWITCHES:
+            robot.switch_ac_sc(to, "conformance")
+        held.append(_held())
         ages_s.append(median(commands.ages_s))
     bench.measure(
         "age_growth_s", ages_s[-1] - ages_s[0], _GROWS_S, bench.read_s,
@@ -63,11 +83,35 @@ def minute(bench: Bench) -> None:
             f"at rest after {_LASTS_S:.0f} s of driving its place is off: it counts wheels and loses count, or its "
             "scale is wrong",
         )  # fmt: skip
-    grown = [after - before for before, after in pairwise(each for each in held if each is not None)]
-    bench.measure(
-        "memory_mib", min(grown, default=0.0), _GROWS_MIB, 0.0,
-        f"in every {_LASTS_S / _ROUNDS:.0f} s the process takes more memory: messages are kept",
-    )  # fmt: skip
+    for name in held[0]:
+        bound, cause = _GROWS[name]
+        bench.measure(
+            name, max(0.0, min(after[name] - before[name] for before, after in pairwise(held))), bound, 0.0,
+            f"every {_LASTS_S / _ROUNDS:.0f} s the process holds more by so much: {cause}",
+        )  # fmt: skip
+
+
+@clause("endurance.counters")
+def counters(bench: Bench) -> None:
+    """After more goals than sixteen bits can number a robot obeys as before, and names the goal that it works on."""
+    robot, sent = bench.open_one(), 0
+    until_s = time.monotonic() + _COUNTS_FOR_S
+    # A host that is too slow for all of them counts as far as it gets.
+    while sent < _COUNTED and time.monotonic() < until_s:
+        for number in range(_AT_ONCE):
+            robot.goto(bench.place(robot, 0.1 * (number % 2)), Controller.AC)
+        sent += _AT_ONCE
+        bench.run(_EVERY_S)
+    bench.measure("goals_sent", sent)
+    bench.run(SETTLE_S)
+    cause = f"after {sent} goals it does not obey any more: what numbers goals or messages has too few digits"
+    goal = bench.get_going(robot, bench.place(robot, 0.8), cause=cause)
+    named = bench.look(robot).state.goal_id
+    bench.require(
+        named in (None, goal.id), f"after {sent} goals samples name goal {named}, not {goal.id}: of too few digits"
+    )
+    goal.cancel()
+    bench.expect_stop(robot, bench.now_s, cause)
 
 
 class _Commands:
@@ -81,7 +125,8 @@ class _Commands:
 
     def __init__(self, bench: Bench, robot: Robot) -> None:
         self.shuttle: Final = ToAndFro(bench, robot)
-        self.took_s: Final[list[float]] = []
+        # Not objects, which are counted.
+        self.took_s: Final = array("d")
         self._bench: Final = bench
         self._robot: Final = robot
         self._sent: Final[deque[tuple[int, float]]] = deque()
@@ -128,7 +173,11 @@ class _Commands:
         return False
 
 
-def _memory_mib() -> float | None:
+def _held() -> dict[str, float]:
+    """Return how much of what is held, by its name in `_GROWS`."""
     gc.collect()
     used = usage()
-    return None if used is None else used.memory_mib
+    held = {}
+    if used is not None:
+        held = {"threads": len(used.threads), "descriptors": len(used.descriptors), "memory_mib": used.memory_mib}
+    return held | {"objects_per_goal": sys.getallocatedblocks() * TICK_S * _ROUNDS / _LASTS_S}

@@ -10,7 +10,7 @@ from functools import partial
 from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import Sample, turn
+from soter.conformance.track import TrackSample, turn
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
@@ -94,7 +94,7 @@ def _see_it_set_out(bench: Bench, robot: Robot, target: Waypoint) -> None:
     bench.run(_REST_S)
 
 
-def _at(at: Sample, way_m: float, bearing_rad: float) -> Waypoint:
+def _at(at: TrackSample, way_m: float, bearing_rad: float) -> Waypoint:
     """Return the place so far from a sample's, in that direction."""
     return Waypoint(at.x_m + way_m * math.cos(bearing_rad), at.y_m + way_m * math.sin(bearing_rad))
 
@@ -178,22 +178,26 @@ def heading(bench: Bench) -> None:
     """A heading that is asked for is arrived with, or goto raises Unsupported and sends nothing."""
     robot = bench.open_one()
     for wanted, cause in (
-        (turn(0.0, bench.home(robot)[2] + 1.0),
+        (turn(0.0, bench.home(robot)[2] + 1.8),
          "the heading was dropped (raise Unsupported), or its sign or zero is another frame's"),
         (0.0, "a heading of 0.0, east, is taken for none: ask `is None`"),
-        (1.5 * math.pi, "a heading beyond pi is cut off or dropped: wrap it"),
+        (1.3 * math.pi, "a heading beyond pi is cut off or dropped: wrap it"),
+        (-0.8, "a negative heading is cut off, or loses its sign; or those of the SC's goals are dropped"),
     ):  # fmt: skip
+        by = Controller.SC if wanted < 0.0 else Controller.AC
+        if by is not robot.in_charge:
+            robot.switch_ac_sc(by, "conformance")
+            bench.run(bench.caps.latency_s + 2 * TICK_S)
         at, began_s = bench.look(robot), bench.now_s
         # Across the heading, so that whoever heeds none arrives with another one; and back to the middle of the room.
         ends = [_at(at, 0.25 * bench.harness.room_m, wanted + across) for across in (1.0, -1.0)]
         target = min(ends, key=partial(bench.from_start, robot))
         try:
-            goal = robot.goto(target._replace(heading_rad=wanted), Controller.AC)
+            goal = robot.goto(target._replace(heading_rad=wanted), by)
         except Unsupported:
             bench.expect_still(robot, 1.0, "an unsupported goto must send nothing")
             return
-        bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
-        bench.require_status(goal, GoalStatus.REACHED, "a target with a heading is not driven to")
+        bench.arrive(goal, "a target with a heading is not driven to: refused, or longer than what is read")
         bench.run(
             2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s,
             lambda began_s=began_s: bench.stands(robot, began_s),  # type: ignore[misc]
@@ -213,7 +217,7 @@ def speed_cap(bench: Bench) -> None:
     seen, off = bench.fastest(robot)
     bench.measure(
         "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-        "the goal's speed_m_s is not passed on to the vehicle",
+        "the goal's speed_m_s is not passed on to the vehicle, or counts for a later goal",
     )  # fmt: skip
     low = _LOW * bench.caps.v_max_m_s
     bench.run(SETTLE_S)
@@ -249,18 +253,23 @@ def v_max(bench: Bench) -> None:
     cap = bench.caps.v_max_m_s
     # Backwards first, and then forwards through the whole room: what comes of a long run shows.
     ends = [bench.place(robot, at, speed_m_s=100.0) for at in (-0.9, 0.9)]
+
+    def judge(where: str) -> None:
+        seen, off = bench.fastest(robot)
+        bench.measure(
+            "v_max_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
+            f"{where}the speed cap is not clamped to v_max_m_s, or v_max_m_s is declared too small",
+        )  # fmt: skip
+
     goal = None
     if bench.caps.reverses:
         with suppress(Unsupported):
             goal = robot.goto(ends[0]._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
             bench.run(bench.way_s(), lambda: not goal.active)
+            judge("on its way backwards ")
     for end in ends[goal is not None :]:
         bench.go(robot, end)
-    seen, off = bench.fastest(robot)
-    bench.measure(
-        "v_max_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-        "the speed cap is not clamped to v_max_m_s, or v_max_m_s is declared too small",
-    )  # fmt: skip
+    judge("")
 
 
 @clause("goto.not_in_charge", truth=True)
@@ -281,10 +290,7 @@ def rejected_disturbs_nothing(bench: Bench) -> None:
     mine = bench.get_going(robot, bench.place(robot, 0.8), Controller.SC)
     other = robot.goto(bench.place(robot, -0.8), Controller.AC)
     bench.require_status(other, GoalStatus.REJECTED, "goto() is overridden, and does not check who is in charge")
-    bench.run(bench.way_s(), lambda: not mine.active)
-    bench.require_status(
-        mine, GoalStatus.REACHED, "a rejected goto ended or diverted the goal of the controller in charge"
-    )
+    bench.arrive(mine, "a rejected goto ended or diverted the goal of the controller in charge")
 
 
 @clause("goto.invalid")
@@ -308,8 +314,7 @@ def invalid(bench: Bench) -> None:
     bench.expect_still(robot, 1.0, "an invalid target was sent")
     mine = bench.get_going(robot, good)
     bench.require_raises(ValueError, lambda: robot.goto(bad["NaN"], Controller.AC), "a goto with NaN")
-    bench.run(bench.way_s(), lambda: not mine.active)
-    bench.require_status(mine, GoalStatus.REACHED, "an invalid goto ended or diverted the goal in progress")
+    bench.arrive(mine, "an invalid goto ended or diverted the goal in progress")
 
 
 @clause("goto.flood", truth=True)

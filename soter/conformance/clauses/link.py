@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from statistics import median
+
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
@@ -10,6 +13,7 @@ from soter.sdk import Controller, GoalStatus, Link, Robot
 
 _LOST_S = 4.0
 _PATIENCE_S = 2.0
+_SILENT_S = 2.0
 _SLACK_S = 1.0
 
 
@@ -104,6 +108,8 @@ def reconnects(bench: Bench) -> None:
     bench.go(robot, bench.place(robot, 0.3))
     _cut(bench, robot)
     bench.run(_LOST_S)
+    # Said to a robot that is not heard it fails no call, and is over when the link is back.
+    robot.goto(bench.place(robot, 0.8), Controller.AC).cancel()
     bench.harness.restore(robot.id)
     came_back = bench.run(5.0, lambda: robot.read_state().link is Link.UP)
     bench.require(
@@ -114,6 +120,26 @@ def reconnects(bench: Bench) -> None:
     )
     bench.run(SETTLE_S)
     bench.expect_still(robot, 1.0, "what was sent while the link was cut is delivered late")
+
+
+@clause("link.revives_nothing", tier=Tier.WIRE, hooks=("cut",))
+def revives_nothing(bench: Bench) -> None:
+    """When the link comes back nothing moves before the lease is renewed."""
+    robot = bench.open_one()
+    goal = bench.get_going(robot, bench.place(robot, 0.9))
+    _cut(bench, robot)
+    bench.run(bench.orphaned_s() + _SILENT_S, renew=False)
+    before = bench.true_place(robot)
+    bench.harness.restore(robot.id)
+    bench.run(5.0, lambda: robot.read_state().link is Link.UP, renew=False)
+    bench.run(1.0, renew=False)
+    bench.require(goal.active, "a goal ends when the link is cut: it is in force until something ends it")
+    moved_m = math.dist(before, bench.true_place(robot))
+    bench.require(
+        moved_m <= bench.still_m,
+        f"once its link was back it moved by {moved_m:.3f} m, and nothing has renewed its lease since it was cut: "
+        "what is repeated then to make up for what was lost must not renew it",
+    )
 
 
 @clause("link.in_time", tier=Tier.WIRE, hooks=("cut",))
@@ -144,8 +170,13 @@ def one_of_two(bench: Bench) -> None:
     """Cutting either robot's link costs the other one nothing."""
     robots = bench.open(2)
     for lost, kept in (robots, robots[::-1]):
+        # A host that is busy makes samples older, too, before and after.
+        before_s = median(_ages(bench, kept))
         _cut(bench, lost)
-        bench.run(1.0)
+        bench.measure(
+            "waits_for_other_s", max(0.0, median(_ages(bench, kept)) - before_s), bench.caps.sample_age_s, 1e-4,
+            f"samples of robot {kept.id} wait for those of robot {lost.id}, whose link is cut",
+        )  # fmt: skip
         bench.go(
             kept,
             bench.place(kept, 0.5),
@@ -237,10 +268,11 @@ def _ages(bench: Bench, robot: Robot) -> list[float]:
     ages: list[float] = []
 
     def look() -> bool:
-        ages.append(robot.read_state().age_s(bench.now_s))
+        now_s = bench.now_s
+        ages.append(robot.read_state().age_s(now_s))
         return False
 
-    bench.run(1.0, look)
+    bench.run(1.0, look, closely=True)
     return ages
 
 

@@ -68,8 +68,7 @@ def switch(bench: Bench) -> None:
     kept = first.goto(bench.place(first, 0.7), Controller.AC)
     bench.get_going(second, bench.place(second, 0.8))
     second.switch_ac_sc(Controller.SC, "conformance")
-    bench.run(bench.way_s(), lambda: not kept.active)
-    bench.require_status(kept, GoalStatus.REACHED, "a switch of one robot took charge of another")
+    bench.arrive(kept, "a switch of one robot took charge of another")
     states = [bench.look(robot).state.controller for robot in (first, second)]
     bench.require(
         states in ([Controller.AC, Controller.SC], [None, None]),

@@ -10,9 +10,9 @@ from soter.conformance.bench import STILL_RAD, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
-from soter.conformance.track import Sample, quantile, turn
+from soter.conformance.track import TrackSample, quantile, turn
 from soter.errors import Unsupported
-from soter.sdk import Controller, GoalStatus, Link, Robot
+from soter.sdk import Controller, Link, Robot
 
 _FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
 _HEADING_RAD = 0.15
@@ -34,7 +34,7 @@ def _drive_about(bench: Bench) -> Robot:
     return robot
 
 
-def _straight(bench: Bench, samples: list[Sample]) -> list[tuple[Sample, Sample]]:
+def _straight(bench: Bench, samples: list[TrackSample]) -> list[tuple[TrackSample, TrackSample]]:
     """Return neighbours between which the robot drove straight on at some speed."""
     fast = 0.5 * bench.caps.v_max_m_s
     return [
@@ -151,7 +151,7 @@ def velocity(bench: Bench) -> None:
     _moves_as_said(bench, bench.tracks[robot.id])
 
 
-def _moves_as_said(bench: Bench, track: list[Sample]) -> None:
+def _moves_as_said(bench: Bench, track: list[TrackSample]) -> None:
     legs = _straight(bench, track)
     bench.require(len(legs) >= 3, "samples never showed half of v_max_m_s: velocity is missing, or in another unit")
     # Over whole stretches, so that noise of one sample does not count; each by itself, so that none hides another.
@@ -169,9 +169,9 @@ def _moves_as_said(bench: Bench, track: list[Sample]) -> None:
     )  # fmt: skip
 
 
-def _stretches(legs: list[tuple[Sample, Sample]]) -> list[list[tuple[Sample, Sample]]]:
+def _stretches(legs: list[tuple[TrackSample, TrackSample]]) -> list[list[tuple[TrackSample, TrackSample]]]:
     """Return pairs of neighbours by what they follow each other in."""
-    found: list[list[tuple[Sample, Sample]]] = []
+    found: list[list[tuple[TrackSample, TrackSample]]] = []
     for pair in legs:
         if found and found[-1][-1][1] is pair[0]:
             found[-1].append(pair)
@@ -189,8 +189,7 @@ def backwards(bench: Bench) -> None:
         goal = robot.goto(bench.place(robot, -0.7)._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
     except Unsupported:
         raise NotTested("not declared: targets with a heading, by which a robot is told to reverse") from None
-    bench.run(bench.way_s(), lambda: not goal.active)
-    bench.require_status(goal, GoalStatus.REACHED, "a target straight behind, with the present heading, is not reached")
+    bench.arrive(goal, "a target straight behind, with the present heading, is not reached")
     turned = max(abs(turn(began.heading_rad, each.heading_rad)) for each in bench.tracks[robot.id])
     bench.require(
         turned <= _HEADING_RAD + (bench.caps.heading_noise_rad or 0.0),
@@ -247,7 +246,8 @@ def fresh(bench: Bench) -> None:
         bench.require(
             abs(moved - expected) <= 0.5 * expected + bench.still_m / 2,
             f"between the stamps {first.at_s:.2f} and {second.at_s:.2f} s the position moved by {moved:.4f} m, at that "
-            f"speed expected {expected:.4f} m: old samples get new stamps; stamp them where they are measured",
+            f"speed expected {expected:.4f} m: old samples get new stamps, or stamps are rounded; stamp them where "
+            "they are measured",
         )
 
 

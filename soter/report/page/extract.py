@@ -10,8 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from soter.geometry.workspace import Box, Workspace
+from soter.record.attachments import Result
 from soter.record.content import Content
-from soter.record.messages import AC, Result, Violation
+from soter.record.messages import AC, ViolationEvent
 from soter.record.reader import Recording
 from soter.record.summary import Summary, summarise
 from soter.report.colours import ac_colour, driver_colour
@@ -62,9 +63,6 @@ class Document:
         news: whether only what was not told yet goes into it, which by that is told.
         goes_on: whether the run does.
 
-    Attributes:
-        title: of the page.
-
     Raises:
         BadRecording: the recording lacks what a page shows.
         ConfigError: its workspace is not allowed.
@@ -77,6 +75,7 @@ class Document:
         self._news: Final = news
         summary = summarise(recording, content)
         self.title: Final = _title(summary)
+        faults = {(each.kind, each.robot_id): each for each in content.faults}
         self._document: Final = {
             "version": VERSION,
             "title": self.title,
@@ -93,7 +92,7 @@ class Document:
             "drops": self._rows(story.drops),
             "breaches": self._rows(story.breaches),
             "stalls": self._rows(story.stalls),
-            "faults": [[each.kind, each.robot_id, each.declared, each.affected] for each in _last_faults(content)],
+            "faults": [[each.kind, each.robot_id, each.declared, each.affected] for each in faults.values()],
             "thinned": {
                 "tickS": recording.about.base_tick_s,
                 "poseTicks": story.pose_ticks,
@@ -105,8 +104,6 @@ class Document:
     def packed(self) -> str:
         """Return the document and all its columns as text for a page."""
         return self._columns.packed(self._document)
-
-    # --- one robot -------------------------------------------------------------------------------------------
 
     def _robot(self, robot: RobotStory, index: int) -> dict[str, Any]:
         about, column = robot.about, self._column
@@ -166,9 +163,6 @@ class Document:
         return {"since": since, "rows": values}
 
 
-# --- the run -----------------------------------------------------------------------------------------------
-
-
 def _title(summary: Summary) -> str:
     name = PurePath(summary.mission).stem or "mission"
     robots = len(summary.robots)
@@ -208,13 +202,9 @@ def _truth(recording: Recording, content: Content, summary: Summary, *, goes_on:
     }
 
 
-def _violation(violation: Violation) -> list[Any]:
+def _violation(violation: ViolationEvent) -> list[Any]:
     end_s = violation.end_s if isinstance(violation.end_s, float) else None
     return [violation.rule, list(violation.robots), violation.start_s, end_s]
-
-
-def _last_faults(content: Content) -> list[Any]:
-    return list({(each.kind, each.robot_id): each for each in content.faults}.values())
 
 
 def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:

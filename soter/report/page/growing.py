@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from soter.record.content import Content, Tick
+from soter.record.content import Content, RecordedTick
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.extract import Document
@@ -14,24 +14,15 @@ from soter.report.page.story import Story
 
 
 class GrowingPage:
-    """A run up to now, as a page for who comes late; and what of it is new, for pages that are open.
-
-    Args:
-        recording: the run, as far as it is known.
-    """
+    """A run up to now, as a page for who comes late; and what of it is new, for pages that are open."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording: Final = recording
         self._content: Final = Content.of(recording.about)
         self._story: Final = Story(recording.about, recording.workspace())
 
-    def add(self, ticks: Sequence[Tick], *, goes_on: bool) -> str:
-        """Add ticks; return the data that take an open page from what was added before to what there is now.
-
-        Args:
-            ticks: those that came since the last time.
-            goes_on: whether there may be more.
-        """
+    def add(self, ticks: Sequence[RecordedTick], *, goes_on: bool) -> str:
+        """Add ticks; return the data that take an open page from what was added before to what there is now."""
         for tick in ticks:
             self._content.add(tick)
         self._story.add(self._content)

@@ -14,19 +14,14 @@ from typing import Any, Final
 import numpy as np
 
 from soter.geometry.workspace import Workspace
+from soter.record.attachments import About, ModuleAbout, RobotAbout
 from soter.record.content import Series
-from soter.record.messages import About, ModuleAbout, RobotAbout
 
 RULES: Final = ("collision", "obstacle", "geofence")
 
 
 class RuleMargins:
-    """Adds margins to the samples of a run without modules.
-
-    Args:
-        about: the run.
-        workspace: its fence and boxes.
-    """
+    """Adds margins to the samples of a run without modules."""
 
     def __init__(self, about: About, workspace: Workspace) -> None:
         self._workspace: Final = workspace

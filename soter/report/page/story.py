@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soter.geometry.workspace import Workspace
-from soter.record.content import Content, Series, Way
-from soter.record.messages import AC, About, Breach, Goal, RobotAbout, Stall, Switch, Target
+from soter.record.attachments import About, RobotAbout
+from soter.record.content import Content, RecordedWay, Series
+from soter.record.messages import AC, BreachEvent, GoalEvent, StallEvent, SwitchEvent, TargetEvent
 from soter.report.page.pack import buckets, starts_of_runs
 from soter.report.page.rules import RuleMargins, modules_of
 
@@ -141,8 +142,6 @@ class RobotStory:
         self._target_at: Final[dict[int, int]] = {}
         self._extra_pose = False
 
-    # --- ticks -----------------------------------------------------------------------------------------------
-
     def add(self, series: Series, first: int, pose_ticks: int, bucket_ticks: int) -> None:
         """Add ticks, of which the first one has a number."""
         if not series.time_s:
@@ -164,7 +163,8 @@ class RobotStory:
         poses = ((self.time_s, series.time_s), (self.x_m, series.x_m), (self.y_m, series.y_m),
                  (self.heading_rad, series.heading_rad))  # fmt: skip
         if self._extra_pose:
-            self._cut_last_pose()
+            for column, _ in poses:
+                column.cut(len(column.values) - 1)
         last = len(series.time_s) - 1
         self._extra_pose = (first + last) % step != 0
         for column, values in poses:
@@ -172,10 +172,6 @@ class RobotStory:
             column.add(numbers[-first % step :: step])
             if self._extra_pose:
                 column.add(numbers[last:])
-
-    def _cut_last_pose(self) -> None:
-        for column in (self.time_s, self.x_m, self.y_m, self.heading_rad):
-            column.cut(len(column.values) - 1)
 
     def halve_poses(self) -> None:
         """Keep every other pose, and the last one."""
@@ -193,9 +189,7 @@ class RobotStory:
         for each in (self.charge, *self.margins, *self.reaches):
             each.halve()
 
-    # --- events ----------------------------------------------------------------------------------------------
-
-    def add_target(self, target: Target) -> None:
+    def add_target(self, target: TargetEvent) -> None:
         """Note that a target has begun or ended."""
         at = self._target_at.get(target.target_id)
         if not target.outcome:
@@ -210,7 +204,7 @@ class RobotStory:
             row[2], row[5] = rounded_s(target.time_s), target.outcome
             self.targets.set(at, row)
 
-    def add_goal(self, goal: Goal) -> None:
+    def add_goal(self, goal: GoalEvent) -> None:
         """Note that a goal was sent or has ended."""
         end_s = self.goals[1]
         if end_s.values and np.isinf(end_s.values[-1]):
@@ -221,7 +215,7 @@ class RobotStory:
             for column, value in zip(self.goals, values, strict=True):
                 column.add([value])
 
-    def add_way(self, way: Way) -> None:
+    def add_way(self, way: RecordedWay) -> None:
         """Note what the AC means to drive."""
         self.way_s.add([way.time_s])
         self.way_x_m.add([x for x, _ in way.places])
@@ -313,20 +307,20 @@ class Story:
             rows.set(at, row(event))
         self._told[key] = at, event
 
-    def _switch(self, switch: Switch) -> list[object]:
+    def _switch(self, switch: SwitchEvent) -> list[object]:
         return [
             switch.time_s, switch.robot_id, self.drivers.index(switch.before), self.drivers.index(switch.after),
             switch.module, switch.cause, list(switch.joined),
         ]  # fmt: skip
 
 
-def _breach(breach: Breach) -> list[object]:
+def _breach(breach: BreachEvent) -> list[object]:
     worst = [[each.excess, each.unit, rounded_s(each.time_s), each.cause] for each in breach.worst]
     return [breach.robot_id, breach.assumption, rounded_s(breach.start_s), rounded_s(breach.last_s), breach.times,
             breach.cause, worst]  # fmt: skip
 
 
-def _stall(stall: Stall) -> list[object]:
+def _stall(stall: StallEvent) -> list[object]:
     end_s = rounded_s(stall.end_s) if isinstance(stall.end_s, float) else None
     return [stall.robot_id, rounded_s(stall.start_s), end_s, stall.module, stall.cause]
 

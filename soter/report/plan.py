@@ -1,0 +1,145 @@
+"""A run seen from above: where robots drove, where control changed hands, and what was broken where."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from soter.record.tracks import RunTracks
+from soter.report.caption import Margins, Remark
+from soter.report.colours import ac_colour, driver_colour
+from soter.report.ground import INK, OUTSIDE, SOFT, draw_ground
+from soter.report.strokes import end_s, marks, stretches
+
+ALARM: Final = "#B3261E"
+
+Extent = tuple[float, float, float, float]
+"""Low x and y, high x and y, in metres."""
+
+
+def robot_colour(run: RunTracks, robot_id: int) -> str:
+    """Return the colour of a robot in AC."""
+    return ac_colour(sorted(run.tracks).index(robot_id))
+
+
+def extent_of(run: RunTracks) -> Extent:
+    """Return what the plan shows in metres: the fence with a rim, and wherever a robot went beyond."""
+    low_x, low_y, high_x, high_y = run.workspace.bounds
+    rim_m = 0.05 * max(high_x - low_x, high_y - low_y)
+    xs_m = [x for track in run.tracks.values() for x in track.x_m]
+    ys_m = [y for track in run.tracks.values() for y in track.y_m]
+    return (
+        min([low_x, *xs_m]) - rim_m, min([low_y, *ys_m]) - rim_m,
+        max([high_x, *xs_m]) + rim_m, max([high_y, *ys_m]) + rim_m,
+    )  # fmt: skip
+
+
+def draw_place(axes: Axes, run: RunTracks, extent: Extent) -> None:
+    """Draw what does not move: the ground, in metres."""
+    axes.set_xlim(extent[0], extent[2])
+    axes.set_ylim(extent[1], extent[3])
+    axes.set_facecolor(OUTSIDE)
+    axes.tick_params(length=3, colors=SOFT, labelsize=8)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    draw_ground(axes, run.workspace, run.safer_inset_m)
+    low_x, low_y, high_x, high_y = run.workspace.bounds
+    step = 1.0 if high_x - low_x <= 12.0 else 2.0 * math.ceil((high_x - low_x) / 24.0)
+    for axis, low_m, high_m in ((axes.xaxis, low_x, high_x), (axes.yaxis, low_y, high_y)):
+        axis.set_ticks([step * index for index in range(math.ceil(low_m / step), int(high_m // step) + 1)])
+    axes.text(1.0, -0.012, "m", transform=axes.transAxes, color=SOFT, fontsize=8, ha="left", va="top")
+
+
+def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> list[Artist]:
+    """Draw where robots drove from a time on, over the place, with a note under it; return what was drawn."""
+    before = set(axes.get_children())
+    _ways(axes, run, since_s)
+    _marks(axes, run, since_s)
+    for robot_id, track in sorted(run.tracks.items()):
+        if track.time_s:
+            _numbered(axes, track.x_m[0], track.y_m[0], robot_id, robot_colour(run, robot_id), filled=True)
+            _numbered(axes, track.x_m[-1], track.y_m[-1], robot_id, robot_colour(run, robot_id), filled=False)
+    if note:
+        axes.text(
+            0.5, 0.004, note, transform=axes.transAxes, ha="center", va="bottom", color=SOFT, fontsize=8.5,
+            style="italic", zorder=9,
+        )  # fmt: skip
+    return sorted((each for each in axes.get_children() if each not in before), key=Artist.get_zorder)
+
+
+def since_note(run: RunTracks, since_s: float) -> str:
+    """Return what part of a run's ways is drawn, in words; nothing if all of them are."""
+    return f"ways of the last {(end_s(run) - since_s) / 60.0:.2g} min" if since_s > 0.0 else ""
+
+
+def _ways(axes: Axes, run: RunTracks, since_s: float) -> None:
+    # The more there is, the finer it is drawn.
+    crowd = sum(len(stretches(track, since_s)) for track in run.tracks.values()) / 100.0
+    fine = 1.0 if crowd < 3.0 else 0.8
+    for robot_id, track in sorted(run.tracks.items()):
+        by_driver: dict[int, list[list[tuple[float, float]]]] = {}
+        for driver, first, last in stretches(track, since_s):
+            points = list(zip(track.x_m[first : last + 1], track.y_m[first : last + 1], strict=True))
+            by_driver.setdefault(driver, []).append(points)
+        for driver, ways in by_driver.items():
+            ac = driver == 0
+            colour = robot_colour(run, robot_id) if ac else driver_colour(run.drivers[driver])
+            axes.add_collection(LineCollection(
+                ways, colors=colour, linewidths=(1.1 if ac else 2.4) * fine, alpha=0.6 if ac else 0.9,
+                zorder=3 if ac else 4, capstyle="round", joinstyle="round",
+            ))  # fmt: skip
+
+
+def _marks(axes: Axes, run: RunTracks, since_s: float) -> None:
+    found = marks(run, since_s)
+    scale = 1.0 if len(found) < 150 else 0.7
+    back = [mark for mark in found if mark.module is None]
+    axes.scatter(
+        [mark.x_m for mark in back], [mark.y_m for mark in back], s=9 * scale, fc="white",
+        ec=[robot_colour(run, mark.robot_id) for mark in back], lw=0.8, zorder=5,
+    )  # fmt: skip
+    taken = [mark for mark in found if mark.module is not None]
+    axes.scatter(
+        [mark.x_m for mark in taken], [mark.y_m for mark in taken], s=26 * scale,
+        c=[driver_colour(mark.module or "") for mark in taken], ec="white", lw=0.7, zorder=6,
+    )  # fmt: skip
+
+
+def _numbered(axes: Axes, x_m: float, y_m: float, robot_id: int, colour: str, *, filled: bool) -> None:
+    axes.plot([x_m], [y_m], "o", ms=13, mfc=colour if filled else "white", mec="white" if filled else colour,
+              mew=1.2, zorder=7)  # fmt: skip
+    axes.text(x_m, y_m, str(robot_id), color="white" if filled else colour, fontsize=7.5, weight="bold", ha="center",
+              va="center_baseline", zorder=8)  # fmt: skip
+
+
+def draw_rule(axes: Axes, rule: Margins) -> None:
+    """Draw where a rule is broken, and its edge."""
+    x_m, y_m, margins = rule.x_m, rule.y_m, rule.margins
+    axes.contourf(x_m, y_m, margins, [-math.inf, 0.0], colors=[ALARM], alpha=0.12, zorder=1.7)
+    axes.contour(x_m, y_m, margins, [0.0], colors=[ALARM], linewidths=2.2, zorder=2.5)
+    axes.text(
+        0.5, 0.004, f"red: {rule.text}", transform=axes.transAxes, ha="center", va="bottom", color=ALARM,
+        fontsize=8.5, style="italic", zorder=9,
+    )  # fmt: skip
+
+
+def draw_remark(axes: Axes, remark: Remark) -> None:
+    """Say something of a place on the plan, beside a ring around it, and to the side where there is room."""
+    colour = ALARM if remark.broken else INK
+    axes.plot(
+        [remark.x_m], [remark.y_m], "o", ms=22, mfc="none", mec=colour, mew=2.2 if remark.broken else 1.2, zorder=10
+    )
+    east, north = axes.get_xlim(), axes.get_ylim()
+    side = -1.0 if remark.x_m > sum(east) / 2.0 else 1.0
+    up = 1.0 if remark.y_m < sum(north) / 2.0 else -1.0
+    # What was broken is said towards the middle, the rest away from it, so that two remarks on one place are apart.
+    up = up if remark.broken else -up
+    axes.annotate(
+        remark.text, (remark.x_m, remark.y_m), (side * 22.0, up * 18.0), textcoords="offset points", color=colour,
+        fontsize=9, weight="bold", zorder=11, va="center", ha="right" if side < 0.0 else "left",
+        bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": colour, "lw": 0.8},
+    )  # fmt: skip
