@@ -6,11 +6,11 @@ from pathlib import Path
 
 from soter.campaign.job import Job
 from soter.campaign.plan import Campaign, load_campaign
-from soter.campaign.store import Row, Store
+from soter.campaign.store import RunRow, Store
 from soter.errors import ConfigError
 
 
-def find(store: Store, name: str) -> Row:
+def find(store: Store, name: str) -> RunRow:
     """Return the run of an id, or of the beginning of one.
 
     Raises:
@@ -31,7 +31,7 @@ def campaign_of(store: Store) -> Campaign:
     return load_campaign(Path(store.about()["path"]))
 
 
-def job_of(store: Store, row: Row) -> Job:
+def job_of(store: Store, row: RunRow) -> Job:
     """Return the job of a run.
 
     Raises:

@@ -9,7 +9,7 @@ from typing import Final
 
 from soter.campaign.conditions import figure
 from soter.campaign.intervals import median
-from soter.campaign.store import Row
+from soter.campaign.store import RunRow
 
 FIGURES: Final = (
     "violations", "min_margin", "ac_share", "disengagements_total", "targets_reached", "longest_stall_s",
@@ -19,7 +19,7 @@ FIGURES: Final = (
 
 
 @dataclass(frozen=True)
-class Difference:
+class PairedDifference:
     """A figure of two sides, paired.
 
     Attributes:
@@ -46,7 +46,7 @@ class Difference:
         return self.low is not None and self.high is not None and not self.low <= 0.0 <= self.high
 
 
-def select(rows: Iterable[Row], wanted: Mapping[str, str]) -> list[Row]:
+def select(rows: Iterable[RunRow], wanted: Mapping[str, str]) -> list[RunRow]:
     """Return the runs of which axes (or `part`) have the wanted names."""
     return [
         row for row in rows
@@ -54,10 +54,10 @@ def select(rows: Iterable[Row], wanted: Mapping[str, str]) -> list[Row]:
     ]  # fmt: skip
 
 
-def pairs(left: Sequence[Row], right: Sequence[Row], apart: Iterable[str]) -> list[tuple[Row, Row]]:
+def pairs(left: Sequence[RunRow], right: Sequence[RunRow], apart: Iterable[str]) -> list[tuple[RunRow, RunRow]]:
     """Return runs of the left and of the right that have the same seed and agree on all axes but those apart."""
 
-    def key(row: Row) -> tuple[object, ...]:
+    def key(row: RunRow) -> tuple[object, ...]:
         axes = {"part": row.part, **row.axes}
         return row.seed, *sorted((axis, name) for axis, name in axes.items() if axis not in apart)
 
@@ -65,7 +65,7 @@ def pairs(left: Sequence[Row], right: Sequence[Row], apart: Iterable[str]) -> li
     return [(row, by_key[key(row)]) for row in left if key(row) in by_key]
 
 
-def compare(paired: Sequence[tuple[Row, Row]]) -> list[Difference]:
+def compare(paired: Sequence[tuple[RunRow, RunRow]]) -> list[PairedDifference]:
     """Return how figures differ, of those that some pairs have."""
     found = []
     for name in FIGURES:
@@ -74,5 +74,5 @@ def compare(paired: Sequence[tuple[Row, Row]]) -> list[Difference]:
         if both:
             enclosed = median([b - a for a, b in both]) or (None, None, None)
             means = fmean(a for a, _ in both), fmean(b for _, b in both)
-            found.append(Difference(name, len(both), *means, *enclosed))
+            found.append(PairedDifference(name, len(both), *means, *enclosed))
     return found

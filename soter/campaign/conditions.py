@@ -14,7 +14,7 @@ from pydantic import BeforeValidator
 from soter.problems import not_allowed
 
 if TYPE_CHECKING:
-    from soter.campaign.store import Row
+    from soter.campaign.store import RunRow
 
 _OPERATORS: Final[Mapping[str, Callable[[float, float], bool]]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
@@ -32,7 +32,7 @@ _RULE: Final = re.compile(
 )
 
 
-def figure(row: Row, name: str) -> float | None:
+def figure(row: RunRow, name: str) -> float | None:
     """Return a figure of a run, or None where it has none.
 
     Args:
@@ -90,7 +90,7 @@ class Condition:
             raise not_allowed(f"'[{'|'.join(_OVER)}] FIGURE {'|'.join(_OPERATORS)} NUMBER', such as 'violations == 0'")
         return cls(found[0], found["over"] or "", found["figure"], found["operator"], float(found["number"]))
 
-    def judge(self, rows: Iterable[Row]) -> Judged:
+    def judge(self, rows: Iterable[RunRow]) -> Judged:
         """Judge finished runs. A run that has no such figure proves nothing."""
         holds = _OPERATORS[self.operator]
         values = {row.id: figure(row, self.figure) for row in rows}
@@ -106,7 +106,7 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Rule:
+class RateRule:
     """When it is enough: "FIGURE < R per robot-hour at P %", or "FIGURE < R of runs at P %".
 
     Attributes:
@@ -124,7 +124,7 @@ class Rule:
     level: float
 
     @classmethod
-    def parse(cls, text: object) -> Rule:
+    def parse(cls, text: object) -> RateRule:
         """Read it; for pydantic."""
         found = _RULE.fullmatch(text) if isinstance(text, str) else None
         if found is not None:
@@ -136,4 +136,4 @@ class Rule:
 
 
 Requirement = Annotated[Condition, BeforeValidator(Condition.parse)]
-StoppingRule = Annotated[Rule, BeforeValidator(Rule.parse)]
+StoppingRule = Annotated[RateRule, BeforeValidator(RateRule.parse)]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from statistics import fmean
 from typing import Final
 
 from scipy.special import betainc, betaln, gammainc, gammaln
-from scipy.stats import beta, binom, chi2
+from scipy.stats import beta, binom, chi2, sem, t
 
 LEVEL: Final = 0.95
 
@@ -55,6 +56,19 @@ def median(values: Sequence[float], level: float = LEVEL) -> tuple[float, float,
         return None
     middle = (ordered[(count - 1) // 2] + ordered[count // 2]) / 2.0
     return middle, ordered[inside - 1], ordered[count - inside]
+
+
+def positive_mean(values: Sequence[float], level: float = LEVEL) -> tuple[float, float, float]:
+    """Return the mean and an interval of values that cannot be negative and lie apart by factors, at least two of them.
+
+    It is Student's interval of the mean, laid around its logarithm (by the delta method): it holds as far as that of
+    many such values is a normal one. Around the mean itself it would too often end below the true value.
+    """
+    middle = fmean(values)
+    if middle == 0.0:
+        return 0.0, 0.0, math.inf
+    factor = math.exp(float(t.isf((1.0 - level) / 2.0, len(values) - 1) * sem(values)) / middle)
+    return middle, middle / factor, middle * factor
 
 
 def rate_evidence(count: int, exposure: float, bound: float) -> float:

@@ -48,6 +48,9 @@ HOST: Final = (
 JUDGED: Final = "second_judge"
 """The key of a result that holds what the second judge says; see `soter.campaign.random.running`."""
 
+FALLS: Final = "falls"
+"""The key of a result that holds how the margin of `Job.falls_of` fell; see `soter.runner.Run`."""
+
 LATE_S: Final = 30.0
 """What a run gets beyond its limit before its process is ended: it may hang where it cannot be asked to stop."""
 
@@ -68,6 +71,7 @@ class Job:
         judged: whether a second judge judges it; drawn configurations always are.
         folder: where it is run, so that paths and classes of the user's own are found; empty for where the process is.
         sources: a hash over all that its outcome may depend on besides; see `soter.campaign.sources`.
+        falls_of: the rule whose least margin is followed; empty for none.
     """
 
     part: str
@@ -80,12 +84,13 @@ class Job:
     judged: bool = False
     folder: str = ""
     sources: str = ""
+    falls_of: str = ""
 
     @property
     def id(self) -> str:
         """What names the run in its store: the same for the same part, mission and settings."""
-        whole = json.dumps([self.part, self.mission, dict(self.settings), self.accept_unproved], sort_keys=True)
-        return hashlib.sha256(whole.encode()).hexdigest()[:12]
+        whole = [self.part, self.mission, dict(self.settings), self.accept_unproved, *filter(None, [self.falls_of])]
+        return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:12]
 
     @property
     def seed(self) -> int:
@@ -150,6 +155,8 @@ class Done:
         host = {key: figures.pop(key) for key in HOST}
         # The job has it; a configuration that is drawn is in a folder that is gone by now.
         del figures["mission"]
+        if run.falls:
+            figures[FALLS] = [[*fall] for fall in run.falls]
         failed = run.result.status != "completed"
         return cls("failed" if failed else "done", run.result.failure, "", figures, host)
 
@@ -175,7 +182,11 @@ def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) ->
         done = (
             _judged(job, ending, record)
             if job.judged or not job.mission
-            else Done.of(run_mission(job.load(), stop=ending, accept_unproved=job.accept_unproved, record=record))
+            else Done.of(
+                run_mission(
+                    job.load(), stop=ending, accept_unproved=job.accept_unproved, record=record, falls_of=job.falls_of
+                )
+            )
         )
     except (ConfigError, BackendError, IllFormedModule) as refusal:
         return Done("refused", str(refusal))

@@ -25,6 +25,7 @@ from soter.config.tables import Name, Table, wrong
 from soter.errors import ConfigError
 from soter.problems import config_error, parse_toml, pydantic_problems, read_limited, shown_value
 from soter.registry import load_backend
+from soter.sdk import RULES
 
 SEED: Final = "seed"
 DRAWN: Final = "random"
@@ -137,6 +138,22 @@ class SearchTable(Table):
     by: Literal["cma", "random"] = "cma"
 
 
+class SplitTable(Table):
+    """Importance splitting: how often the least margin of a rule falls below a value; see `soter.campaign.splitting`.
+
+    Attributes:
+        rule: a safety module, or a rule of the user's own.
+        below: the value, in the margin's unit.
+        repetitions: how often all of it is done, independently; the seeds are shared out among them.
+        at_most: what is required of the share of the runs, by the upper end of its interval; None for nothing.
+    """
+
+    rule: Name
+    below: Number = 0.0
+    repetitions: Annotated[int, Field(ge=5, le=1000)] = 10
+    at_most: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+
+
 Axis = list[Any] | dict[str, dict[str, Any]]
 """Values of the key that the axis is named after; or by name the settings of several keys."""
 
@@ -155,6 +172,7 @@ class PartTable(Table):
         until: it is ended when this is shown; see there.
         repeats: the part whose runs these must repeat bit by bit.
         search: looks for the worst over declared ranges.
+        split: estimates how often what is rare happens.
         may_refuse: runs may be refused as ill-formed or not proved.
         accept_unproved: what cannot be proved is run, as by `soter run --accept-unproved`.
         limit_s: host time that one run may take.
@@ -171,6 +189,7 @@ class PartTable(Table):
     until: StoppingRule | None = None
     repeats: str = ""
     search: SearchTable | None = None
+    split: SplitTable | None = None
     may_refuse: bool = False
     accept_unproved: bool = False
     limit_s: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] | None = None
@@ -246,7 +265,7 @@ class Campaign:
         settings = _in_faults(settings, str(self.path))
         return Job(
             part.name, number, self.mission(part), settings, axes, part.accept_unproved, part.limit_s,
-            folder=str(Path.cwd()), sources=code_hash(),
+            folder=str(Path.cwd()), sources=code_hash(), falls_of=part.split.rule if part.split else "",
         )  # fmt: skip
 
 
@@ -347,6 +366,14 @@ def _refuse_wrong(campaign: Campaign, part: PartTable, key: str, line: int | Non
 
     if part.search is not None and (part.sample or part.until or part.grid):
         raise refusal("search", "it stands beside sample, until or grid, allowed: a part of its own")
+    if part.split is not None:
+        if part.search or part.sample or part.until or part.grid or part.mission == DRAWN:
+            allowed = "a part of its own, with a mission file"
+            raise refusal("split", f"it stands beside search, sample, until, grid or a draw, allowed: {allowed}")
+        seeds, repetitions = [*part.all_seeds()], part.split.repetitions
+        if len(set(seeds)) < len(seeds) or len(seeds) % repetitions or len(seeds) < 2 * repetitions:
+            allowed = f"each once, and for each of the {repetitions} repetitions equally many, 2 or more"
+            raise refusal("seeds", f"there are {len(seeds)}, {len(set(seeds))} of them different, allowed: {allowed}")
     seed = next(iter(part.all_seeds()))
     for axes, row in part.rows():
         settings = {**row, SEED: seed, **campaign.overrides}
@@ -367,6 +394,13 @@ def _refuse_wrong(campaign: Campaign, part: PartTable, key: str, line: int | Non
             mission.read_workspace()
         except ConfigError as failure:
             raise refusal("set" if not axes else "grid", f"{where}: {failure}" if where else str(failure)) from failure
+        if part.split is not None:
+            rules = (*RULES, *mission.rta.module)
+            if part.split.rule not in rules:
+                raise refusal("split.rule", f"it is '{part.split.rule}', allowed: {', '.join(rules)}")
+            if mission.reseed or not mission.fault:
+                found = "its mission has [[reseed]] already" if mission.reseed else "its mission has no [[fault]]"
+                raise refusal("split", f"{found}, allowed: faults whose random numbers only the campaign draws anew")
         if not _in_virtual_time(mission):
             allowed = "a backend in virtual time, such as kinematic: only there a seed gives one run"
             raise refusal("set.backend", f"it is '{mission.backend}', allowed: {allowed}")

@@ -12,7 +12,7 @@ import numpy as np
 from soter.campaign.conditions import figure
 from soter.campaign.job import Job
 from soter.campaign.plan import SEED, Campaign, PartTable, flat
-from soter.campaign.store import Row, Store
+from soter.campaign.store import RunRow, Store
 
 _BEGIN_SPREAD: Final = 0.3
 _NOTHING: Final = 1e9
@@ -45,7 +45,7 @@ class Searched:
             self._ask()
         return self._asked.popleft() if self._asked and not self._ended else None
 
-    def tell(self, row: Row) -> None:
+    def tell(self, row: RunRow) -> None:
         found = figure(row, self._search.minimise)
         self._found[row.number] = _NOTHING if found is None else found
         self._learn()

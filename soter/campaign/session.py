@@ -6,14 +6,15 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
-from soter.campaign.conditions import Rule, figure
+from soter.campaign.conditions import StoppingRule, figure
 from soter.campaign.intervals import enough, rate_evidence, share_evidence
 from soter.campaign.job import Done, Job
 from soter.campaign.plan import Campaign, PartTable
-from soter.campaign.store import Row, Store
+from soter.campaign.splitting import Split
+from soter.campaign.store import RunRow, Store
 from soter.campaign.workers import Workers
 
 MOST_DEATHS: Final = 3
@@ -42,7 +43,7 @@ class Totals:
     status: Counter[str] = field(default_factory=Counter)
     left_s: float | None = None
 
-    def add(self, row: Row) -> None:
+    def add(self, row: RunRow) -> None:
         """Count a run."""
         self.runs += 1
         self.robot_hours += row.robot_hours
@@ -54,7 +55,7 @@ class Source(Protocol):
     """Where the runs of a part come from.
 
     Attributes:
-        planned: how many there are at most, whatever is finished.
+        planned: how many there are at most, as far as that is known.
     """
 
     planned: int
@@ -62,7 +63,7 @@ class Source(Protocol):
     def next(self) -> Job | None:
         """Return the next run; None if there is none now. There may be one after more are finished."""
 
-    def tell(self, row: Row) -> None:
+    def tell(self, row: RunRow) -> None:
         """Hear of a finished run."""
 
     def end(self, store: Store) -> None:
@@ -80,7 +81,7 @@ class Listed:
         self.planned = sum(1 for _ in part.rows()) * len([*part.all_seeds()])
         self._jobs: Final[Iterator[Job]] = campaign.jobs(part)
         self._part: Final = part
-        self._waiting: Final[dict[int, Row]] = {}
+        self._waiting: Final[dict[int, RunRow]] = {}
         self._look: Final = None if part.until is None else Look(part.until)
         self._next = 0
         self._enough = False
@@ -88,7 +89,7 @@ class Listed:
     def next(self) -> Job | None:
         return None if self._enough else next(self._jobs, None)
 
-    def tell(self, row: Row) -> None:
+    def tell(self, row: RunRow) -> None:
         if self._look is None or self._enough:
             return
         self._waiting[row.number] = row
@@ -113,13 +114,13 @@ class Look:
         log_evidence: that what must be rare is, as a logarithm; see `rate_evidence`.
     """
 
-    def __init__(self, rule: Rule) -> None:
+    def __init__(self, rule: StoppingRule) -> None:
         self.rule: Final = rule
         self.log_evidence = 0.0
         self._events = self._runs = 0
         self._hours = 0.0
 
-    def at(self, row: Row) -> bool:
+    def at(self, row: RunRow) -> bool:
         """Look at one run more; return whether it is enough. A run without that figure is none that shows anything."""
         found = figure(row, self.rule.figure)
         if found is None:
@@ -139,7 +140,9 @@ def sources(campaign: Campaign) -> list[Source]:
     """Return where the runs of a campaign come from."""
     found: list[Source] = []
     for part in campaign.parts.values():
-        if part.search is None:
+        if part.split is not None:
+            found.append(Split(campaign, part))
+        elif part.search is None:
             found.append(Listed(campaign, part))
         else:
             # Only searches need its library.
@@ -155,7 +158,7 @@ def run_campaign(
     workers: Workers,
     *,
     stop: Callable[[], bool] = lambda: False,
-    on_change: Callable[[Totals, Row | None], None] = lambda totals, row: None,
+    on_change: Callable[[Totals, RunRow | None], None] = lambda totals, row: None,
 ) -> Totals:
     """Run what the store lacks.
 
@@ -175,7 +178,7 @@ def run_campaign(
     again: list[tuple[Job, Source]] = []
     began_s, finished = time.monotonic(), 0
 
-    def changed(row: Row | None) -> None:
+    def changed(row: RunRow | None) -> None:
         totals.planned = sum(source.planned for source in all_sources)
         if finished:
             totals.left_s = (time.monotonic() - began_s) / finished * (totals.planned - totals.runs)
@@ -184,7 +187,8 @@ def run_campaign(
     def tell(source: Source, job: Job, *, quiet: bool = False) -> None:
         for row in store.rows(run=job.id):
             totals.add(row)
-            source.tell(row)
+            # A store that had another plan before may have it at another place.
+            source.tell(replace(row, number=job.number))
             if not quiet:
                 changed(row)
 

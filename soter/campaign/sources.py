@@ -15,6 +15,7 @@ _SUFFIXES: Final = {".py", ".urdf", ".xml"}
 _NO_SAY: Final = ("cli/", "report/", "live/", "conformance/", "campaign/report/")
 """Folders of SOTER that have no say in what a run becomes."""
 
+_BESIDE: Final = {".py", ".xml", ".geojson", ".plan", ".kml", ".yaml", ".yml", ".pgm", ".png"}
 _LIBRARIES: Final = ("numpy", "ompl", "pybullet")
 
 
@@ -38,7 +39,7 @@ def sources_hash(missions: Iterable[Path]) -> str:
     """Return the same with missions, and with the workspaces and classes of the user's own beside them."""
     digest = hashlib.sha256(code_hash().encode())
     given = {mission.resolve() for mission in missions}
-    beside = {path for mission in given for kind in ("*.py", "*.xml") for path in mission.parent.glob(kind)}
+    beside = {path for mission in given for path in mission.parent.iterdir() if path.suffix in _BESIDE}
     for path in sorted(given | beside):
         digest.update(f"{path.name}\0".encode())
         digest.update(path.read_bytes())

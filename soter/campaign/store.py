@@ -8,7 +8,7 @@ import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -63,7 +63,7 @@ SAME: Final = (
 
 
 @dataclass(frozen=True)
-class Row:
+class RunRow:
     """A finished run; the attributes are the columns that are not in `result`, and see `Job` and `Done`."""
 
     id: str
@@ -87,6 +87,10 @@ class Row:
     def violations(self) -> Mapping[str, int] | None:
         """By rule, by ground truth; None where there is none."""
         return self.result.get("violations")
+
+
+_COLUMNS: Final = tuple(field.name for field in fields(RunRow))
+_JSON: Final = ("axes", "settings", "findings", "result", "host")
 
 
 class Store:
@@ -221,31 +225,22 @@ class Store:
         """Return the ids of all finished runs, counted or not."""
         return {name for (name,) in self._sql.execute("SELECT id FROM runs")}
 
-    def rows(self, *, part: str | None = None, run: str | None = None) -> Iterator[Row]:
+    def rows(self, *, part: str | None = None, run: str | None = None) -> Iterator[RunRow]:
         """Yield finished runs that count, in their order; all of them, those of a part, or the one of an id."""
         query = (
-            "SELECT id, part, number, mission, seed, axes, settings, command, status, failure, traceback, findings, "
-            "robot_hours, trace_sha256, result, host FROM runs WHERE (? IS NULL OR part = ?) "
+            f"SELECT {', '.join(_COLUMNS)} FROM runs WHERE (? IS NULL OR part = ?) "  # noqa: S608
             "AND (? IS NULL AND counted OR id = ?) ORDER BY part, number"
         )
         with closing(self._sql.execute(query, (part, part, run, run))) as found:
-            for row in found:
-                yield _row(*row)
+            for values in found:
+                row = dict(zip(_COLUMNS, values, strict=True))
+                row |= {name: json.loads(row[name] or "{}") for name in _JSON}
+                yield RunRow(**{**row, "robot_hours": row["robot_hours"] or 0.0})
 
     def same(self) -> list[tuple[Any, ...]]:
         """Return all that two stores of one campaign agree in; see `SAME`."""
         query = f"SELECT {', '.join(SAME)} FROM runs WHERE counted ORDER BY part, number"  # noqa: S608
         return self._sql.execute(query).fetchall()
-
-
-def _row(
-    name: str, part: str, number: int, mission: str, seed: int, axes: str, settings: str, command: str, status: str,
-    failure: str, trace: str, findings: str, hours: float | None, digest: str, result: str | None, host: str,
-) -> Row:  # fmt: skip
-    return Row(
-        name, part, number, mission, seed, json.loads(axes), json.loads(settings), command, status, failure, trace,
-        json.loads(findings), hours or 0.0, digest, json.loads(result or "{}"), json.loads(host),
-    )  # fmt: skip
 
 
 def _json(value: Any) -> str:

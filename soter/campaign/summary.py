@@ -12,11 +12,12 @@ from typing import Final
 from soter.campaign.conditions import Condition, Judged, figure
 from soter.campaign.intervals import poisson
 from soter.campaign.plan import Campaign, PartTable
-from soter.campaign.store import Row, Store
+from soter.campaign.splitting import BRANCHED, judge_split
+from soter.campaign.store import RunRow, Store
 from soter.sdk import RULES
 
 NO_VIOLATION: Final = Condition.parse("violations == 0")
-"""What is required of a part that requires nothing."""
+"""What is required of a part that requires nothing, and does not split."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Group:
 
     part: str
     axes: Mapping[str, str]
-    rows: tuple[Row, ...]
+    rows: tuple[RunRow, ...]
 
     @property
     def name(self) -> str:
@@ -81,7 +82,12 @@ class Group:
         return ", ".join(f"{axis.rpartition('.')[2]} {name}" for axis, name in self.axes.items()) or "-"
 
     @property
-    def done(self) -> list[Row]:
+    def branched(self) -> bool:
+        """Whether these were chosen because others had come near: no rate follows from them."""
+        return self.axes == BRANCHED
+
+    @property
+    def done(self) -> list[RunRow]:
         """Those that got to their end."""
         return [row for row in self.rows if row.status == "done"]
 
@@ -95,7 +101,9 @@ class Group:
         return sum(row.status == name for row in self.rows)
 
     def rate(self, name: str) -> Rate | None:
-        """Return how often something is counted per robot-hour; None where it is not known of a run."""
+        """Return how often something is counted per robot-hour; None where runs do not say, or one does not know."""
+        if self.branched:
+            return None
         counts = [figure(row, name) for row in self.rows if row.result]
         known = [count for count in counts if count is not None]
         return Rate.of(round(sum(known)), self.robot_hours) if known and len(known) == len(counts) else None
@@ -114,9 +122,9 @@ class Group:
         return sum((Counter(row.result.get(name) or {}) for row in self.rows), Counter())
 
 
-def groups(rows: Iterable[Row]) -> list[Group]:
+def groups(rows: Iterable[RunRow]) -> list[Group]:
     """Return runs by part and setting, in the order in which these come first."""
-    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[Row]] = {}
+    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[RunRow]] = {}
     for row in rows:
         found.setdefault((row.part, tuple(row.axes.items())), []).append(row)
     return [Group(part, dict(axes), tuple(each)) for (part, axes), each in found.items()]
@@ -124,12 +132,15 @@ def groups(rows: Iterable[Row]) -> list[Group]:
 
 def judge(campaign: Campaign, store: Store) -> dict[str, list[Judged]]:
     """Return, by part, what is required of it and whether it holds."""
-    return {name: _judged(part, [*store.rows(part=name)], store) for name, part in campaign.parts.items()}
+    return {name: _judged(campaign, part, [*store.rows(part=name)], store) for name, part in campaign.parts.items()}
 
 
-def _judged(part: PartTable, rows: Sequence[Row], store: Store) -> list[Judged]:
+def _judged(campaign: Campaign, part: PartTable, rows: Sequence[RunRow], store: Store) -> list[Judged]:
     finished = [row for row in rows if row.status != "failed"]
-    found = [condition.judge(_asked(condition, finished)) for condition in part.require or (NO_VIOLATION,)]
+    required = part.require or (() if part.split else (NO_VIOLATION,))
+    found = [condition.judge(_asked(condition, finished)) for condition in required]
+    if part.split is not None:
+        found.append(judge_split(campaign, part, rows))
     failed, refused = (sum(row.status == status for row in rows) for status in ("failed", "refused"))
     if failed:
         found.append(Judged("no run fails", f"{failed} of {len(rows)} failed", holds=False))
@@ -146,12 +157,12 @@ def _judged(part: PartTable, rows: Sequence[Row], store: Store) -> list[Judged]:
     return found
 
 
-def _asked(condition: Condition, rows: Sequence[Row]) -> Sequence[Row]:
+def _asked(condition: Condition, rows: Sequence[RunRow]) -> Sequence[RunRow]:
     return rows if condition.figure == "accepted" else [row for row in rows if row.status == "done"]
 
 
-def _repeated(part: PartTable, rows: Sequence[Row], store: Store) -> Judged:
-    def key(row: Row) -> str:
+def _repeated(part: PartTable, rows: Sequence[RunRow], store: Store) -> Judged:
+    def key(row: RunRow) -> str:
         return f"{row.mission} {sorted(row.settings.items())}"
 
     first = {key(row): row.trace_sha256 for row in store.rows(part=part.repeats)}

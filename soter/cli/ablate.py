@@ -11,58 +11,48 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
-from soter.cli.overrides import MissionArgument, Settings
+from soter.cli.exits import ExitCode, Force, StopSignals, guard
+from soter.cli.option import option, switch
+from soter.cli.overrides import MissionArgument, Settings, load_with_engine, merge
 from soter.cli.plain import emit
+from soter.errors import option_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import Console
 
-    from soter.ablation.ablate import Outcome, Plan, Variant
-    from soter.ablation.tables import Row
+    from soter.ablation.ablate import Plan, Variant, VariantRun
+    from soter.ablation.tables import VariantRow
 
 EXAMPLES = """Examples:
-
   soter ablate examples/surveillance.toml --only 'without*' --duration 600
-
   soter ablate examples/surveillance.toml --force-ill-formed --markdown ablation.md
-
 Exit codes:
-
   0  everything was run
-
   1  a rule was broken although nothing was taken away from the modules
-
   2  bad input: nothing was run
-
   3  a run failed
-
   130  interrupted by Ctrl-C; what was finished is written
 """
 
 
 def ablate(
     mission: MissionArgument,
-    seeds: Annotated[str, typer.Option(metavar="A,B", help="Each variant runs once with each.")] = "1,2",
-    duration: Annotated[float, typer.Option(metavar="SECONDS", help="Of each run, in the robots' time.")] = 1800.0,
-    backend: Annotated[str, typer.Option(metavar="NAME", help="Simulated robots of this process.")] = "kinematic",
-    targets: Annotated[str, typer.Option(metavar="grid|uniform|hostile", help="Where robots are sent.")] = "hostile",
-    only: Annotated[
-        str | None, typer.Option(metavar="PATTERN", help="Only variants of which group or group/name match.")
-    ] = None,
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, help="Runs at a time.")] = 1,
+    seeds: Annotated[str, option("A,B", "Each variant runs once with each.")] = "1,2",
+    duration: Annotated[float, option("SECONDS", "Of each run, in the robots' time.")] = 1800.0,
+    backend: Annotated[str, option("NAME", "Simulated robots of this process.")] = "kinematic",
+    targets: Annotated[str, option("grid|uniform|hostile", "Where robots are sent.")] = "hostile",
+    only: Annotated[str | None, option("PATTERN", "Only variants of which group or group/name match.")] = None,
+    jobs: Annotated[int, option("N", "Runs at a time.", min=1)] = 1,
     force_ill_formed: Annotated[
-        bool, typer.Option("--force-ill-formed", help="Run ill-formed variants too; simulated robots only.")
+        bool, switch("--force-ill-formed", "Run ill-formed variants too; simulated robots only.")
     ] = False,
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write every outcome; - is standard output.")
-    ] = None,
-    markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the tables as a page.")] = None,
+    json: Annotated[Path | None, option("FILE", "Write every outcome; - is standard output.", "--json")] = None,
+    markdown: Annotated[Path | None, option("FILE", "Write the tables as a page.")] = None,
     settings: Settings = None,
     force: Force = False,
-    listed: Annotated[bool, typer.Option("--list", help="Name the variants and run nothing.")] = False,
+    listed: Annotated[bool, switch("--list", "Name the variants and run nothing.")] = False,
 ) -> None:
     """Run a mission with one part of its safety modules changed at a time, and compare.
 
@@ -71,8 +61,7 @@ def ablate(
     with guard():
         from soter.ablation.ablate import Plan, variants
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, refuse_clashes
-        from soter.cli.overrides import load_with_engine, merge
+        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
         from soter.registry import load_backend
 
         given = {"backend": backend, "duration_s": duration, "targets": targets}
@@ -80,7 +69,7 @@ def ablate(
         loaded = load_with_engine(mission, overrides, None)
         chosen = [each for each in variants(loaded.rta.module) if only is None or _matches(each, only)]
         if not chosen:
-            raise _refusal("--only", f"no variant matches '{only}'; --list names them all")
+            raise option_error("--only", f"no variant matches '{only}'; --list names them all")
         if listed:
             for variant in chosen:
                 emit(f"{variant.group}/{variant.name}")
@@ -103,42 +92,34 @@ def ablate(
 
         found = rows(outcomes, chosen)
         _show(found, console)
-        written = True
-        try:
+        with unwritten("the tables"):
             if json_file is not None:
                 json_file.write(_json(outcomes))
             if page is not None:
                 from soter.ablation.tables import markdown as as_markdown
 
                 page.write(as_markdown(found, shlex.join(["soter", *sys.argv[1:]])).encode())
-        except OSError as failure:
-            complain(f"the tables could not be written: {failure}")
-            written = False
-        raise typer.Exit(_exit_code(outcomes, stopped_by) if written else ExitCode.RUN_FAILED)
+        raise typer.Exit(_exit_code(outcomes, stopped_by))
 
 
 def _matches(variant: Variant, pattern: str) -> bool:
     return fnmatch(variant.group, pattern) or fnmatch(f"{variant.group}/{variant.name}", pattern)
 
 
-def _refusal(option: str, message: str) -> Exception:
-    from soter.errors import ConfigError
-
-    return ConfigError(message, source="command line", key=option)
-
-
 def _numbers(text: str) -> list[int]:
     """Return the seeds."""
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isascii() and part.isdecimal() for part in parts):
-        raise _refusal("--seeds", f"it is '{text}', allowed: whole numbers from 0, separated by commas, such as 1,2")
+        raise option_error(
+            "--seeds", f"it is '{text}', allowed: whole numbers from 0, separated by commas, such as 1,2"
+        )
     numbers = [int(part) for part in parts]
     if len(set(numbers)) != len(numbers):
-        raise _refusal("--seeds", f"it is '{text}', allowed: each seed once")
+        raise option_error("--seeds", f"it is '{text}', allowed: each seed once")
     return numbers
 
 
-def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> tuple[list[Outcome], int | None]:
+def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> tuple[list[VariantRun], int | None]:
     """Run everything and show how far it is; return also the signal that ended it, if one did."""
     from rich.progress import (
         BarColumn,
@@ -151,7 +132,7 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
 
     from soter.ablation.ablate import run_all
 
-    outcomes: list[Outcome] = []
+    outcomes: list[VariantRun] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                TextColumn("left"), TimeRemainingColumn())  # fmt: skip
     with ExitStack() as stack:
@@ -164,7 +145,7 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
     return outcomes, stop.received
 
 
-def _show(found: Sequence[Row], console: Console) -> None:
+def _show(found: Sequence[VariantRow], console: Console) -> None:
     """Print one line for each variant and rule that says something; the whole tables are written by --markdown."""
     from rich.text import Text
 
@@ -198,13 +179,13 @@ def _show(found: Sequence[Row], console: Console) -> None:
         console.print(remark, soft_wrap=True)
 
 
-def _json(outcomes: Sequence[Outcome]) -> bytes:
+def _json(outcomes: Sequence[VariantRun]) -> bytes:
     import json
 
     return f"{json.dumps([_as_dict(outcome) for outcome in outcomes], indent=2)}\n".encode()
 
 
-def _as_dict(outcome: Outcome) -> dict[str, object]:
+def _as_dict(outcome: VariantRun) -> dict[str, object]:
     variant, result = outcome.variant, outcome.result
     return {
         "group": variant.group,
@@ -220,7 +201,7 @@ def _as_dict(outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _exit_code(outcomes: Sequence[Outcome], stopped_by: int | None) -> int:
+def _exit_code(outcomes: Sequence[VariantRun], stopped_by: int | None) -> int:
     if stopped_by is not None:
         return 128 + stopped_by
     if any(outcome.breaks_promise for outcome in outcomes):

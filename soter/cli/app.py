@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated
+import threading
+from contextlib import suppress
+from typing import Annotated, Final
 
 import typer
 
@@ -42,6 +44,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+_ENDS_S: Final = 5.0
 _WIRES = "Programs beside robots"
 _ROBOTS = "Robots and their adapters"
 
@@ -90,4 +93,17 @@ def main() -> None:
     completes = any(name.endswith("_COMPLETE") for name in os.environ)
     command = typer.main.get_command(app if completes else only(app, sys.argv))
     tidy(command)
-    command(prog_name="soter")
+    before = {*threading.enumerate()}
+    try:
+        command(prog_name="soter")
+    except SystemExit as end:
+        if all(thread.daemon for thread in {*threading.enumerate()} - before):
+            raise
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        # Foreign code may have left threads that never end, and Python would wait for them.
+        last = threading.Timer(_ENDS_S, os._exit, [end.code or 0])
+        last.daemon = True
+        last.start()
+        raise

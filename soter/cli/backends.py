@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from soter.cli.exits import guard
+from soter.cli.option import switch
 from soter.cli.plain import emit
 
 
-def backends(json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False) -> None:
+def backends(json: Annotated[bool, switch("--json", "Print it as JSON.")] = False) -> None:
     """List the backends: which can be used here, what their robots promise, what to install for the others."""
     with guard():
         from rich.text import Text

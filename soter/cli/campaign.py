@@ -11,8 +11,10 @@ import typer
 from typer.core import TyperGroup
 
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
-from soter.cli.overrides import Settings
+from soter.cli.overrides import Settings, merge
+from soter.cli.plain import emit
 from soter.cli.recordings import RUNS
+from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,55 +23,34 @@ if TYPE_CHECKING:
 
     from soter.campaign.plan import Campaign
     from soter.campaign.session import Totals
-    from soter.campaign.store import Row, Store
+    from soter.campaign.store import RunRow, Store
     from soter.campaign.workers import Workers
 
 EXAMPLES = """Examples:
-
   soter campaign examples/campaigns/thesis.toml
-
   soter campaign examples/campaigns/evaluation.toml --store evaluation.sqlite --jobs 8
-
   soter campaign examples/campaigns/faults.toml --list
-
 Exit codes:
-
   0  every run was made, and all that is required holds
-
   1  what is required does not hold; without a requirement: ground truth counted a violation
-
   2  bad input: nothing was run
-
   3  a run failed, or was refused where none may be
-
   130  interrupted by Ctrl-C; finished runs are kept, the same command carries on
 """
 AGAIN_EXAMPLES = """Examples:
-
   soter campaign run-again 3f2a91c07b5e --store runs/thesis.sqlite
-
 Exit codes:
-
   0  it is the same run, bit for bit
-
   1  it is another one
-
   2  there is no such run
-
   3  it failed
 """
 DRAW_EXAMPLES = """Examples:
-
   soter campaign draw 17
-
   soter campaign draw 17 --shrink --out small
-
 Exit codes:
-
   0  it is written, or with --shrink: it does not fail
-
   1  with --shrink: it fails, and the smallest that does is written
-
   2  bad input
 """
 _LINE_EVERY_S: Final = 10.0
@@ -121,8 +102,6 @@ def run(
         from soter.campaign.plan import DRAWN, load_campaign
         from soter.campaign.store import Store
         from soter.cli.console import make_console
-        from soter.cli.overrides import merge
-        from soter.cli.plain import emit
 
         read = load_campaign(file, merge({}, settings or []), only)
         needs(*["cma"] * any(part.search is not None for part in read.parts.values()))
@@ -155,7 +134,6 @@ def needs(*libraries: str) -> None:
     Raises:
         ConfigError: says what to install.
     """
-    from soter.errors import ConfigError
     from soter.registry import install_hint
 
     for library in libraries:
@@ -212,7 +190,7 @@ def _run(campaign: Campaign, store: Store, workers: Workers, stop: Callable[[], 
     with Progress(*columns, console=console, disable=not live) as progress:
         task = progress.add_task("", total=None)
 
-        def changed(totals: Totals, row: Row | None) -> None:
+        def changed(totals: Totals, row: RunRow | None) -> None:
             nonlocal shown_s
             progress.update(task, description=_words(totals), completed=totals.runs, total=totals.planned)
             if row is not None and row.status == "failed":
@@ -320,11 +298,9 @@ def draw(
         needs("shapely")
         from soter.campaign.random.drawing import draw as draw_configuration
         from soter.cli.outputs import refuse_clashes
-        from soter.cli.plain import emit
-        from soter.errors import ConfigError
 
         if engine not in ("kinematic", "pybullet"):
-            raise ConfigError(f"it is '{engine}', allowed: kinematic, pybullet", source="command line", key="--engine")
+            raise option_error("--engine", f"it is '{engine}', allowed: kinematic, pybullet")
         folder = out or Path(f"drawn-{seed}")
         refuse_clashes({"--out": folder / "mission.toml"}, force=force)
         if not shrink:

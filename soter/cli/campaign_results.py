@@ -9,6 +9,7 @@ import typer
 
 from soter.cli.campaign import needs
 from soter.cli.exits import Force, StopSignals, guard
+from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,29 +17,18 @@ if TYPE_CHECKING:
     from soter.campaign.store import Store
 
 REPORT_EXAMPLES = """Examples:
-
   soter campaign report runs/thesis.sqlite
-
   soter campaign report runs/evaluation.sqlite --worst 3
-
   soter campaign report runs/evaluation.sqlite --into docs/evaluation.md
-
 Exit codes:
-
   0  it is written
-
   2  bad input, or with --into: the campaign is not whole
 """
 COMPARE_EXAMPLES = """Examples:
-
   soter campaign compare runs/evaluation.sqlite --left targets=grid --right targets=hostile
-
   soter campaign compare before.sqlite after.sqlite
-
 Exit codes:
-
   0  they are compared, whatever came of it
-
   2  bad input, or nothing to compare
 """
 
@@ -69,7 +59,6 @@ def report(
         from soter.campaign.summary import judge
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, refuse_clashes
-        from soter.errors import ConfigError
 
         console = make_console()
         with Store(store) as kept:
@@ -138,11 +127,10 @@ def compare(
         from soter.campaign.store import Store
         from soter.cli.console import make_console, print_table
         from soter.cli.outputs import Output, refuse_clashes
-        from soter.errors import ConfigError
 
         one, other = _wanted(left_is, "--left"), _wanted(right_is, "--right")
         if right is None and one == other:
-            raise ConfigError("both sides are the same runs; say how they differ", source="command line", key="--right")
+            raise option_error("--right", "both sides are the same runs; say how they differ")
         refuse_clashes({"--output": output}, [left, *([right] if right else [])], force=force)
         with Store(left) as first, Store(right or left) as second:
             paired = pairs(select(first.rows(), one), select(second.rows(), other), {*one, *other})
@@ -157,12 +145,10 @@ def compare(
 
 
 def _wanted(given: list[str] | None, option: str) -> dict[str, str]:
-    from soter.errors import ConfigError
-
     found = {}
     for each in given or ():
         axis, equals, name = each.partition("=")
         if not equals:
-            raise ConfigError(f"it is '{each}', allowed: AXIS=NAME, or part=NAME", source="command line", key=option)
+            raise option_error(option, f"it is '{each}', allowed: AXIS=NAME, or part=NAME")
         found[axis] = name
     return found

@@ -8,35 +8,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from soter.cli.exits import ExitCode, Force, complain, guard
-from soter.cli.overrides import Promising, Settings
+from soter.cli.option import option, switch
+from soter.cli.overrides import Promising, Settings, load_with_engine, merge
+from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soter.check import Counterexample, Trial
+    from soter.check import Counterexample
     from soter.check.bench import ModuleBench
-    from soter.check.mission import Report
+    from soter.check.mission import MissionReport
     from soter.cli.outputs import Output, StandardOutput
     from soter.config import MissionFile
-    from soter.errors import ConfigError
-    from soter.geometry.workspace import Workspace
 
 EXAMPLES = """Examples:
-
   soter check examples/surveillance.toml
-
   soter check examples/thesis.toml --json -
-
   soter check module:examples.modules.too_late:declare --counterexample found.json
-
   soter check --replay found.json --picture found.png
-
 Exit codes:
-
   0  no condition is rejected, and no proof has a gap, or --allow-gaps says that it may
-
   1  a condition is rejected, or is PARTLY proved: not for every state
-
   2  bad input, or a backend that cannot be used here
 """
 
@@ -56,25 +48,17 @@ def check(
     ] = None,
     backend: Promising = None,
     settings: Settings = None,
-    budget: Annotated[int, typer.Option(metavar="N", min=2, help="Trials for a module that is tested.")] = 200,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Everything random is drawn from it.")] = 0,
-    robots: Annotated[int, typer.Option(metavar="N", min=1, max=8, help="Robots in the trials of module:NAME.")] = 1,
-    patience: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0.1, max=3600.0, help="Time to come back, with module:NAME.")
-    ] = 60.0,
+    budget: Annotated[int, option("N", "Trials for a module that is tested.", min=2)] = 200,
+    seed: Annotated[int, option("N", "Everything random is drawn from it.", min=0)] = 0,
+    robots: Annotated[int, option("N", "Robots in the trials of module:NAME.", min=1, max=8)] = 1,
+    patience: Annotated[float, option("SECONDS", "Time to come back, with module:NAME.", min=0.1, max=3600.0)] = 60.0,
     allow_gaps: Annotated[
-        bool, typer.Option("--allow-gaps", help="Exit with 0 although a proof has a gap, if nothing is rejected.")
+        bool, switch("--allow-gaps", "Exit with 0 although a proof has a gap, if nothing is rejected.")
     ] = False,
-    counterexample: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the first counterexample, to be replayed.")
-    ] = None,
-    replay: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Run a counterexample again, and say where it breaks.")
-    ] = None,
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the findings; - is standard output.")
-    ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw the first counterexample.")] = None,
+    counterexample: Annotated[Path | None, option("FILE", "Write the first counterexample, to be replayed.")] = None,
+    replay: Annotated[Path | None, option("FILE", "Run a counterexample again, and say where it breaks.")] = None,
+    json: Annotated[Path | None, option("FILE", "Write the findings; - is standard output.", "--json")] = None,
+    picture: Annotated[Path | None, option("FILE.png", "Draw the first counterexample.")] = None,
     force: Force = False,
 ) -> None:
     """Check whether safety modules are well-formed: P1 and P3, proofs of P2 for one robot, and trials.
@@ -85,7 +69,6 @@ def check(
     with guard():
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes
-        from soter.errors import ConfigError
 
         if (target is None) == (replay is None):
             raise ConfigError("say what to check: a mission file, module:NAME, or --replay FILE, one of them")
@@ -112,7 +95,9 @@ def check(
         raise typer.Exit(ExitCode.OK if fine else ExitCode.VIOLATION)
 
 
-def _check(console: Console, subject: dict[str, Any], robots: int, patience_s: float, budget: int, seed: int) -> Report:
+def _check(
+    console: Console, subject: dict[str, Any], robots: int, patience_s: float, budget: int, seed: int
+) -> MissionReport:
     from soter.check.mission import check_mission, check_module
     from soter.cli.console import is_live
 
@@ -128,8 +113,6 @@ def _check(console: Console, subject: dict[str, Any], robots: int, patience_s: f
 
 
 def _mission(subject: dict[str, Any]) -> MissionFile:
-    from soter.cli.overrides import load_with_engine, merge
-
     return load_with_engine(Path(subject["target"]), merge({"backend": subject["backend"]}, subject["settings"]), None)
 
 
@@ -137,30 +120,25 @@ def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> Modu
     import sys
 
     from soter.check.bench import floor_bench
-    from soter.cli.overrides import merge
-    from soter.errors import ConfigError
 
     if subject["backend"] is not None:
-        raise ConfigError("modules of your own are tried on simulated robots", source="command line", key="--backend")
+        raise option_error("--backend", "modules of your own are tried on simulated robots")
     # A module of one's own is found as Python run here would find it.
     if "" not in sys.path:
         sys.path.insert(0, "")
     options = merge({}, subject["settings"])
     if wrong := [key for key in options if not key.startswith(_OPTIONS)]:
-        raise ConfigError(
-            f"a module without a mission has its own options only, written as {_OPTIONS}KEY=VALUE",
-            source="command line", key=wrong[0],
-        )  # fmt: skip
+        raise option_error(
+            wrong[0], f"a module without a mission has its own options only, written as {_OPTIONS}KEY=VALUE"
+        )
     given = {key.removeprefix(_OPTIONS): value for key, value in options.items()}
     return floor_bench(subject["target"].removeprefix(_PREFIX), given, robots, patience_s)
 
 
-# --- what is shown -----------------------------------------------------------------------------------------
-
 _STYLES = {"PROVED": "green", "PARTLY": "yellow", "TESTED": "cyan", "ASSUMED": "yellow", "REJECTED": "bold red"}
 
 
-def _print(console: Console, report: Report) -> None:
+def _print(console: Console, report: MissionReport) -> None:
     from rich.text import Text
 
     width = max((len(each.module) for each in report.findings), default=0)
@@ -179,7 +157,6 @@ def _print_what_would_do(console: Console, subject: dict[str, Any]) -> None:
     """Print the tables of all modules that keep distances, with numbers that fit each other, or why there are none."""
     from soter.check.tune import what_would_do
     from soter.config.toml_text import toml
-    from soter.errors import ConfigError
 
     try:
         tuning = what_would_do(_mission(subject))
@@ -199,7 +176,9 @@ def _print_what_would_do(console: Console, subject: dict[str, Any]) -> None:
     console.print(toml({"rta": shown}).rstrip(), soft_wrap=True, markup=False, highlight=False)
 
 
-def _write(report: Report, target: str, json_file: Output | StandardOutput | None, picture_file: Output | None) -> bool:
+def _write(
+    report: MissionReport, target: str, json_file: Output | StandardOutput | None, picture_file: Output | None
+) -> bool:
     import json
 
     try:
@@ -219,10 +198,12 @@ def _write(report: Report, target: str, json_file: Output | StandardOutput | Non
     return True
 
 
-def _picture(report: Report, target: str) -> bytes:
-    broken = next((each for found in report.counterexamples.values() for each in found), None)
-    if broken is not None:
-        return _draw_trial(report.workspace, broken.trial, target)
+def _picture(report: MissionReport, target: str) -> bytes:
+    found = next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
+    if found is not None:
+        from soter.cli.trial_picture import draw_trial
+
+        return draw_trial(report.workspace, found[1].trial, report.benches[found[0]].module, target)
     from soter.record.tracks import RunTracks
     from soter.report.caption import Caption
     from soter.report.picture import draw_png
@@ -231,42 +212,7 @@ def _picture(report: Report, target: str) -> bytes:
     return draw_png(RunTracks(report.workspace, (), {}), caption)
 
 
-def _draw_trial(workspace: Workspace, trial: Trial, title: str) -> bytes:
-    """Draw a trial: who drove where, where modules took over, and where it broke what."""
-    import math
-
-    from soter.record.tracks import RunTracks, Track
-    from soter.report.caption import Broken, Caption
-    from soter.report.picture import draw_png
-    from soter.rta import SwitchRecord
-
-    drivers = ("AC", *dict.fromkeys(row.driver for row in trial.rows if row.driver != "AC"))
-    tracks: dict[int, Track] = {}
-    switches = []
-    for row in trial.rows:
-        track = tracks.setdefault(row.robot_id, Track(row.robot_id))
-        if track.driver and drivers[track.driver[-1]] != row.driver:
-            before, after = (None if name == "AC" else name for name in (drivers[track.driver[-1]], row.driver))
-            switches.append(SwitchRecord(row.time_s, row.robot_id, before, after, after or before or "", "", ()))
-        track.time_s.append(row.time_s)
-        track.x_m.append(row.x_m)
-        track.y_m.append(row.y_m)
-        track.battery.append(math.nan if row.battery is None else row.battery)
-        track.driver.append(drivers.index(row.driver))
-    breach = trial.breaches[0] if trial.breaches else None
-    caption = Caption(title=title, alarming=True)
-    if breach is not None:
-        broken = Broken(breach.x_m, breach.y_m, f"{breach.obligation.value} broken at {breach.time_s:.2f} s")
-        caption = Caption(
-            title=title, figures=(f"{breach.obligation.value}: {breach.text}",), alarming=True, broken=(broken,)
-        )
-    return draw_png(RunTracks(workspace, drivers, tracks, switches), caption)
-
-
-# --- counterexamples ---------------------------------------------------------------------------------------
-
-
-def _write_example(console: Console, report: Report, subject: dict[str, Any], file: Output) -> bool:
+def _write_example(console: Console, report: MissionReport, subject: dict[str, Any], file: Output) -> bool:
     from soter.check import Counterexample
     from soter.check.trial import trace_hash
 
@@ -297,6 +243,7 @@ def _replay(
 
     from soter.check import read_counterexample
     from soter.check.trial import trace_hash
+    from soter.cli.outputs import unwritten
 
     example = read_counterexample(path)
     bench = _bench_of(example, path)
@@ -311,15 +258,14 @@ def _replay(
         console.print(f"{broken.obligation.value} is broken again: {broken.obligation.statement}", soft_wrap=True)
         console.print(broken.text, soft_wrap=True)
         console.print("the trace is the same, bit for bit" if same else "the trace differs", soft_wrap=True)
-    try:
+    with unwritten("it"):
         if json_file is not None:
             found = {"broken": broken is not None, "same_trace": same, "text": "" if broken is None else broken.text}
             json_file.write(f"{json.dumps(found, indent=2)}\n".encode())
         if picture_file is not None:
-            picture_file.write(_draw_trial(bench.workspace, trial, f"replay of {path}"))
-    except OSError as failure:
-        complain(f"it could not be written: {failure}")
-        return ExitCode.RUN_FAILED
+            from soter.cli.trial_picture import draw_trial
+
+            picture_file.write(draw_trial(bench.workspace, trial, bench.module, f"replay of {path}"))
     return ExitCode.OK if broken is None else ExitCode.VIOLATION
 
 
@@ -341,6 +287,4 @@ def _bench_of(example: Counterexample, path: Path) -> ModuleBench:
 
 
 def _not_replayable(path: Path, why: str) -> ConfigError:
-    from soter.errors import ConfigError
-
     return ConfigError(f"{why}; it is from another version, or was changed", source=str(path))

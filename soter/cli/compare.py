@@ -8,17 +8,14 @@ from typing import Annotated
 import typer
 
 from soter.cli.exits import Force, guard
+from soter.cli.option import option
+from soter.errors import ConfigError
 
 EXAMPLES = """Examples:
-
   soter compare before.mcap after.mcap
-
   soter compare before.mcap after.mcap -o beside.html
-
 Exit codes:
-
   0  the page is written
-
   2  one of them is no recording, or damaged; or the page cannot be written
 """
 
@@ -27,17 +24,14 @@ def compare(
     recordings: Annotated[
         list[Path], typer.Argument(metavar="A.mcap B.mcap ...", help="The recordings.", show_default=False)
     ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="PAGE.html", help="Where the page goes.")
-    ] = Path("compare.html"),
+    output: Annotated[Path, option("PAGE.html", "Where the page goes.", "--output", "-o")] = Path("compare.html"),
     force: Force = False,
-) -> None:  # fmt: skip
+) -> None:
     """Make a page of recordings side by side: their figures, and replays that play in step."""
     with guard():
         from soter.campaign.report.beside import make_beside
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, refuse_clashes
-        from soter.errors import ConfigError
         from soter.record.reader import Recording
 
         if len(recordings) < 2:

@@ -9,31 +9,23 @@ import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, guard
 from soter.cli.given import RobotNumber, Room, read_given
+from soter.cli.option import option, switch
 from soter.cli.overrides import Settings
+from soter.errors import ConfigError, nearest
 
 if TYPE_CHECKING:
     from soter.conformance.given import Given
 
 EXAMPLES = """Examples:
-
   soter conform pybullet
-
   soter conform my_robots.harness:MyHarness --json record.json --junit junit.xml --jobs 1
-
   soter conform kinematic --only deadman --only goto.arrives
-
   soter conform mavlink --tier wire
-
   soter conform examples/ardurover/mission.toml --robot 1 --room 11
-
 Exit codes:
-
   0  the adapter conforms, or passes the clauses that were selected
-
   1  it does not conform
-
   2  bad input, or a backend that cannot be used here
-
   130  interrupted (in general 128 and the number of the signal); files hold what there was by then
 """
 
@@ -49,36 +41,29 @@ def conform(
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="ID",
-            help="Only this clause, or this group of clauses, with how the truth judges them; may be repeated.",
-        ),
+        option("ID", "Only this clause, or this group of clauses, with how the truth judges them; may be repeated."),
     ] = None,
     tier: Annotated[
-        list[str] | None,
-        typer.Option(metavar="TIER", help="Only clauses of this tier: core, truth or wire; may be repeated."),
+        list[str] | None, option("TIER", "Only clauses of this tier: core, truth or wire; may be repeated.")
     ] = None,
     room: Room = None,
     robot: RobotNumber = None,
     settings: Settings = None,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="How many clauses to try side by side, each in a process, if the harness allows; "
+        option(
+            "N",
+            "How many clauses to try side by side, each in a process, if the harness allows; "
             "two a core, at most 4, on a wire if not given, and otherwise 1.",
+            min=1,
         ),
     ] = None,
     json: Annotated[
-        Path | None,
-        typer.Option("--json", metavar="FILE", help="Write the record, anew with every clause; - is standard output."),
+        Path | None, option("FILE", "Write the record, anew with every clause; - is standard output.", "--json")
     ] = None,
-    junit: Annotated[
-        Path | None, typer.Option("--junit", metavar="FILE", help="Write JUnit XML; - is standard output.")
-    ] = None,
+    junit: Annotated[Path | None, option("FILE", "Write JUnit XML; - is standard output.", "--junit")] = None,
     force: Force = False,
-    list_clauses: Annotated[bool, typer.Option("--list", help="List the clauses and exit.")] = False,
+    list_clauses: Annotated[bool, switch("--list", "List the clauses and exit.")] = False,
 ) -> None:
     """Try an adapter against every clause of the conformance kit and say whether it conforms."""
     with guard(), StopSignals() as stop:
@@ -89,7 +74,6 @@ def conform(
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, StandardOutput, json_output, refuse_clashes
         from soter.conformance import Outcome, Overall, Record, Tier, Workshop, select
-        from soter.errors import ConfigError, nearest
 
         # A harness of one's own is found as Python run here would find it.
         sys.path.insert(0, "")

@@ -57,10 +57,6 @@ class Files:
     """The record in files, whole at every moment: written anew with every outcome.
 
     Standard output, pipes and devices get it at the end.
-
-    Args:
-        json_file: where the record goes.
-        junit_file: where JUnit XML goes.
     """
 
     def __init__(self, json_file: Output | StandardOutput | None, junit_file: Output | StandardOutput | None) -> None:
@@ -128,13 +124,7 @@ def print_list(console: Console, clauses: list[Clause]) -> None:
 
 
 def print_summary(console: Console, record: Record, host_s: float) -> None:
-    """Print what was measured beside what was promised, what was not tested, and the verdict.
-
-    Args:
-        console: where to.
-        record: of the run.
-        host_s: how long it took.
-    """
+    """Print what was measured beside what was promised, what was not tested, and the verdict."""
     _print_promises(console, record)
     counts = ", ".join(f"{record.count(each)} {each.value}" for each in Verdict)
     console.print(

@@ -42,14 +42,7 @@ def is_live(console: Console) -> bool:
 def print_table(
     console: Console, head: Sequence[str], rows: Iterable[Sequence[RenderableType]], gives_way: int = 0
 ) -> None:
-    """Print a table of which one column gives way where there is little room: it is folded, and nothing is cut off.
-
-    Args:
-        console: where to.
-        head: names of the columns.
-        rows: their cells.
-        gives_way: index of the column that is folded.
-    """
+    """Print a table of which one column gives way where there is little room: it is folded, and nothing is cut off."""
     from rich import box
     from rich.table import Table
 

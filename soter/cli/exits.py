@@ -10,13 +10,14 @@ import sys
 import threading
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from types import FrameType
 from typing import Annotated, Any, Final, Self
 
 import typer
 
+from soter.cli.option import switch
 from soter.cli.plain import behind, plain
 from soter.errors import BackendError, ConfigError, IllFormedModule, SoterError
 
@@ -34,7 +35,7 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
-Force = Annotated[bool, typer.Option("--force", help="Replace files that are there already.")]
+Force = Annotated[bool, switch("--force", "Replace files that are there already.")]
 """An option of every command that writes files."""
 
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
@@ -43,8 +44,10 @@ _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 
 def complain(message: str) -> None:
     """Write a message for the user to standard error, in one piece and without wrapping it."""
-    typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, file=behind(sys.stderr))
-    typer.echo(plain(message), err=True)
+    # Where nobody can be told any more, the exit code still says it.
+    with suppress(OSError):
+        typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, file=behind(sys.stderr))
+        typer.echo(plain(message), err=True)
 
 
 @contextmanager
@@ -67,7 +70,8 @@ def guard() -> Iterator[None]:
         if isinstance(failure, OSError) and failure.errno in _FULL:
             complain(f"nothing more can be written: {failure.strerror}; make room, or write elsewhere")
         else:
-            typer.echo(plain(traceback.format_exc()), err=True, nl=False)
+            with suppress(OSError):
+                typer.echo(plain(traceback.format_exc()), err=True, nl=False)
             complain(
                 "this is a fault of SOTER or of an adapter, not of your input; please report it with the lines above"
             )

@@ -5,23 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from soter.cli.option import option
+from soter.cli.overrides import load_with_engine, merge
+from soter.errors import ConfigError
 
 if TYPE_CHECKING:
     from soter.conformance.given import Given
 
 Room = Annotated[
     float | None,
-    typer.Option(
+    option(
+        "METRES",
+        "The diameter of the free circle around the robot's start, in which it is driven.",
         "--room",
-        metavar="METRES",
-        help="The diameter of the free circle around the robot's start, in which it is driven.",
         show_default=False,
     ),
 ]
 RobotNumber = Annotated[
     int | None,
-    typer.Option("--robot", metavar="N", min=1, help="Which robot of the mission; the first if not given."),
+    option("N", "Which robot of the mission; the first if not given.", "--robot", min=1),
 ]
 
 
@@ -33,9 +35,7 @@ def read_given(
     Raises:
         ConfigError: bad input: there is no such robot, no room was said, or it is not free.
     """
-    from soter.cli.overrides import load_with_engine, merge
     from soter.conformance.given import Given
-    from soter.errors import ConfigError
     from soter.registry import load_backend
     from soter.specs import asked, read_options, robot_specs
 

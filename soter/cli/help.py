@@ -12,6 +12,7 @@ from typing import Any, Final
 import typer
 
 _EXIT_CODE: Final = re.compile(r"  \d+  ")
+_PARAGRAPHS: Final = re.compile(r"\n+(?! {3})")
 _INDENT: Final = "      "
 _LEAST_COLUMNS: Final = 40
 
@@ -74,8 +75,11 @@ def tidy(command: Any, columns: int | None = None) -> None:
 
 
 def fit(epilog: str, width: int) -> str:
-    """Return an epilog in lines of at most so many characters: commands in pieces that can be pasted into a shell."""
-    return "\n\n".join(_paragraph(each.rstrip(), width) for each in epilog.split("\n\n"))
+    """Return an epilog in lines of at most so many characters: commands in pieces that can be pasted into a shell.
+
+    Every line is a paragraph, with the lines after it that are indented further.
+    """
+    return "\n\n".join(_paragraph(each, width) for each in _PARAGRAPHS.split(epilog.rstrip()))
 
 
 def _paragraph(text: str, width: int) -> str:

@@ -8,36 +8,30 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import Force, guard
+from soter.cli.option import option, switch
 from soter.cli.plain import emit
+from soter.errors import option_error
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from soter.record.summary import FailedAssumption, LongStall, Summary
+    from soter.record.looks import Stall
+    from soter.record.summary import AssumptionFailure, Summary
 
-# A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
-
   soter info run.mcap
-
   soter info run.mcap --json
-
   soter info run.mcap --csv tables
-
 Exit codes:
-
   0  the recording was read, to its end or to where it was cut off
-
   2  it is no recording, or damaged
 """
 
 
 def info(
     recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
-    json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
-    csv: Annotated[
-        Path | None, typer.Option("--csv", metavar="FOLDER", help="Write everything into CSV files there.")
-    ] = None,
+    json: Annotated[bool, switch("--json", "Print it as JSON.")] = False,
+    csv: Annotated[Path | None, option("FOLDER", "Write everything into CSV files there.", "--csv")] = None,
     force: Force = False,
 ) -> None:
     """Say what a recording holds."""
@@ -65,10 +59,8 @@ def info(
             try:
                 written = export_csv(opened, csv)
             except OSError as failure:
-                from soter.errors import ConfigError
-
                 why = failure.strerror or failure
-                raise ConfigError(f"'{csv}' cannot be written: {why}", source="command line", key="--csv") from failure
+                raise option_error("--csv", f"'{csv}' cannot be written: {why}") from failure
             if not json:
                 console.print(f"{'tables':<15} {len(written)} files in {csv}", soft_wrap=True)
 
@@ -109,7 +101,7 @@ def _labelled(name: str, texts: list[str]) -> list[tuple[str, str]]:
     return [("" if index else name, text) for index, text in enumerate(texts)]
 
 
-def _failed(failed: FailedAssumption) -> str:
+def _failed(failed: AssumptionFailure) -> str:
     from soter.cli.summary import breach_text
 
     until = "" if failed.last_s is None or failed.times == 1 else f", last at {failed.last_s:.2f} s"
@@ -117,7 +109,7 @@ def _failed(failed: FailedAssumption) -> str:
     return f"{failed.assumption} failed for robot {failed.robot_id} {text}{until}"
 
 
-def _stall(stall: LongStall) -> str:
+def _stall(stall: Stall) -> str:
     end = "the end" if stall.end_s is None else f"{stall.end_s:.2f} s"
     return f"robot {stall.robot_id} without its AC from {stall.start_s:.2f} s to {end}: {stall.module}: {stall.cause}"
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from soter.cli.exits import StopSignals
-from soter.errors import ConfigError
+from soter.errors import option_error
 from soter.scratch import Scratch
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def wanted_views(
         (foxglove_port is not None, foxglove, "--foxglove", "--foxglove-port"),
     ):
         if given and not wanted:
-            raise ConfigError(f"it says how, but not what: add {view}", source="command line", key=option)
+            raise option_error(option, f"it says how, but not what: add {view}")
     if foxglove:
         _require_sdk()
     views = [(PAGE, live_port or 0)] if live else []
@@ -144,12 +144,7 @@ def _wait(view: LiveView) -> None:
 
 
 def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool]) -> Callable[[float], None] | None:
-    """Return what holds a run to the clock.
-
-    Args:
-        times: as fast as the clock; None for as fast as it can be.
-        mission: what is run.
-        stop: whether to wait no longer.
+    """Return what holds a run to so many times the clock, until stopped; None is as fast as can be.
 
     Raises:
         ConfigError: the robots have a clock of their own.
@@ -159,10 +154,9 @@ def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool])
     from soter.registry import load_backend
 
     if not load_backend(mission.backend, to_open=False).robot_class.declared.in_process:
-        raise ConfigError(
-            f"robots of '{mission.backend}' keep to the clock as they are; allowed with those in virtual time",
-            source="command line", key="--pace",
-        )  # fmt: skip
+        raise option_error(
+            "--pace", f"robots of '{mission.backend}' keep to the clock as they are; allowed with those in virtual time"
+        )
     return _Pace(times, stop)
 
 
@@ -190,8 +184,6 @@ def _require_sdk() -> None:
     from soter.registry import install_hint
 
     if find_spec("foxglove") is None:
-        raise ConfigError(
-            f"it needs foxglove-sdk, which is not installed; install it with: {install_hint('foxglove')}",
-            source="command line",
-            key="--foxglove",
+        raise option_error(
+            "--foxglove", f"it needs foxglove-sdk, which is not installed; install it with: {install_hint('foxglove')}"
         )

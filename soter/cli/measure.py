@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.exits import ExitCode, Force, StopSignals, guard
 from soter.cli.given import RobotNumber, Room, read_given
+from soter.cli.option import option
 from soter.cli.overrides import MissionArgument, Settings
 
 if TYPE_CHECKING:
@@ -18,23 +19,14 @@ if TYPE_CHECKING:
     from soter.conformance.survey import Survey
 
 EXAMPLES = """Examples:
-
   soter measure examples/ardurover/mission.toml --room 11
-
   soter measure examples/ardurover/mission.toml --room 11 --set backends.mavlink.truth=127.0.0.1:34207 -o promise.toml
-
   soter measure examples/surveillance.toml --backend kinematic --room 2 --margin 0.1
-
 Exit codes:
-
   0  everything that can be measured was
-
   1  something could not be, and the reason is said; the table has the rest
-
   2  bad input, or a backend that cannot be used here
-
   3  the file could not be written
-
   130  interrupted (in general 128 and the number of the signal); the robot has been stopped
 """
 
@@ -43,19 +35,11 @@ def measure(
     mission: MissionArgument,
     room: Room = None,
     robot: RobotNumber = None,
-    backend: Annotated[
-        str | None, typer.Option("--backend", metavar="NAME", help="Another backend than the mission file's.")
-    ] = None,
+    backend: Annotated[str | None, option("NAME", "Another backend than the mission file's.", "--backend")] = None,
     settings: Settings = None,
-    margin: Annotated[
-        float, typer.Option(metavar="SHARE", min=0.0, max=0.9, help="What is spared of each figure.")
-    ] = 0.2,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the promise table, as TOML.")
-    ] = None,
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write all figures; - is standard output.")
-    ] = None,
+    margin: Annotated[float, option("SHARE", "What is spared of each figure.", min=0.0, max=0.9)] = 0.2,
+    output: Annotated[Path | None, option("FILE", "Write the promise table, as TOML.", "--output", "-o")] = None,
+    json: Annotated[Path | None, option("FILE", "Write all figures; - is standard output.", "--json")] = None,
     force: Force = False,
 ) -> None:
     """Drive one robot about a free circle, and say what it may promise: latency, speed, brake, tube, noise and more.
@@ -66,7 +50,7 @@ def measure(
     with guard(), StopSignals() as stop:
         from soter.cli.conform_output import Outcomes
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, refuse_clashes
+        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
         from soter.config.toml_text import toml
         from soter.conformance.survey import STEPS, survey
 
@@ -84,14 +68,11 @@ def measure(
             found = survey(given, margin, stop, lambda outcome, _: shown.add(outcome))
         _show(console, found)
         text = toml({"backends": {given.backend: {"promise": dict(found.table)}}})
-        try:
+        with unwritten("what was measured"):
             if file is not None:
                 file.write(_file(found, given, mission, margin, text).encode())
             if json_file is not None:
                 json_file.write(_json(found, mission))
-        except OSError as failure:
-            complain(f"what was measured could not be written: {failure}")
-            raise typer.Exit(ExitCode.RUN_FAILED) from failure
         console.print(f"\n{text.strip()}" if file is None else f"\nwritten: {file.path}", soft_wrap=True)
         if stop.received is not None:
             raise typer.Exit(128 + stop.received)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from soter.cli.exits import guard
+from soter.cli.option import option
 from soter.cli.plain import emit
 from soter.errors import ConfigError
 
@@ -17,15 +18,10 @@ if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
 
 ADAPTER_EXAMPLES = """Examples:
-
   soter new adapter crawler
-
   soter new adapter crawler --out robots/crawler
-
 Exit codes:
-
   0  the package is written
-
   2  the name will not do, or there is something in its place
 """
 
@@ -50,8 +46,7 @@ def _group() -> None:
 def adapter(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The backend's name: lower-case letters, digits and _.")],
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="The folder to write, new or empty; soter-NAME here if not given."),
+        Path | None, option("DIR", "The folder to write, new or empty; soter-NAME here if not given.")
     ] = None,
 ) -> None:
     """Write an adapter that runs and conforms: robots on UDP, simulated ones, tests. Then put your own robots in it."""

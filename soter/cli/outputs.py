@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from soter.errors import ConfigError
+import typer
+
+from soter.cli.exits import ExitCode, complain
+from soter.errors import ConfigError, option_error
+
+_PICTURE: Final = "soter.report.picture"
 
 
 class Output:
     """A file to be written, at the end, or again and again.
-
-    Args:
-        path: where.
-        option: the option that named it, for messages.
 
     Raises:
         ConfigError: it cannot be written there.
@@ -37,7 +40,7 @@ class Output:
         Raises:
             OSError: it cannot be written after all.
         """
-        if self._special():
+        if not self.replaceable:
             self._target.write_bytes(data)
             return
         try:
@@ -54,12 +57,8 @@ class Output:
 
     @property
     def replaceable(self) -> bool:
-        """Whether writing again replaces what was written, as in files, and does not follow it."""
-        return not self._special()
-
-    def _special(self) -> bool:
-        """Whether it is a pipe or a device, which is written to and not replaced."""
-        return self._target.exists() and not self._target.is_file()
+        """Whether writing again replaces what was written, as in files, and does not follow it, as in pipes."""
+        return not self._target.exists() or self._target.is_file()
 
     def _try(self) -> None:
         try:
@@ -69,7 +68,7 @@ class Output:
                 raise self._refusal(f"there is no folder '{self.path.parent}'; make it first")
             if self._target.exists() and not os.access(self._target, os.W_OK):
                 raise self._refusal("it may not be written")
-            if not self._special():
+            if self.replaceable:
                 # Whether a folder takes files is only known from making one: rights are not all there is to it.
                 self._part.touch()
                 self._part.unlink()
@@ -77,7 +76,7 @@ class Output:
             raise self._refusal(failure.strerror or str(failure)) from failure
 
     def _refusal(self, why: str) -> ConfigError:
-        return ConfigError(f"'{self.path}' cannot be written: {why}", source="command line", key=self._option)
+        return option_error(self._option, f"'{self.path}' cannot be written: {why}")
 
 
 class StandardOutput:
@@ -133,19 +132,22 @@ def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = 
             if target.exists() and not target.is_file():
                 continue
         except OSError as failure:
-            raise ConfigError(
-                f"'{path}' cannot be written: {failure.strerror}", source="command line", key=option
-            ) from failure
+            raise option_error(option, f"'{path}' cannot be written: {failure.strerror}") from failure
         if target in taken:
-            raise ConfigError(
-                f"'{path}' would be overwritten: {taken[target]}; name another file", source="command line", key=option
-            )
+            raise option_error(option, f"'{path}' would be overwritten: {taken[target]}; name another file")
         taken[target] = f"{option} names it too"
         if is_there(target) and not force:
-            raise ConfigError(
-                f"'{path}' is there already; name another file, or give --force to replace it",
-                source="command line", key=option,
-            )  # fmt: skip
+            raise option_error(option, f"'{path}' is there already; name another file, or give --force to replace it")
+
+
+@contextmanager
+def unwritten(what: str) -> Iterator[None]:
+    """Say that something could not be written, where that is so, and end with `ExitCode.RUN_FAILED`."""
+    try:
+        yield
+    except OSError as failure:
+        complain(f"{what} could not be written: {failure}")
+        raise typer.Exit(ExitCode.RUN_FAILED) from failure
 
 
 def json_output(path: Path) -> Output | StandardOutput:
@@ -157,33 +159,24 @@ def json_output(path: Path) -> Output | StandardOutput:
     return StandardOutput() if str(path) == "-" else Output(path, "--json")
 
 
-def picture_output(path: Path, option: str = "--picture", suffix: str = ".png") -> Output:
+def picture_output(path: Path, option: str = "--picture", suffix: str = ".png", drawn_by: str = _PICTURE) -> Output:
     """Return where a picture goes.
-
-    Args:
-        path: where.
-        option: the option that named it, for messages.
-        suffix: of its kind, lower case.
 
     Raises:
         ConfigError: it cannot be written there, it is of another kind, or there is nothing to draw it with.
     """
     if path.suffix.lower() != suffix:
-        raise ConfigError(
-            f"'{path}' does not end in {suffix}; it is written as {suffix[1:].upper()}",
-            source="command line",
-            key=option,
-        )
+        raise option_error(option, f"'{path}' does not end in {suffix}; it is written as {suffix[1:].upper()}")
     output = Output(path, option)
     try:
-        import soter.report.picture  # noqa: F401 - only whether it can be imported
+        import_module(drawn_by)
     except ImportError as failure:
         from soter.registry import install_hint
 
-        raise ConfigError(
-            f"pictures are drawn with matplotlib, which cannot be imported ({failure}); install it with: "
-            f"{install_hint('matplotlib')}",
-            source="command line",
-            key=option,
+        library = (failure.name or "matplotlib").partition(".")[0]
+        raise option_error(
+            option,
+            f"it is drawn with {library}, which cannot be imported ({failure}); install it with: "
+            f"{install_hint(library)}",
         ) from failure
     return output

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.errors import ConfigError
+from soter.cli.option import option
+from soter.errors import option_error
 
 if TYPE_CHECKING:
     from soter.config import MissionFile
@@ -21,12 +22,10 @@ MaybeMission = Annotated[
     Path | None,
     typer.Argument(metavar="[MISSION]", help="The mission file (TOML); a room of 5 m with two robots without one."),
 ]
-Promising = Annotated[
-    str | None, typer.Option("--backend", metavar="NAME", help="Whose robots' declared capabilities; none is opened.")
-]
+Promising = Annotated[str | None, option("NAME", "Whose robots' declared capabilities; none is opened.", "--backend")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the mission file; may be repeated."),
+    option("KEY=VALUE", "Override any key of the mission file; may be repeated.", "--set"),
 ]
 
 
@@ -38,11 +37,7 @@ def module_list(text: str) -> list[str]:
     """
     names = [name for part in text.split(",") if (name := part.strip())]
     if not names:
-        raise ConfigError(
-            "it names no module; write them as a,b, or remove all of them with --no-rta",
-            source="command line",
-            key="--modules",
-        )
+        raise option_error("--modules", "it names no module; write them as a,b, or remove all of them with --no-rta")
     return names
 
 
@@ -55,11 +50,7 @@ def parse_setting(setting: str) -> tuple[str, object]:
     key, equals, text = setting.partition("=")
     key, text = key.strip(), text.strip()
     if not equals or not key or not text:
-        raise ConfigError(
-            f"'{setting}' is not of the form key=value, such as rta.geofence.delta_s=0.25",
-            source="command line",
-            key="--set",
-        )
+        raise option_error("--set", f"'{setting}' is not of the form key=value, such as rta.geofence.delta_s=0.25")
     import tomllib
 
     try:
@@ -78,11 +69,7 @@ def from_here(name: str | None) -> str | None:
 
 
 def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, object]:
-    """Return the overrides that options and `--set` ask for.
-
-    Args:
-        options: value by dotted key; None means not given.
-        settings: the values of `--set`.
+    """Return the overrides that options by dotted key (None is not given) and `--set` ask for.
 
     Raises:
         ConfigError: a setting is malformed, or a key is given twice.
@@ -91,7 +78,7 @@ def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, o
     for setting in settings:
         key, value = parse_setting(setting)
         if key in merged:
-            raise ConfigError("it is given twice", source="command line", key=key)
+            raise option_error(key, "it is given twice")
         merged[key] = value
     return merged
 

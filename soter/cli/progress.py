@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from types import TracebackType
-from typing import TYPE_CHECKING, Final, Protocol, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from rich import box
 from rich.console import Group
@@ -35,25 +34,9 @@ WIDE_COLUMNS: Final = 104
 MODULE_STYLES: Final = {"collision": "red", "obstacle": "magenta", "geofence": "yellow", "battery": "green"}
 
 
-class Display(Protocol):
-    """Shows progress. A context manager."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None, /
-    ) -> None: ...
-
-    def update(self, progress: Progress) -> None:
-        """Show how the run is doing."""
-
-
-def make_display(console: Console, name: str) -> Display:
+def make_display(console: Console, name: str) -> LiveDisplay | LineDisplay:
     """Return the display that suits a console; `name` is the mission's."""
     return LiveDisplay(console) if is_live(console) else LineDisplay(console, name)
-
-
-# --- figures in words --------------------------------------------------------------------------------------
 
 
 def speed(progress: Progress) -> str:
@@ -96,16 +79,8 @@ def least_margin(robot: RobotProgress) -> str:
     return f"{module} {margin_in_words(module, distances[module])}"
 
 
-# --- lines -------------------------------------------------------------------------------------------------
-
-
 class LineDisplay:
-    """A plain line once robots move, and every `LINE_EVERY_S` of host time.
-
-    Args:
-        console: where to.
-        name: the mission's.
-    """
+    """A plain line once robots move, and every `LINE_EVERY_S` of host time."""
 
     def __init__(self, console: Console, name: str) -> None:
         self._console: Final = console
@@ -141,16 +116,10 @@ def _robot_in_words(robot: RobotProgress) -> str:
     return f"robot {robot.robot_id}: {robot.driver}{charge}"
 
 
-# --- live --------------------------------------------------------------------------------------------------
-
-
 class LiveDisplay:
     """A table of the robots that is drawn over itself.
 
     It draws from `update()` only, so it needs no thread and cannot be in the way of a tick.
-
-    Args:
-        console: a terminal.
     """
 
     def __init__(self, console: Console) -> None:
@@ -181,7 +150,8 @@ def frame(progress: Progress, width: int, height: int) -> RenderableType:
     if hidden:
         in_ac = sum(robot.driver == "AC" for robot in progress.robots[len(shown) :])
         parts.append(Text(f"and {hidden} more robots, {in_ac} of them in AC", "dim"))
-    parts += [_bar_line(progress, width), _violations_line(progress)]
+    style = "bold red" if any((progress.violations or {}).values()) else ""
+    parts += [_bar_line(progress, width), Text(violations_in_words(progress.violations), style, no_wrap=True)]
     return Group(*parts)
 
 
@@ -238,8 +208,3 @@ def _bar_line(progress: Progress, width: int) -> RenderableType:
         Text(left(progress)),
     )
     return row
-
-
-def _violations_line(progress: Progress) -> RenderableType:
-    counted = any((progress.violations or {}).values())
-    return Text(violations_in_words(progress.violations), "bold red" if counted else "", no_wrap=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from soter.cli.exits import complain
 from soter.cli.outputs import Output
-from soter.errors import ConfigError
+from soter.errors import option_error
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,7 +38,7 @@ def recording_path(
     """
     if record is not None:
         if no_record:
-            raise ConfigError("it contradicts --no-record; give one of them", source="command line", key="--record")
+            raise option_error("--record", "it contradicts --no-record; give one of them")
         Output(record, "--record")
         _refuse_other(record)
         return record
@@ -61,10 +61,10 @@ def _refuse_other(record: Path) -> None:
     if record.is_file():
         with record.open("rb") as file:
             if file.read(len(MAGIC)) not in {b"", MAGIC}:
-                raise ConfigError(
+                raise option_error(
+                    "--record",
                     f"'{record}' is there already, and is no recording; it is not replaced by one, nor with --force",
-                    source="command line", key="--record",
-                )  # fmt: skip
+                )
 
 
 @contextmanager

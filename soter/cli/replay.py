@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import guard
+from soter.cli.option import option, switch
+from soter.cli.overrides import merge
 from soter.cli.plain import emit
 
 if TYPE_CHECKING:
@@ -18,26 +20,19 @@ if TYPE_CHECKING:
 
     from soter.replay.replay import Replay
 
-# A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
-
   soter replay run.mcap
-
   soter replay run.mcap --set rta.collision.delta_s=0.2
-
 Exit codes:
-
   0  every decision is what was recorded; with --set: the question is answered, whatever the answer is
-
   1  something differs, or was changed after it had been written
-
   2  no recording, a damaged one, or one with gaps; or a setting that is not allowed
 """
 
 SHOWN = 20
 
 
-class Verdict(IntEnum):
+class ReplayExit(IntEnum):
     """What the exit code of `soter replay` says."""
 
     SAME = 0
@@ -49,13 +44,14 @@ def replay(
     recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Ask what the modules would have decided: another value of a key below "
-            "rta or battery; may be repeated.",
+        option(
+            "KEY=VALUE",
+            "Ask what the modules would have decided: another value of a key below rta or battery; may be repeated.",
+            "--set",
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
-) -> None:  # fmt: skip
+    json: Annotated[bool, switch("--json", "Print what was found as JSON.")] = False,
+) -> None:
     """Let the decision modules decide again on what a recording says they knew, and compare.
 
     It is open loop: with other settings the robots still do what they did then, whatever the modules say.
@@ -64,8 +60,7 @@ def replay(
         from json import dumps
 
         from soter.cli.console import make_console
-        from soter.cli.overrides import merge
-        from soter.record.digest import State
+        from soter.record.digest import DigestState
         from soter.record.reader import Recording
         from soter.replay.replay import replay as play
 
@@ -74,17 +69,17 @@ def replay(
         if json:
             emit(dumps(_plain(found), indent=2, default=str))
         else:
-            if opened.proof is not None and opened.proof.state is State.NONE:
+            if opened.proof is not None and opened.proof.state is DigestState.NONE:
                 make_console().print(f"{recording}: {opened.proof.why}", soft_wrap=True, markup=False)
             _show(make_console(), recording, found)
         raise typer.Exit(_verdict(found))
 
 
-def _verdict(found: Replay) -> Verdict:
+def _verdict(found: Replay) -> ReplayExit:
     # Other settings were meant to make a difference; a record that was changed was not.
     if found.flaws or not (found.same or found.settings):
-        return Verdict.DIFFERENT
-    return Verdict.UNKNOWN if found.gap_s is not None or not found.ticks else Verdict.SAME
+        return ReplayExit.DIFFERENT
+    return ReplayExit.UNKNOWN if found.gap_s is not None or not found.ticks else ReplayExit.SAME
 
 
 def _plain(found: Replay) -> dict[str, object]:
@@ -106,8 +101,7 @@ def _show(console: Console, file: Path, found: Replay) -> None:
     if found.gap_s is not None:
         say(f"Ticks are missing before {found.gap_s:.2f} s; what comes after them cannot be compared.")
     for wrong in found.flaws[:SHOWN]:
-        what = f"{wrong.field} reads {wrong.reads}, was {wrong.was}" if wrong.field else "more than one value"
-        say(f"changed after it was written: {wrong.time_s:.3f} s, robot {wrong.robot_id}: {what}")
+        say(f"changed after it was written: {wrong.time_s:.3f} s, robot {wrong.robot_id}")
     if len(found.flaws) > SHOWN:
         say(f"... {len(found.flaws) - SHOWN} more records were changed")
     if found.settings:

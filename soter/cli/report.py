@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from soter.cli.exits import ExitCode, Force, complain, guard
+from soter.cli.option import option
+from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,21 +19,15 @@ if TYPE_CHECKING:
     from soter.record.reader import Recording
     from soter.report.caption import Caption
 
-# A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
-
   soter report run.mcap
-
   soter report run.mcap -o page.html
-
   soter report run.mcap --png run.png --gif run.gif
-
+  soter report run.mcap --mp4 run.mp4 --film 120
+  soter report run.mcap --still still.png --at 90
 Exit codes:
-
   0  what was asked for was written, of a recording that was cut off as far as it goes
-
   2  it is no recording, or damaged; or a file cannot be written
-
   3  a file could not be written after all
 """
 
@@ -39,48 +36,95 @@ def report(
     recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", metavar="PAGE.html",
-            help="Where the page goes: beside the recording by default, and nowhere if only pictures are asked for.",
+        option(
+            "PAGE.html",
+            "Where the page goes: beside the recording by default, and nowhere if only pictures are asked for.",
+            "--output",
+            "-o",
         ),
     ] = None,
-    png: Annotated[Path | None, typer.Option("--png", metavar="FILE.png", help="Draw the run.")] = None,
-    gif: Annotated[Path | None, typer.Option("--gif", metavar="FILE.gif", help="Draw the run as it went on.")] = None,
+    png: Annotated[Path | None, option("FILE.png", "Draw the run.", "--png")] = None,
+    gif: Annotated[Path | None, option("FILE.gif", "Draw the run as a film.", "--gif")] = None,
+    mp4: Annotated[Path | None, option("FILE.mp4", "The same, smoother and smaller; it needs PyAV.", "--mp4")] = None,
+    film: Annotated[
+        float,
+        option(
+            "SECONDS",
+            "How long a film may take. It is ten times as fast as the run, or as much faster as that takes.",
+            min=1.0,
+            max=3600.0,
+        ),
+    ] = 60.0,
+    still: Annotated[
+        Path | None, option("FILE.png", "Show the world in three dimensions; it needs PyBullet.", "--still")
+    ] = None,
+    at: Annotated[float | None, option("SECONDS", "The moment of --still; else the end.", "--at", min=0.0)] = None,
     force: Force = False,
-) -> None:  # fmt: skip
+) -> None:
     """Make a page of a recording that plays it in any browser, without a network."""
     with guard():
         from soter.cli.console import make_console
         from soter.cli.outputs import Output, picture_output, refuse_clashes
         from soter.record.reader import Recording
 
+        if at is not None and still is None:
+            raise option_error("--at", "it is the moment of --still, which is not given")
         console = make_console()
         opened = Recording(recording)
-        if output is None and png is None and gif is None:
+        if output is None and png is None and gif is None and mp4 is None and still is None:
             output = recording.with_suffix(".html")
-        refuse_clashes({"--output": output, "--png": png, "--gif": gif}, [recording], force=force)
-        page_file = None if output is None else Output(output, "--output")
-        png_file = None if png is None else picture_output(png, "--png")
-        gif_file = None if gif is None else picture_output(gif, "--gif", ".gif")
-        made: list[tuple[str, Output, bytes]] = []
-        if page_file is not None:
-            from soter.report.page.html import make_page
-
-            made.append(("page", page_file, make_page(opened).encode()))
-        if png_file is not None or gif_file is not None:
-            from soter.report.animation import draw_gif
-            from soter.report.picture import draw_png
-
-            tracks, words = opened.tracks(), _caption(opened)
-            if png_file is not None:
-                made.append(("picture", png_file, draw_png(tracks, words)))
-            if gif_file is not None:
-                made.append(("animation", gif_file, draw_gif(tracks, words)))
+        wanted = {"--output": output, "--png": png, "--gif": gif, "--mp4": mp4, "--still": still}
+        refuse_clashes(wanted, [recording], force=force)
+        files: list[tuple[str, Output, Callable[[], bytes]]] = []
+        if output is not None:
+            files.append(("page", Output(output, "--output"), lambda: _page(opened)))
+        if png is not None:
+            files.append(("picture", picture_output(png, "--png"), lambda: _picture(opened)))
+        if gif is not None:
+            files.append(("film", picture_output(gif, "--gif", ".gif"), lambda: _gif(opened, film)))
+        if mp4 is not None:
+            files.append(
+                ("film", picture_output(mp4, "--mp4", ".mp4", drawn_by="soter.report.mp4"), lambda: _mp4(opened, film))
+            )
+        if still is not None:
+            file = picture_output(still, "--still", drawn_by="soter.cli.still")
+            files.append(("still", file, lambda: _still(opened, at)))
+        made = [(what, file, make()) for what, file, make in files]
         if opened.truncated:
             console.print(f"{recording} was cut off: what follows is what there is", soft_wrap=True)
         written = [_written(console, *each) for each in made]
         if not all(written):
             raise typer.Exit(ExitCode.RUN_FAILED)
+
+
+def _page(recording: Recording) -> bytes:
+    from soter.report.page.html import make_page
+
+    return make_page(recording).encode()
+
+
+def _picture(recording: Recording) -> bytes:
+    from soter.report.picture import draw_png
+
+    return draw_png(recording.tracks(), _caption(recording))
+
+
+def _gif(recording: Recording, most_s: float) -> bytes:
+    from soter.report.film import draw_gif
+
+    return draw_gif(recording.tracks(), _caption(recording), most_s)
+
+
+def _mp4(recording: Recording, most_s: float) -> bytes:
+    from soter.report.mp4 import draw_mp4
+
+    return draw_mp4(recording.tracks(), _caption(recording), most_s)
+
+
+def _still(recording: Recording, at_s: float | None) -> bytes:
+    from soter.cli.still import draw_still
+
+    return draw_still(recording, at_s)
 
 
 def _caption(recording: Recording) -> Caption:
@@ -89,7 +133,6 @@ def _caption(recording: Recording) -> Caption:
 
     from soter.cli.summary import caption
     from soter.config import MissionFile
-    from soter.errors import ConfigError
     from soter.report.caption import Caption
     from soter.runner.result import RunResult
 

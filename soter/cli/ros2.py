@@ -3,55 +3,35 @@
 from __future__ import annotations
 
 from contextlib import closing, nullcontext
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from soter.cli import sim
 from soter.cli.exits import StopSignals, guard
-from soter.cli.overrides import MissionArgument, Settings
+from soter.cli.option import option, switch
+from soter.cli.overrides import MissionArgument, Settings, load_with_engine, merge
 from soter.cli.plain import emit
-from soter.cli.sim import (
-    BoxClearance,
-    ChargeSeed,
-    FirstRobots,
-    Separation,
-    Stamped,
-    TruthPort,
-    WorkspaceFile,
-    keep,
-    room_and_robots,
-)
 
 if TYPE_CHECKING:
-    from soter.adapters.ros2.backend import Ros2Fleet
-    from soter.adapters.ros2.simulator import Simulator
+    from soter.adapters.ros2.simulator import Ros2Simulator
     from soter.config import MissionFile
+    from soter.sdk.wire import WireFleet
 
 MONITOR_EXAMPLES = """Examples:
-
   soter ros2-monitor examples/ros2_external_ac/mission.toml
-
   ros2 topic echo /robot1/soter/mode
-
   ros2 topic echo /robot1/soter/disengagements
-
 Exit codes:
-
   0  ended after --duration, or by Ctrl-C; the robots are stopped
-
   2  bad input, a robot that is not there, or an ill-formed module: nothing has moved
 """
 
 SIM_EXAMPLES = """Examples:
-
   soter sim ros2 examples/surveillance.xml
-
   soter sim ros2 examples/surveillance.xml --robots 1 --domain 7
-
 Exit codes:
-
   0  ended by Ctrl-C or a request to terminate
-
   2  bad input, or ROS 2 is not there
 """
 
@@ -60,7 +40,7 @@ MUX_CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 def ros2_mux(
     context: typer.Context,
-    robot: Annotated[str, typer.Option(metavar="NAME", help="The robot's namespace, such as robot1.")] = "",
+    robot: Annotated[str, option("NAME", "The robot's namespace, such as robot1.")] = "",
 ) -> None:
     """Run the mux of one robot: on the robot, between its two controllers and its base.
 
@@ -76,9 +56,9 @@ def ros2_mux(
 def ros2_monitor(
     mission: MissionArgument,
     duration: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time; until Ctrl-C if not given.")
+        float | None, option("SECONDS", "How long, in the robots' time; until Ctrl-C if not given.")
     ] = None,
-    no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
+    no_rta: Annotated[bool, switch("--no-rta", "Remove the decision modules, and nothing else.")] = False,
     settings: Settings = None,
 ) -> None:
     """Watch over ROS 2 robots that other nodes drive on cmd_vel_ac; take one over only to keep it safe.
@@ -89,7 +69,6 @@ def ros2_monitor(
     with guard(), StopSignals() as stop:
         _require_ros()
         from soter.adapters.ros2.telemetry import Telemetry
-        from soter.cli.overrides import load_with_engine, merge
         from soter.missions.ros2_monitor import Watcher
         from soter.runner.real_time import real_time
 
@@ -98,9 +77,9 @@ def ros2_monitor(
         with _open(loaded) as fleet:
             for robot in fleet.robots:
                 robot.init(_INIT_TIMEOUT_S)
-            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.streamed, loaded.rta.order))
-            names = ", ".join(robot.node.get_namespace() for robot in fleet.streamed)
-            domain = fleet.streamed[0].node.context.get_domain_id()
+            watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.robots, loaded.rta.order))
+            names = ", ".join(robot.node.get_namespace() for robot in fleet.robots)
+            domain = fleet.robots[0].node.context.get_domain_id()
             guarded = ", ".join(loaded.rta.order) if loaded.rta.enabled else "no module"
             emit(f"watching over {names}, in ROS domain {domain}: {guarded}; Ctrl-C ends it")
             wanted = loaded.isolation.real_time
@@ -113,29 +92,27 @@ def ros2_monitor(
 
 
 def sim_ros2(
-    workspace: WorkspaceFile,
-    robots: FirstRobots = None,
-    stamped: Stamped = False,
-    domain: Annotated[
-        int | None, typer.Option(metavar="N", help="The ROS domain; one that nobody uses here if not given.", min=0)
-    ] = None,
-    truth: TruthPort = 0,
-    separation: Separation = 0.3,
-    clearance: BoxClearance = 0.0,
-    seed: ChargeSeed = None,
+    workspace: sim.WorkspaceFile,
+    robots: sim.FirstRobots = None,
+    stamped: sim.Stamped = False,
+    domain: Annotated[int | None, option("N", "The ROS domain; one that nobody uses here if not given.", min=0)] = None,
+    truth: sim.TruthPort = 0,
+    separation: sim.Separation = 0.3,
+    clearance: sim.BoxClearance = 0.0,
+    seed: sim.ChargeSeed = None,
 ) -> None:
     """Simulate ROS 2 robots, each with its mux, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
         _require_ros()
-        from soter.adapters.ros2.simulator import Simulator
+        from soter.adapters.ros2.simulator import Ros2Simulator
         from soter.sdk import RuleLimits
 
-        room, specs = room_and_robots(workspace, robots, seed)
+        room, specs = sim.room_and_robots(workspace, robots, seed)
         limits = RuleLimits(separation, clearance)
-        opened = Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth, limits=limits)
+        opened = Ros2Simulator(room, specs, stamped=stamped, domain_id=domain, truth_port=truth, limits=limits)
         with closing(opened) as simulator:
             _say_how_to_connect(simulator, stamped=stamped)
-            keep(simulator, stop)
+            sim.keep(simulator, stop)
 
 
 _INIT_TIMEOUT_S = 60.0
@@ -148,10 +125,10 @@ def _require_ros() -> None:
     load_backend("ros2")
 
 
-def _open(mission: MissionFile) -> Ros2Fleet:
+def _open(mission: MissionFile) -> WireFleet[Any]:
     """Open the robots of a mission for watching: they are somebody else's, and none is started."""
-    from soter.adapters.ros2.backend import Ros2Backend, Ros2Fleet
-    from soter.adapters.ros2.options import RobotOptions, Ros2Config
+    from soter.adapters.ros2.backend import Ros2Backend
+    from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
     from soter.config import validate_options
     from soter.specs import asked, robot_specs
 
@@ -159,13 +136,13 @@ def _open(mission: MissionFile) -> Ros2Fleet:
     given = mission.backends.get("ros2", {})
     config = validate_options(Ros2Config, given, mission.source, "backends.ros2", {"workspace": workspace})
     assert isinstance(config, Ros2Config)
-    robots = config.robots or {place.id: RobotOptions(namespace=f"/robot{place.id}") for place in workspace.robots}
+    robots = config.robots or {place.id: Ros2RobotOptions(namespace=f"/robot{place.id}") for place in workspace.robots}
     config = config.model_copy(update={"robots": robots})
     promised = asked(Ros2Backend, config, mission, workspace)
-    return Ros2Fleet(config, robot_specs(mission, workspace, promised), None, external_ac=True)
+    return Ros2Backend(external_ac=True).open(config, robot_specs(mission, workspace, promised))
 
 
-def _say_how_to_connect(simulator: Simulator, *, stamped: bool) -> None:
+def _say_how_to_connect(simulator: Ros2Simulator, *, stamped: bool) -> None:
     """Print what a mission file needs, and what a terminal needs, to meet the robots."""
     from soter.adapters.ros2.simulator import SETTINGS
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
-from soter.cli.overrides import MaybeMission, Settings
+from soter.cli.overrides import MaybeMission, Settings, from_here, load_with_engine, merge, module_list
+from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,42 +23,24 @@ if TYPE_CHECKING:
     from soter.config import MissionFile
     from soter.runner import Run, RunResult
 
-# A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
-
   soter run examples/surveillance.toml --picture run.png
-
   soter run examples/surveillance.toml --targets hostile --no-rta
-
   soter run --mission patrol.py --duration 120
-
   soter run examples/warehouse.toml --robots 3 --json result.json
-
   soter run examples/surveillance.toml --backend kinematic --ac adversary:chase
-
   soter run examples/surveillance.toml --ac greedy.py:Greedy
-
   soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
-
   soter run examples/surveillance.toml --record run.mcap
-
   soter run examples/surveillance.toml --live --open --pace 1
-
   soter run examples/thesis.toml --duration 7200 --compare thesis
-
   soter run examples/distributed/mission.toml --process alpha
-
 Exit codes:
-
   0  all went well
-
   1  ground truth counted a violation; with --strict also: an assumption failed, or a robot stalled for good or never
      moved
-
   2  bad input, unusable backend, or a module that is ill-formed or not proved: nothing has moved
-
   3  the run failed, or a robot was not under control for a time
-
   130  interrupted by Ctrl-C; the robots are stopped
 """
 
@@ -120,6 +103,10 @@ def run(
     live_port: Annotated[
         int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else a free one.")
     ] = None,
+    gui: Annotated[
+        bool,
+        typer.Option("--gui", help="Show PyBullet's world in a window, held to the clock unless --pace differs."),
+    ] = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the live page in the browser of this host.")] = False,
     leave: Annotated[
         bool, typer.Option("--leave", help="End when the run does, instead of keeping the live page until Ctrl-C.")
@@ -164,13 +151,11 @@ def run(
         from soter.cli.console import make_console
         from soter.cli.live import pace_of, shown, wanted_views
         from soter.cli.outputs import json_output, picture_output, refuse_clashes
-        from soter.cli.overrides import from_here, load_with_engine, merge, module_list
         from soter.cli.recordings import recording_path, unless_recorded
-        from soter.errors import ConfigError
         from soter.record.signing import read_private_key
 
         if no_rta and modules is not None:
-            raise ConfigError("it contradicts --no-rta; give one of them", source="command line", key="--modules")
+            raise option_error("--modules", "it contradicts --no-rta; give one of them")
         if mission is None:
             if what is None:
                 raise ConfigError("name a mission file, or with --mission what is to be done", source="command line")
@@ -189,24 +174,30 @@ def run(
             "rta.enabled": False if no_rta else None,
             "rta.modules": None if modules is None else module_list(modules),
         }
+        if gui:
+            options["backends.pybullet.window"] = True
         loaded = load_with_engine(mission, merge(options, settings or []), engine)
+        if gui and loaded.backend != "pybullet":
+            raise ConfigError(
+                f"the backend '{loaded.backend}' has no window, allowed: pybullet; --live shows every backend",
+                source="command line", key="--gui",
+            )  # fmt: skip
         refuse_clashes(
             {"--json": json, "--picture": picture, "--record": record}, (mission, loaded.workspace), force=force
         )
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
         if compare is not None and loaded.ac != "mission":
-            raise ConfigError(
-                f"the figures are those of the surveillance mission, but the ACs are {loaded.ac}",
-                source="command line", key="--compare",
-            )  # fmt: skip
+            raise option_error(
+                "--compare", f"the figures are those of the surveillance mission, but the ACs are {loaded.ac}"
+            )
         views = wanted_views(live, live_port, foxglove, foxglove_port, opened=open_it, leave=leave)
         if sign is not None:
             read_private_key(sign, "--sign")
         recording = recording_path(record, no_record, loaded, process)
         console = make_console(stderr=str(json) == "-")
         stop = StopSignals()
-        held = pace_of(pace, loaded, stop)
+        held = pace_of(1.0 if gui and pace is None else pace, loaded, stop)
         with unless_recorded(recording), shown(views, recording, console) as seen:
             done, stopped_by = _run(
                 loaded, process, seen, sign, stop, held, console, accept_unproved=accept_unproved, quiet=quiet,
@@ -246,7 +237,8 @@ def _run(
 
     with ExitStack() as stack:
         stack.enter_context(stop)
-        display = None if quiet else stack.enter_context(make_display(console, mission.source or ""))
+        display = None if quiet else make_display(console, mission.source or "")
+        stack.enter_context(display or nullcontext())
         try:
             done = run_mission(
                 mission,

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from soter.cli.exits import StopSignals, guard
+from soter.cli.option import option, switch
 from soter.cli.plain import emit
-from soter.errors import RunFailed
+from soter.errors import BackendUnavailable, ConfigError, RunFailed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,17 +22,11 @@ if TYPE_CHECKING:
     from soter_sim.mavlink.simulation import Settings, Simulation
 
 MAVLINK_EXAMPLES = """Examples:
-
   soter sim mavlink examples/surveillance.xml
-
   soter sim mavlink examples/surveillance.xml --tcp --speedup 4 --robots 1
-
   soter sim mavlink examples/surveillance.xml --vehicle copter --boot 42
-
 Exit codes:
-
   0  ended by Ctrl-C or a request to terminate
-
   2  bad input, or a port that is taken
 """
 
@@ -76,22 +71,18 @@ def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[W
 WorkspaceFile = Annotated[
     Path, typer.Argument(metavar="WORKSPACE", help="The workspace file (XML).", show_default=False)
 ]
-FirstRobots = Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")]
-Stamped = Annotated[bool, typer.Option("--stamped", help="Velocities are TwistStamped instead of Twist.")]
-TruthPort = Annotated[
-    int, typer.Option(metavar="P", help="The port that tells what really happens; 0 for any that is free.")
-]
+FirstRobots = Annotated[int | None, option("N", "Only the first N of the workspace.")]
+Stamped = Annotated[bool, switch("--stamped", "Velocities are TwistStamped instead of Twist.")]
+TruthPort = Annotated[int, option("P", "The port that tells what really happens; 0 for any that is free.")]
 Separation = Annotated[
     float,
-    typer.Option(metavar="M", help="Nearer centres collide, by the truth: rta.collision.phi_safe_m.", min=0.0),
+    option("M", "Nearer centres collide, by the truth: rta.collision.phi_safe_m.", min=0.0),
 ]
 BoxClearance = Annotated[
     float,
-    typer.Option(metavar="M", help="Nearer to a box no body may be, by the truth: rta.obstacle.phi_safe_m.", min=0.0),
+    option("M", "Nearer to a box no body may be, by the truth: rta.obstacle.phi_safe_m.", min=0.0),
 ]
-ChargeSeed = Annotated[
-    int | None, typer.Option(metavar="N", help="Draw the charges at the start from it; all are full without it.")
-]
+ChargeSeed = Annotated[int | None, option("N", "Draw the charges at the start from it; all are full without it.")]
 
 _LOOK_S = 0.1
 
@@ -118,14 +109,14 @@ def mavlink(
     workspace: WorkspaceFile,
     port: Annotated[
         int | None,
-        typer.Option(
-            metavar="P",
-            help=f"The port on which a ground station listens, {_UDP_PORT} if not given; with --tcp the port on which "
+        option(
+            "P",
+            f"The port on which a ground station listens, {_UDP_PORT} if not given; with --tcp the port on which "
             f"the vehicles listen, {_TCP_PORT} if not given, 0 for any that is free.",
             show_default=False,
         ),
     ] = None,
-    tcp: Annotated[bool, typer.Option("--tcp", help="TCP, with the vehicles as the server; else UDP.")] = False,
+    tcp: Annotated[bool, switch("--tcp", "TCP, with the vehicles as the server; else UDP.")] = False,
     vehicle: Annotated[
         Literal["rover", "copter"] | None,
         typer.Option(help="What the robots are; rovers if nothing says otherwise.", show_default=False),
@@ -139,24 +130,16 @@ def mavlink(
     ] = "kinematic",
     robots: FirstRobots = None,
     rate: Annotated[
-        float | None,
-        typer.Option(metavar="HZ", help="Control periods in a second, and messages of one kind at most.", min=10.0),
+        float | None, option("HZ", "Control periods in a second, and messages of one kind at most.", min=10.0)
     ] = None,
-    speedup: Annotated[float, typer.Option(metavar="N", help="Simulated seconds by second, at most.")] = 1.0,
-    boot: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Simulated time until the autopilots are ready.")
-    ] = 2.0,
+    speedup: Annotated[float, option("N", "Simulated seconds by second, at most.")] = 1.0,
+    boot: Annotated[float, option("SECONDS", "Simulated time until the autopilots are ready.")] = 2.0,
     origin: Annotated[
         str | None,
-        typer.Option(
-            metavar="LAT,LON,ALT", help="Where on earth the workspace has its origin; negative: --origin=-33.9,18.4,10."
-        ),
+        option("LAT,LON,ALT", "Where on earth the workspace has its origin; negative: --origin=-33.9,18.4,10."),
     ] = None,
     sign: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PASSPHRASE-FILE", help="Sign packets with the passphrase in this file, and drop all others."
-        ),
+        Path | None, option("PASSPHRASE-FILE", "Sign packets with the passphrase in this file, and drop all others.")
     ] = None,
     truth: TruthPort = 0,
     separation: Separation = 0.3,
@@ -165,7 +148,6 @@ def mavlink(
 ) -> None:
     """Simulate vehicles that speak MAVLink, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
-        from soter.errors import BackendUnavailable, ConfigError
         from soter.sdk.hints import install_command
         from soter.sdk.values import RuleLimits
 

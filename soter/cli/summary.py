@@ -58,7 +58,7 @@ def differences(result: RunResult) -> list[str]:
     elif result.targets_from != THESIS_TARGETS:
         found.append(f"{_aim(result)} instead of {THESIS_TARGETS}")
     if set(result.modules) != THESIS_MODULES:
-        found.append(f"{_listed(result.modules) or 'no'} module{'s' if len(result.modules) != 1 else ''} "
+        found.append(f"{', '.join(result.modules) or 'no'} module{'s' if len(result.modules) != 1 else ''} "
                      "instead of all four")  # fmt: skip
     return found
 
@@ -184,7 +184,7 @@ def headline(result: RunResult) -> str:
     return (
         f"{process}{_many(result.robots, 'robot')} for {_time(result.duration_s)} on {result.backend}{engine}; "
         f"{_errand(result)}, "
-        f"{_listed(result.modules) or 'no safety modules'}, seed {result.seed}"
+        f"{', '.join(result.modules) or 'no safety modules'}, seed {result.seed}"
     )
 
 
@@ -194,7 +194,11 @@ def outcome(result: RunResult) -> tuple[str, str]:
         return f"failed after {_time(result.duration_s)}: {result.failure}", "bold red"
     if result.status == "interrupted":
         return f"interrupted after {_time(result.duration_s)}; the robots are stopped", "bold yellow"
-    return (f"{result.status}, with violations", "bold red") if result.violated else (result.status, "bold green")
+    if result.violated:
+        return f"{result.status}, with violations", "bold red"
+    if result.robots and len(result.failed_robots) == result.robots:
+        return f"{result.status}, but no robot has its AC any more", "bold red"
+    return result.status, "bold green"
 
 
 def remarks(result: RunResult, *, compared: bool = False) -> list[str]:
@@ -233,12 +237,7 @@ def print_summary(console: Console, result: RunResult, *, compared: bool = False
 
 
 def caption(result: RunResult, safer_charge: float) -> Caption:
-    """Return what stands above and beside the picture of a run.
-
-    Args:
-        result: the run's figures.
-        safer_charge: phi_safer of the battery module, from 0 to 1.
-    """
+    """Return what stands above and beside the picture of a run; phi_safer of the battery module is from 0 to 1."""
     from soter.report.caption import Caption
 
     name = PurePath(result.mission).stem or "mission"
@@ -272,9 +271,6 @@ def _rules(result: RunResult) -> Iterator[Rule]:
         yield Rule(rule, f"{count} ×", _precise(rule, margin) if math.isfinite(margin) else "-", broken=count > 0)
 
 
-# --- words -------------------------------------------------------------------------------------------------
-
-
 def _time(seconds: float) -> str:
     if seconds < 2 * _SHORT_S:
         return f"{seconds:.3g} s"
@@ -284,32 +280,17 @@ def _time(seconds: float) -> str:
 
 
 def breach_text(times: int, first_s: float, cause: str, worst: Sequence[tuple[float, str, float, str]]) -> str:
-    """Return in words how often an assumption failed.
-
-    Args:
-        times: looks at which it did.
-        first_s: fleet time of the first.
-        cause: what was seen then.
-        worst: the worst looks: excess, its unit, fleet time, and what was seen then.
-    """
+    """Return in words how often an assumption failed, at first, and at worst: excess, unit, fleet time and cause."""
     first = "once, at" if times == 1 else f"{times} times, first at"
     text = f"{first} {first_s:.2f} s: {cause}"
     for excess, unit, time_s, why in worst:
-        amount = _amount(excess, unit)
+        amount = f"{100.0 * excess:.3g} % {unit}" if unit == OF_A_CHARGE else f"{excess:.3g} {unit}".strip()
         text += f", by {amount}" if why == cause else f"; worst, by {amount}, at {time_s:.2f} s: {why}"
     return text
 
 
-def _amount(excess: float, unit: str) -> str:
-    return f"{100.0 * excess:.3g} % {unit}" if unit == OF_A_CHARGE else f"{excess:.3g} {unit}".strip()
-
-
 def _many(count: int, thing: str) -> str:
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(names)
 
 
 def _percent(part: float) -> str:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from soter.cli.exits import ExitCode, Force, complain, guard
-from soter.cli.overrides import MissionArgument, Promising, Settings
+from soter.cli.exits import ExitCode, Force, guard
+from soter.cli.option import option
+from soter.cli.overrides import MissionArgument, Promising, Settings, load_with_engine, merge
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,19 +17,12 @@ if TYPE_CHECKING:
     from soter.check.tune import Choice, Tuning
 
 EXAMPLES = """Examples:
-
   soter tune examples/surveillance.toml --backend kinematic
-
   soter tune examples/thesis.toml -o tuned.toml
-
 Exit codes:
-
   0  numbers were found, and soter run takes the mission with them
-
   1  none were: the findings say why soter run would refuse the mission; nothing is written
-
   2  bad input, or a backend that cannot be used here
-
   3  the file could not be written
 """
 
@@ -38,15 +32,10 @@ def tune(
     backend: Promising = None,
     settings: Settings = None,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Write the whole mission with what was found, as a new file."
-        ),
+        Path | None, option("FILE", "Write the whole mission with what was found, as a new file.", "--output", "-o")
     ] = None,
     force: Force = False,
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write what was found; - is standard output.")
-    ] = None,
+    json: Annotated[Path | None, option("FILE", "Write what was found; - is standard output.", "--json")] = None,
 ) -> None:
     """Find the least restrictive numbers of the safety modules that are well-formed on the mission's robots.
 
@@ -56,8 +45,7 @@ def tune(
     with guard():
         from soter.check.tune import tune as find
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, refuse_clashes
-        from soter.cli.overrides import load_with_engine, merge
+        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
         from soter.config.toml_text import toml
 
         loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
@@ -67,14 +55,11 @@ def tune(
         console = make_console(stderr=str(json) == "-")
         tuning = find(loaded)
         _show(console, tuning)
-        try:
+        with unwritten("what was found"):
             if json_file is not None:
                 json_file.write(_json(tuning, str(mission)))
             if file is not None and not tuning.refused:
                 file.write(_file(tuning, mission, file.path).encode())
-        except OSError as failure:
-            complain(f"what was found could not be written: {failure}")
-            raise typer.Exit(ExitCode.RUN_FAILED) from failure
         if tuning.refused:
             raise typer.Exit(ExitCode.VIOLATION)
         console.print(

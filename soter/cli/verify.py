@@ -8,37 +8,29 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from soter.cli.exits import ExitCode, guard
+from soter.cli.option import option
+from soter.errors import ConfigError
 
 if TYPE_CHECKING:
     from soter.record.digest import Proof
 
-# A blank line keeps two lines from being joined.
 EXAMPLES = """Examples:
-
   soter verify run.mcap
-
   soter verify run.mcap --key public.pem
-
 Exit codes:
-
   0  the recording is, to the last bit, what was written; with --key, by the owner of that key
-
   1  it was damaged or changed since, or is not signed by that key
-
   2  it cannot be told: it was cut off, has no digest, or is no recording
 """
 
 
 def verify(
     recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
-    key: Annotated[
-        Path | None, typer.Option(metavar="KEY.pem", help="The public key (Ed25519) that must have signed it.")
-    ] = None,
+    key: Annotated[Path | None, option("KEY.pem", "The public key (Ed25519) that must have signed it.")] = None,
 ) -> None:
     """Say whether a recording is what was written. Without a key, that only tells what happened by accident."""
     with guard():
-        from soter.errors import ConfigError
-        from soter.record.digest import State, prove
+        from soter.record.digest import DigestState, prove
         from soter.record.signing import read_public_key
 
         wanted = None if key is None else read_public_key(key, "--key")
@@ -46,10 +38,10 @@ def verify(
             proof = prove(recording)
         except OSError as failure:
             raise ConfigError(f"'{recording}' cannot be read: {failure.strerror or failure}") from failure
-        if proof.state in {State.CUT_OFF, State.NONE}:
+        if proof.state in {DigestState.CUT_OFF, DigestState.NONE}:
             typer.echo(f"{recording}: {proof.why}")
             raise typer.Exit(ExitCode.BAD_INPUT)
-        words = proof.why if proof.state is State.CHANGED else _unsigned(proof, wanted)
+        words = proof.why if proof.state is DigestState.CHANGED else _unsigned(proof, wanted)
         if words:
             typer.echo(f"{recording}: not what was written: {words}")
             raise typer.Exit(ExitCode.VIOLATION)

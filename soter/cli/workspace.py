@@ -7,25 +7,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from soter.cli.exits import ExitCode, Force, complain, guard
+from soter.cli.exits import ExitCode, Force, guard
+from soter.cli.option import option
+from soter.errors import ConfigError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from soter.geometry.convex import Ring
+    from soter.geometry.grid import GridMap
     from soter.geometry.workspace import Workspace
 
 EXAMPLES = """Examples:
-
   soter workspace examples/surveillance.xml --picture room.png
-
   soter workspace examples/worlds/harbour.geojson --to harbour.toml
-
 Exit codes:
-
   0  robots can use it
-
   1  there is a station that cannot be reached from another one
-
   2  bad input: what is wrong is listed, by feature
-
   3  a file could not be written
 """
 
@@ -34,17 +33,15 @@ _LOOKS = 60
 
 
 def workspace(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace: .xml, .toml, .geojson, .plan or .kml.")],
-    to: Annotated[
-        Path | None, typer.Option("--to", metavar="FILE", help="Write it as .toml, in metres, or as .geojson.")
-    ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw it.")] = None,
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write what was found; - is standard output.")
-    ] = None,
-    radius: Annotated[float, typer.Option(metavar="METRES", min=0.0, help="Radius of the robots' bodies.")] = 0.105,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A workspace: .xml, .toml, .geojson, .plan, .kml or a map's .yaml.")
+    ],
+    to: Annotated[Path | None, option("FILE", "Write it as .toml, in metres, or as .geojson.", "--to")] = None,
+    picture: Annotated[Path | None, option("FILE.png", "Draw it.")] = None,
+    json: Annotated[Path | None, option("FILE", "Write what was found; - is standard output.", "--json")] = None,
+    radius: Annotated[float, option("METRES", "Radius of the robots' bodies.", min=0.0)] = 0.105,
     clearance: Annotated[
-        float, typer.Option(metavar="METRES", min=0.0, help="What ways keep from what is kept out of, and the fence.")
+        float, option("METRES", "What ways keep from what is kept out of, and the fence.", min=0.0)
     ] = 0.15,
     force: Force = False,
 ) -> None:
@@ -53,11 +50,11 @@ def workspace(
         import json as json_text
 
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes
+        from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes, unwritten
         from soter.geometry.reading import read_workspace
 
         refuse_clashes({"--to": to, "--picture": picture, "--json": json}, (file,), force=force)
-        made = read_workspace(file)
+        made = read_workspace(file, inhabited=False)
         files: list[tuple[Any, bytes]] = []
         if to is not None:
             files.append((Output(to, "--to"), _converted(made, file, to)))
@@ -70,15 +67,23 @@ def workspace(
             files.append((json_output(json), json_text.dumps(found, indent=2).encode() + b"\n"))
         console = make_console(stderr=str(json) == "-")
         for key, value in found.items():
-            console.print(f"{key:<18} {value}", soft_wrap=True, highlight=False, markup=False)
-        try:
+            console.print(f"{key:<18} {_words(value)}", soft_wrap=True, highlight=False, markup=False)
+        with unwritten("it"):
             for output, data in files:
                 output.write(data)
-        except OSError as failure:
-            complain(f"it could not be written: {failure}")
-            raise typer.Exit(ExitCode.RUN_FAILED) from failure
+        for path in (to, picture):
+            if path is not None:
+                console.print(f"{'written':<18} {path}", soft_wrap=True, highlight=False, markup=False)
         if found["unreachable"]:
             raise typer.Exit(ExitCode.VIOLATION)
+
+
+def _words(value: object) -> str:
+    if isinstance(value, dict):
+        return "; ".join(f"{key}: {_words(inner)}" for key, inner in value.items()) or "none"
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return "none" if value is None else str(value)
 
 
 def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, Any]:
@@ -98,15 +103,16 @@ def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, An
     free = sum(made.clearance_m(*at, radius_m) >= clearance_m for at in inside)
     fence, kept_out = made.outlines()
     stations = {place.id: place.charger.centre for place in made.robots}
-    routes = Routes(terrain_of(made, radius_m), made.robots[0].charger.centre, clearance_m, clearance_m)
-    ways = {robot_id: routes.distance_m(*at) for robot_id, at in stations.items()}
-    origin = made.plan.origin if isinstance(made, Site) else None
+    ways = {}
+    if stations:
+        routes = Routes(terrain_of(made, radius_m), next(iter(stations.values())), clearance_m, clearance_m)
+        ways = {robot_id: routes.distance_m(*at) for robot_id, at in stations.items()}
+    origin, grid = (made.plan.origin, made.plan.map) if isinstance(made, Site) else (None, None)
     return {
-        "shape": "polygons" if isinstance(made, Site) else "rectangle",
+        "shape": "map" if grid is not None else "polygons" if isinstance(made, Site) else "rectangle",
         "bounds_m": [round(each, 3) for each in made.bounds],
         "fence_corners": 0 if fence is None else len(fence),
-        "keep_outs": len(kept_out),
-        "corners": sum(map(len, kept_out)),
+        **_kept_out(kept_out, grid),
         "origin": None if origin is None else {"lat_deg": origin.lat_deg, "lon_deg": origin.lon_deg},
         "free_percent": round(100.0 * free / max(1, len(inside)), 1),
         "stations": {robot_id: [round(x, 3), round(y, 3)] for robot_id, (x, y) in stations.items()},
@@ -115,11 +121,21 @@ def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, An
     }
 
 
+def _kept_out(rings: Sequence[Ring], grid: GridMap | None) -> dict[str, Any]:
+    if grid is None:
+        return {"keep_outs": len(rings), "corners": sum(map(len, rings))}
+    occupied = grid.occupied()
+    return {
+        "cells": [grid.columns, grid.rows],
+        "cell_m": grid.cell_m,
+        "occupied_percent": round(100.0 * occupied.mean(), 1),
+    }
+
+
 def _converted(made: Workspace, file: Path, to: Path) -> bytes:
     import json as json_text
 
     from soter.config.toml_text import toml
-    from soter.errors import ConfigError
     from soter.geometry.writing import as_geojson, as_tables
 
     ending = to.suffix.lower()

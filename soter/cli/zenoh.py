@@ -8,35 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from soter.cli import sim
 from soter.cli.exits import StopSignals, guard
+from soter.cli.option import option
 from soter.cli.plain import emit
-from soter.cli.sim import (
-    BoxClearance,
-    ChargeSeed,
-    FirstRobots,
-    Separation,
-    Stamped,
-    TruthPort,
-    WorkspaceFile,
-    keep,
-    room_and_robots,
-)
 
 if TYPE_CHECKING:
-    from soter.adapters.zenoh.simulator import Simulator
+    from soter.adapters.zenoh.simulator import ZenohSimulator
 
 SIM_EXAMPLES = """Examples:
-
   soter sim zenoh examples/surveillance.xml
-
   soter sim zenoh examples/surveillance.xml --robots 1 --listen tcp/127.0.0.1:7447
-
   soter sim zenoh examples/surveillance.xml --mode client --connect tcp/127.0.0.1:7447
-
 Exit codes:
-
   0  ended by Ctrl-C or a request to terminate
-
   2  bad input, an endpoint that cannot be used, or Zenoh is not there
 """
 
@@ -47,63 +32,54 @@ MUX_CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_o
 def zenoh_mux(context: typer.Context) -> None:
     """Run the mux of one robot: beside the robot's base, between its two controllers and the base."""
     with guard():
-        _require_zenoh()
+        from soter.registry import load_backend
+
+        load_backend("zenoh")
         from soter.adapters.zenoh.mux import main
 
         main(context.args)
 
 
 def sim_zenoh(
-    workspace: WorkspaceFile,
+    workspace: sim.WorkspaceFile,
     listen: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="E", help="Where the world listens, such as tcp/127.0.0.1:7447; a free port of this host otherwise."
-        ),
+        option("E", "Where the world listens, such as tcp/127.0.0.1:7447; a free port of this host otherwise."),
     ] = None,
-    connect: Annotated[
-        list[str] | None, typer.Option(metavar="E", help="Where the robots connect to, such as a router.")
-    ] = None,
-    mode: Annotated[
-        str | None, typer.Option(metavar="M", help="What their sessions are: peer, which is the default, or client.")
-    ] = None,
+    connect: Annotated[list[str] | None, option("E", "Where the robots connect to, such as a router.")] = None,
+    mode: Annotated[str | None, option("M", "What their sessions are: peer, which is the default, or client.")] = None,
     session: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="All about the session: the keys of \\[backends.zenoh.session], as TOML."),
+        Path | None, option("FILE", "All about the session: the keys of \\[backends.zenoh.session], as TOML.")
     ] = None,
-    robots: FirstRobots = None,
-    stamped: Stamped = False,
-    speedup: Annotated[float, typer.Option(metavar="N", help="Simulated seconds by second.", min=0.1)] = 1.0,
-    truth: TruthPort = 0,
-    separation: Separation = 0.3,
-    clearance: BoxClearance = 0.0,
-    seed: ChargeSeed = None,
+    robots: sim.FirstRobots = None,
+    stamped: sim.Stamped = False,
+    speedup: Annotated[float, option("N", "Simulated seconds by second.", min=0.1)] = 1.0,
+    truth: sim.TruthPort = 0,
+    separation: sim.Separation = 0.3,
+    clearance: sim.BoxClearance = 0.0,
+    seed: sim.ChargeSeed = None,
 ) -> None:
     """Simulate robots on Zenoh, each with its mux, until Ctrl-C. Only this host reaches them unless told otherwise."""
     with guard(), StopSignals() as stop:
-        _require_zenoh()
+        from soter.registry import load_backend
+
+        load_backend("zenoh")
         from soter.adapters.zenoh.programs import session_options
-        from soter.adapters.zenoh.simulator import Simulator
+        from soter.adapters.zenoh.simulator import ZenohSimulator
         from soter.sdk import RuleLimits
 
         options = session_options(session, mode=mode, listen=listen or None, connect=connect or None)
-        room, specs = room_and_robots(workspace, robots, seed)
-        opened = Simulator(
+        room, specs = sim.room_and_robots(workspace, robots, seed)
+        opened = ZenohSimulator(
             room, specs, options, stamped=stamped, speedup=speedup, truth_port=truth,
             limits=RuleLimits(separation, clearance),
         )  # fmt: skip
         with closing(opened) as simulator:
             _say_how_to_connect(simulator, stamped=stamped, speedup=speedup)
-            keep(simulator, stop)
+            sim.keep(simulator, stop)
 
 
-def _require_zenoh() -> None:
-    from soter.registry import load_backend
-
-    load_backend("zenoh")
-
-
-def _say_how_to_connect(simulator: Simulator, *, stamped: bool, speedup: float) -> None:
+def _say_how_to_connect(simulator: ZenohSimulator, *, stamped: bool, speedup: float) -> None:
     """Print what a mission file needs to meet the robots, and what there is for everybody else."""
     from soter.adapters.zenoh.options import CLOCK
 

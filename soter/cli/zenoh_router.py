@@ -7,26 +7,19 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from soter.cli.exits import StopSignals, guard
+from soter.cli.option import option, switch
 from soter.cli.plain import emit
 
 if TYPE_CHECKING:
     from soter.adapters.zenoh.session import SessionOptions
 
 EXAMPLES = """Examples:
-
   soter zenoh-router
-
   soter zenoh-router --listen tcp/127.0.0.1:7448 --connect tcp/127.0.0.1:7447
-
   soter zenoh-router --listen tls/192.0.2.7:7447 --root-ca ca.pem --certificate router.pem --private-key router.key
-
 Exit codes:
-
   0  ended by Ctrl-C or a request to terminate
-
   2  bad input, an endpoint that is taken, or Zenoh is not there
 """
 
@@ -35,36 +28,26 @@ _LOOK_S = 0.1
 
 def zenoh_router(
     listen: Annotated[
-        list[str] | None,
-        typer.Option(metavar="E", help="Where it listens; may be repeated; tcp/127.0.0.1:7447 if not given."),
+        list[str] | None, option("E", "Where it listens; may be repeated; tcp/127.0.0.1:7447 if not given.")
     ] = None,
-    connect: Annotated[
-        list[str] | None, typer.Option(metavar="E", help="Another router to share with; may be repeated.")
-    ] = None,
+    connect: Annotated[list[str] | None, option("E", "Another router to share with; may be repeated.")] = None,
     session: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="All about its session: the keys of \\[backends.zenoh.session], as TOML."),
+        Path | None, option("FILE", "All about its session: the keys of \\[backends.zenoh.session], as TOML.")
     ] = None,
     root_ca: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Encrypt, and believe the certificates of these authorities.")
+        Path | None, option("FILE", "Encrypt, and believe the certificates of these authorities.")
     ] = None,
-    certificate: Annotated[Path | None, typer.Option(metavar="FILE", help="The router's certificate.")] = None,
-    private_key: Annotated[Path | None, typer.Option(metavar="FILE", help="The certificate's private key.")] = None,
-    anonymous: Annotated[
-        bool, typer.Option("--anonymous", help="Encrypt, but let clients in that have no certificate.")
-    ] = False,
-    users: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Let only these users in: NAME:PASSWORD, a line each.")
-    ] = None,
+    certificate: Annotated[Path | None, option("FILE", "The router's certificate.")] = None,
+    private_key: Annotated[Path | None, option("FILE", "The certificate's private key.")] = None,
+    anonymous: Annotated[bool, switch("--anonymous", "Encrypt, but let clients in that have no certificate.")] = False,
+    users: Annotated[Path | None, option("FILE", "Let only these users in: NAME:PASSWORD, a line each.")] = None,
     unencrypted: Annotated[
-        bool, typer.Option("--unencrypted", help="Do without encryption beyond this host: on closed networks only.")
+        bool, switch("--unencrypted", "Do without encryption beyond this host: on closed networks only.")
     ] = False,
     allow_all_interfaces: Annotated[
-        bool, typer.Option("--allow-all-interfaces", help="Let --listen name 0.0.0.0 or \\[::].")
+        bool, switch("--allow-all-interfaces", "Let --listen name 0.0.0.0 or \\[::].")
     ] = False,
-    parent: Annotated[
-        int | None, typer.Option(metavar="PID", help="End when this process is no longer the parent.", hidden=True)
-    ] = None,
+    parent: Annotated[int | None, option("PID", "End when this process is no longer the parent.", hidden=True)] = None,
 ) -> None:
     """Pass on between Zenoh clients, until Ctrl-C. Only this host reaches it unless told otherwise.
 

@@ -11,18 +11,18 @@ from __future__ import annotations
 import copy
 import math
 import random
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final, Self, TypeVar
+from typing import Annotated, Any, Final, Self
 
 from pydantic import (
-    BaseModel,
     Field,
     PrivateAttr,
     ValidationError,
     model_validator,
 )
 
+from soter.config.options import COMMAND_LINE
 from soter.config.promises import RobotsTable
 from soter.config.tables import (
     DEFAULT_TARGETS,
@@ -34,14 +34,16 @@ from soter.config.tables import (
     MissionTable,
     Name,
     RawTables,
+    ReseedTable,
     RtaTable,
     Table,
     Targets,
     wrong,
 )
-from soter.errors import ConfigError, nearest
+from soter.errors import ConfigError
 from soter.geometry.reading import read_workspace
 from soter.geometry.site import Site
+from soter.geometry.site_toml import RobotTable, StationTable
 from soter.geometry.workspace import Workspace
 from soter.loading import file_of, seen_from
 from soter.problems import (
@@ -51,7 +53,6 @@ from soter.problems import (
     config_error,
     cut,
     is_file,
-    key_lines,
     line_of,
     parse_toml,
     pydantic_problems,
@@ -62,15 +63,15 @@ from soter.problems import (
 INITIAL_CHARGE: Final = (0.60, 1.00)
 """The charge that a robot starts with is drawn from this range unless the mission gives one."""
 
-COMMAND_LINE: Final = "command line"
-
 
 class MissionFile(Table):
     """A mission, the same for every backend.
 
     Attributes:
         mission: what is done, and its options.
-        workspace: the XML file; `load_mission` makes it relative to the mission file.
+        workspace: the file; `load_mission` makes it relative to the mission file.
+        station: charging stations of a workspace whose file has none, in the order of the robots.
+        start: where robots start in it; on their stations without any.
         backend: which robots.
         duration_s: how long.
         seed: everything that is drawn, is drawn from it.
@@ -89,11 +90,14 @@ class MissionFile(Table):
         controllers: raw options of controllers of the user's own, by the name of the class.
         isolation: limits of the mission's process.
         fault: raw tables of the faults to inject, see `soter.faults`.
+        reseed: when faults begin to draw from other seeds.
         distribution: which process does what; without processes everything is in one.
     """
 
     mission: MissionTable = MissionTable()
     workspace: Annotated[Path, Field(strict=False)]
+    station: Annotated[tuple[StationTable, ...], Field(strict=False)] = ()
+    start: Annotated[tuple[RobotTable, ...], Field(strict=False)] = ()
     backend: Name = "pybullet"
     duration_s: Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)] = 600.0
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
@@ -111,6 +115,7 @@ class MissionFile(Table):
     adversaries: RawTables = Field(default_factory=dict)
     controllers: RawTables = Field(default_factory=dict)
     fault: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = ()
+    reseed: Annotated[tuple[ReseedTable, ...], Field(strict=False)] = ()
     distribution: DistributionTable = DistributionTable()
 
     _source: str | None = PrivateAttr(default=None)
@@ -174,6 +179,8 @@ class MissionFile(Table):
             self.workspace,
             phi_safer_m=self.rta.obstacle.phi_safer_m,
             spacing_m=self.rta.collision.phi_safer_m,
+            stations=[each.spot(number) for number, each in enumerate(self.station, start=1)],
+            starts=[each.spot() for each in self.start],
         )
         problems = []
         ids = [place.id for place in workspace.robots]
@@ -353,59 +360,3 @@ def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
             "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=cut(".".join(key)) or "''"
         )
     table[key[-1]] = value
-
-
-Options = TypeVar("Options", bound=BaseModel)
-
-
-def validate_options(
-    model: type[Options],
-    raw: Mapping[str, object],
-    source: str | None,
-    key: str,
-    filled: Mapping[str, object] | None = None,
-    overridden: Collection[tuple[str, ...]] = (),
-) -> Options:
-    """Check a raw table of options with the model of the class that it is for.
-
-    Args:
-        model: the class's own model.
-        raw: the table, such as `mission.backends.get("pybullet", {})`.
-        source: the mission file, or None.
-        key: the table's dotted key, such as "backends.pybullet".
-        filled: what the program itself fills in; the table may not name it.
-        overridden: from the mission, for errors about what is from the command line.
-
-    Raises:
-        ConfigError: an option is unknown or not allowed; all that is wrong is listed.
-    """
-    filled = filled or {}
-    prefix = split_key(key)
-    lines = _lines_in(source)
-    allowed = [name for name in model.model_fields if name not in filled]
-    problems = [
-        Problem(
-            f"unknown key{nearest(name, allowed)}; allowed: {', '.join(allowed) or 'none'}",
-            f"{key}.{name}",
-            lines.get((*prefix, name)),
-        )
-        for name in raw
-        if name in filled
-    ]
-    try:
-        options = model.model_validate({**raw, **filled})
-    except ValidationError as failure:
-        elsewhere = dict.fromkeys(overridden, COMMAND_LINE)
-        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, elsewhere=elsewhere, hidden=filled)
-        raise config_error(problems, source) from failure
-    if problems:
-        raise config_error(problems, source)
-    return options
-
-
-def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:
-    """Return the lines of the keys of a mission file, or nothing where it cannot be read again."""
-    try:
-        return key_lines(read_limited(Path(source), "mission file").decode()) if source else {}
-    except (ConfigError, UnicodeDecodeError):
-        return {}

@@ -310,6 +310,18 @@ class IsolationTable(Table):
     read: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
 
+class ReseedTable(Table):
+    """One `[[reseed]]`: from a time on, what is drawn for the faults comes from another seed.
+
+    Attributes:
+        at_s: fleet time; what is drawn at that very time is drawn anew.
+        seed: what it is drawn from.
+    """
+
+    at_s: Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+
+
 class ProcessTable(Table):
     """One process of a distributed mission, `[distribution.processes.NAME]`.
 

@@ -15,6 +15,7 @@ from soter.campaign.intervals import (
     median,
     poisson,
     poisson_most,
+    positive_mean,
     proportion,
     rate_evidence,
     share_evidence,
@@ -53,6 +54,14 @@ def test_the_interval_of_a_median_covers_it_as_often_as_it_says() -> None:
         wider = 2.0 * stats.binom.cdf(enclosed[1], count, 0.5)
         assert outside <= 0.05 < wider, "the narrowest of those that hold"
         assert enclosed[2] == count + 1 - enclosed[1]
+
+
+def test_the_interval_of_a_mean_holds_for_values_that_lie_apart_by_factors() -> None:
+    drawn = np.random.default_rng(1).lognormal(-0.125, 0.5, (1000, 10))
+    ends = [positive_mean(row) for row in drawn.tolist()]
+    outside = sum(not low <= 1.0 <= high for _, low, high in ends)
+    assert stats.binom.ppf(1e-3, 1000, 0.05) <= outside <= stats.binom.isf(1e-3, 1000, 0.05)
+    assert positive_mean([0.0, 0.0]) == (0.0, 0.0, math.inf)
 
 
 @pytest.mark.parametrize(("count", "exposure"), [(0, 40.0), (1, 60.0), (7, 100.0)])

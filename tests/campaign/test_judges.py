@@ -6,9 +6,9 @@ from random import Random
 
 import pytest
 
-from soter.campaign.random.judge import Limits, Ways, judge
-from soter.campaign.random.room import Patch, Room, Start
-from soter.campaign.random.witness import Witness
+from soter.campaign.random.judge import PromisedLimits, Ways, judge
+from soter.campaign.random.room import DrawnRoom, Patch, Start
+from soter.campaign.random.witness import EngineWitness
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk.values import RuleLimits
 from soter_sim import BODY_RADIUS_M, World
@@ -28,14 +28,14 @@ def test_both_judges_see_the_same_rules_broken_by_the_same_robots(seed: int) -> 
     workspace = Workspace(5.0, 5.0, tuple(Box(*box) for box in BOXES), (RobotPlace(1, 1.0, 1.0, Box(*STATION)),))
     robots = [promising(spec, radius_m) for spec in specs(*POSES)]
     with World(workspace, robots, limits=limits) as world:
-        witness = world.engine = Witness(world.engine)
+        witness = world.engine = EngineWitness(world.engine)
         for robot_id in witness.ids:
             moves = [(rng.uniform(-0.22, 0.22), rng.uniform(-2.0, 2.0)) for _ in range(60)]
             world.set_control(robot_id, scripted(moves, 1.0))
         world.advance(60.0)
         seen = {(each.rule, each.robots) for each in world.truth.report().violations}
     starts = tuple(Start(robot_id, *pose) for robot_id, pose in enumerate(POSES, 1))
-    room = Room(5.0, 5.0, starts, (Patch(*STATION),), tuple(Patch(*box) for box in BOXES))
-    promised = Limits(RULES, radius_m, limits.clearance_m, limits.separation_m, {}, {})
+    room = DrawnRoom(5.0, 5.0, starts, (Patch(*STATION),), tuple(Patch(*box) for box in BOXES))
+    promised = PromisedLimits(RULES, radius_m, limits.clearance_m, limits.separation_m, {}, {})
     found = judge(room, promised, Ways(witness.ids, *witness.seen(60.0)))
     assert {(each.rule, each.robots) for each in found} == seen

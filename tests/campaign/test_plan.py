@@ -14,6 +14,10 @@ from tests.campaign.here import MISSION, campaign, write
 from tests.project.markdown import blocks
 from tests.project.source import ROOT
 
+SPLIT: dict[str, Any] = {
+    "set": {"fault": [{"kind": "loss", "samples": 0.1}]}, "seeds": {"count": 20}, "split": {"rule": "collision"},
+}  # fmt: skip
+
 
 def settings(folder: Path, **part: Any) -> list[dict[str, Any]]:
     read = campaign(folder, part)
@@ -102,6 +106,14 @@ def test_ids_tell_runs_apart(tmp_path: Path) -> None:
         ({"sample": {"count": 1, "draw": {"seed": {"low": 2, "high": 1}}}}, "part.0.sample.draw.seed"),
         ({"search": {"minimise": "min_margin", "runs": 1, "over": {}}}, "part.0.search.over"),
         ({"name": "Has Spaces"}, "part.0.name"),
+        ({"split": {"rule": "collision"}}, "part.0.seeds"),
+        ({"seeds": [*range(19), 0], "split": {"rule": "collision"}}, "part.0.seeds"),
+        ({**SPLIT, "set": {}}, "part.0.split: its mission has no"),
+        ({**SPLIT, "set": {**SPLIT["set"], "reseed": [{"at_s": 1.0, "seed": 1}]}}, "already"),
+        ({**SPLIT, "split": {"rule": "colission"}}, "part.0.split.rule"),
+        ({**SPLIT, "split": {"rule": "collision", "at_most": 0.0}}, "part.0.split.at_most"),
+        ({**SPLIT, "grid": {"robots": [1, 2]}}, "part.0.split"),
+        ({"set": {"reseed": [{"at_s": -1.0, "seed": 1}]}}, "reseed.0.at_s"),
     ],
 )
 def test_what_is_wrong_is_refused_by_its_key(tmp_path: Path, part: dict[str, Any], key: str | None) -> None:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,8 @@ from soter.campaign.job import JUDGED, Done, Job, carry_out
 from soter.campaign.random.configuration import Configuration
 from soter.campaign.random.drawing import MOST_ROBOTS, draw
 from soter.campaign.random.floor import LEAST_M, MOST_M, STYLES
-from soter.campaign.random.judge import Limits, Ways, judge
-from soter.campaign.random.loading import named
-from soter.campaign.random.robots import NAME as FIGURED
-from soter.campaign.random.room import Patch, Room, Start
+from soter.campaign.random.judge import PromisedLimits, Ways, judge
+from soter.campaign.random.room import DrawnRoom, Patch, Start
 from soter.campaign.random.running import Judgement
 from soter.campaign.random.shrinking import shrunk
 from soter.campaign.random.witness import WATCHED, witnesses
@@ -51,6 +50,9 @@ SEEDS = range(250)
 
 NEVER_DRAWN = {
     "workspace": "the generator's own file",
+    "station": "that file has them",
+    "start": "the same",
+    **{f"reseed.*.{key}": "it repeats one branch of a split" for key in ("at_s", "seed")},
     "isolation.memory_mib": "a process of its own is for wall clocks; these runs are in virtual time",
     "isolation.silent_s": "the same",
     "isolation.real_time": "the same",
@@ -61,10 +63,25 @@ NEVER_DRAWN = {
     "distribution.bus": "the same",
     "distribution.prefix": "the same",
     "distribution.wait_s": "the same",
+    "backends.pybullet.window": "a run is the same with it",
     "rta.enabled": "without decision modules nothing is promised",
     "planners.ompl-bitstar": "slow; another sampling planner is drawn, and no planner is trusted",
     "planners.ompl-rrtstar": "the same",
-    **{f"backends.{name}.promise": "the backend of drawn figures has options of its own for them" for name in WATCHED},
+    **{f"backends.{name}.promise": "drawn for the kinematic backend" for name in WATCHED if name != "kinematic"},
+    **{
+        f"backends.kinematic.promise.{name}": "drawn are speed, brake, size, latency, age, jitter, noise and tube"
+        for name in (
+            "accel_m_s2",
+            "heading_noise_rad",
+            "lease_s",
+            "overshoot_m",
+            "pivots_first",
+            "reverses",
+            "setpoint_period_s",
+            "speed_noise_m_s",
+            "yaw_rate_max_rad_s",
+        )
+    },
 }
 """Keys that no seed gives, each with the reason."""
 
@@ -93,15 +110,15 @@ def known_keys() -> set[str]:
         if key not in ("fault", "backends", "planners", "adversaries", "controllers")
     }
     raw = {
-        **{f"fault.{kind}": named(target).options_model for kind, target in FAULT_KINDS.items()},
-        **{f"adversaries.{name}": named(target).Options for name, target in ADVERSARIES.items()},
+        **{f"fault.{kind}": resolve_name(target).options_model for kind, target in FAULT_KINDS.items()},
+        **{f"adversaries.{name}": resolve_name(target).Options for name, target in ADVERSARIES.items()},
         **{f"planners.{name}": planner_class(name).options_model for name in PLANNERS},
         **{f"backends.{name}": load_backend(name, to_open=False).config_model for name in WATCHED},
     }
     for name, model in raw.items():
         # What the runner fills in is no key, and the kinematic backend's engine is fixed. Facts are those of any.
         found |= {_any_facts(f"{name}.{key}") for key in keys_of(model) if key not in ("workspace", "seed", "limits")}
-    return found - {"backends.kinematic.engine", f"backends.{FIGURED}.engine"}
+    return found - {"backends.kinematic.engine"}
 
 
 def _any_facts(key: str) -> str:
@@ -173,8 +190,8 @@ def test_the_loader_takes_most_of_what_is_drawn(tmp_path: Path) -> None:
 
 # --- the judge ---------------------------------------------------------------------------------------------------
 
-ROOM = Room(4.0, 3.0, (Start(1, 1.0, 1.0, 0.0), Start(2, 3.0, 1.0, 0.0)), (Patch(0.9, 0.9, 1.1, 1.1),) * 2)
-LIMITS = Limits(("collision", "obstacle", "geofence", "battery"), 0.1, 0.0, 0.3, {}, {})
+ROOM = DrawnRoom(4.0, 3.0, (Start(1, 1.0, 1.0, 0.0), Start(2, 3.0, 1.0, 0.0)), (Patch(0.9, 0.9, 1.1, 1.1),) * 2)
+LIMITS = PromisedLimits(("collision", "obstacle", "geofence", "battery"), 0.1, 0.0, 0.3, {}, {})
 
 
 def ways_of(*robots: list[tuple[float, float]], charge: list[float] | None = None) -> Ways:
@@ -183,7 +200,7 @@ def ways_of(*robots: list[tuple[float, float]], charge: list[float] | None = Non
     return Ways(tuple(range(1, len(robots) + 1)), np.arange(len(x), dtype=np.float64), x, y, level)
 
 
-def rules(room: Room, ways: Ways, limits: Limits = LIMITS) -> list[str]:
+def rules(room: DrawnRoom, ways: Ways, limits: PromisedLimits = LIMITS) -> list[str]:
     return [breach.rule for breach in judge(room, limits, ways)]
 
 
@@ -250,8 +267,8 @@ def test_both_judges_see_the_same_of_robots_without_protection() -> None:
     }  # fmt: skip
     mission = load_mission(ROOT / "examples" / "surveillance.toml", overrides)
     result, witness = run_mission(mission).result, witnesses[-1]
-    room = Room.read(mission.workspace)
-    limits = Limits.of(mission.rta.model_dump(), 0.105)
+    room = DrawnRoom.read(mission.workspace)
+    limits = PromisedLimits.of(mission.rta.model_dump(), 0.105)
     assert limits.rules == ()
     limits = replace(limits, rules=LIMITS.rules)
     counts = Counter(rules(room, Ways(witness.ids, *witness.seen(result.duration_s)), limits))
@@ -284,7 +301,7 @@ def test_a_run_is_what_it_is_without_a_witness(tmp_path: Path) -> None:
 
 def test_robots_with_figures_of_their_own_keep_to_them(tmp_path: Path) -> None:
     slow = {"v_max_m_s": 0.1, "brake_m_s2": 0.4, "position_noise_m": 0.01}
-    judged(easy(backend=FIGURED, backends={FIGURED: slow}, duration_s=30.0).write(tmp_path))
+    judged(easy(backend="kinematic", backends={"kinematic": {"promise": slow}}, duration_s=30.0).write(tmp_path))
     _, x, y, _ = witnesses[-1].seen(30.0)
     steps_m = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
     assert 0.09 < steps_m.max() / witnesses[-1].period_s <= 0.1 + 1e-9

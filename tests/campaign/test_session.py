@@ -14,7 +14,7 @@ import pytest
 from soter.campaign.job import Done, Job, carry_out
 from soter.campaign.plan import Campaign
 from soter.campaign.session import Totals, run_campaign
-from soter.campaign.store import Row, Store
+from soter.campaign.store import RunRow, Store
 from soter.campaign.workers import LocalWorkers, Workers
 from soter.errors import ConfigError, RunFailed
 from tests.campaign.here import Here, campaign, write
@@ -28,7 +28,7 @@ def ran(read: Campaign, store: Path, workers: Workers | None = None, **options: 
         return run_campaign(read, kept, workers or Here(), **options)
 
 
-def rows(store: Path) -> list[Row]:
+def rows(store: Path) -> list[RunRow]:
     with Store(store) as kept:
         return [*kept.rows()]
 
@@ -73,7 +73,7 @@ def test_what_is_finished_is_never_repeated_and_more_seeds_add_to_it(tmp_path: P
 
 def test_stopped_and_carried_on_it_is_what_it_would_have_been(tmp_path: Path) -> None:
     read = campaign(tmp_path, {"seeds": [1, 2, 3], "grid": {"targets": ["grid", "hostile"]}})
-    done: list[Row] = []
+    done: list[RunRow] = []
     ran(
         read,
         tmp_path / "a.sqlite",

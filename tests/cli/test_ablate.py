@@ -19,7 +19,7 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from soter.ablation import ablate
-from soter.ablation.ablate import Outcome, Plan, Variant, variants
+from soter.ablation.ablate import Plan, Variant, VariantRun, variants
 from soter.ablation.tables import GROUPS, HEAD, ac_only, markdown, rows
 from soter.cli import app
 from soter.cli.ablate import _show
@@ -154,10 +154,10 @@ def test_studies_are_for_virtual_time_only(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_a_broken_promise_is_told_from_what_was_to_be_expected(result: RunResult) -> None:
     broken = result.model_copy(update={"violations": {"battery": 0, "geofence": 1, "collision": 0, "obstacle": 0}})
-    assert Outcome(Variant("mission", "as declared"), 1, broken).breaks_promise
-    assert not Outcome(Variant("mission", "AC only", intact=False), 1, broken).breaks_promise
-    assert not Outcome(Variant("mission", "as declared"), 1, broken, ill_formed="P3").breaks_promise
-    found = rows([Outcome(Variant("mission", "as declared"), 1, broken)], [Variant("mission", "as declared")])
+    assert VariantRun(Variant("mission", "as declared"), 1, broken).breaks_promise
+    assert not VariantRun(Variant("mission", "AC only", intact=False), 1, broken).breaks_promise
+    assert not VariantRun(Variant("mission", "as declared"), 1, broken, ill_formed="P3").breaks_promise
+    found = rows([VariantRun(Variant("mission", "as declared"), 1, broken)], [Variant("mission", "as declared")])
     assert found[0].cells(None)[-1] == "BREAKS ITS PROMISE"
 
 
@@ -165,8 +165,8 @@ def test_throughput_is_compared_with_that_of_the_ac_alone(result: RunResult) -> 
     alone = Variant("mission", "AC only (no RTA)", {"rta.enabled": False}, intact=False)
     declared = Variant("mission", "as declared")
     outcomes = [
-        Outcome(declared, 1, result.model_copy(update={"targets_reached": 5})),
-        Outcome(alone, 1, result.model_copy(update={"targets_reached": 10})),
+        VariantRun(declared, 1, result.model_copy(update={"targets_reached": 5})),
+        VariantRun(alone, 1, result.model_copy(update={"targets_reached": 10})),
     ]
     found = rows(outcomes, [declared, alone])
     compared = ac_only(found)
@@ -228,7 +228,7 @@ def test_ctrl_c_ends_it_and_writes_what_is_finished(tmp_path: Path) -> None:
     assert "Nothing was run." in page.read_text()
 
 
-def dies(plan: Plan, variant: Variant, seed: int) -> Outcome:
+def dies(plan: Plan, variant: Variant, seed: int) -> VariantRun:
     """What a worker does that runs out of memory."""
     os.kill(os.getpid(), signal.SIGKILL)
     raise AssertionError("unreachable")

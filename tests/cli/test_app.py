@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from typing import Any
 
 import pytest
@@ -160,3 +161,25 @@ def test_a_full_disk_is_no_fault_of_soter() -> None:
     assert done.returncode == 3
     assert "error: nothing more can be written: No space left on device; make room" in done.stderr
     assert "fault of SOTER" not in done.stderr
+
+
+def test_threads_that_foreign_code_has_left_do_not_keep_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended, codes = threading.Event(), []
+
+    def command(**_: object) -> None:
+        threading.Thread(target=ended.wait).start()
+        raise SystemExit(3)
+
+    def ends(code: int) -> None:
+        codes.append(code)
+        ended.set()
+
+    monkeypatch.setattr("typer.main.get_command", lambda _: command)
+    # The name of the module is that of what is in it.
+    monkeypatch.setattr(sys.modules["soter.cli.app"], "tidy", lambda _: None)
+    monkeypatch.setattr(sys.modules["soter.cli.app"], "_ENDS_S", 0.0)
+    monkeypatch.setattr("os._exit", ends)
+    with pytest.raises(SystemExit):
+        main()
+    assert ended.wait(10.0)
+    assert codes == [3]

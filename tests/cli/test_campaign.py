@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -17,6 +19,7 @@ from soter.cli import app
 from soter.config import load_mission
 from soter.runner import run_mission
 from tests.campaign.here import MISSION, QUICK, Here, write
+from tests.project.markdown import blocks
 from tests.project.source import ROOT
 
 CAMPAIGNS = sorted((ROOT / "examples" / "campaigns").glob("*.toml"))
@@ -120,6 +123,18 @@ def test_a_document_gets_tables_with_the_commands_that_repeat_them(store: Path, 
         assert words in text
     document.write_text("no marks")
     assert soter("campaign", "report", store, "--into", document).exit_code == 2
+
+
+def test_the_store_is_read_as_the_manual_says(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pandas")
+    (tmp_path / "runs").mkdir()
+    shutil.copy(store, tmp_path / "runs" / "thesis.sqlite")
+    monkeypatch.chdir(tmp_path)
+    (code,) = [each.code for each in blocks(ROOT / "docs" / "campaigns.md") if "pandas.read_sql" in each.code]
+    found: dict[str, Any] = {}
+    exec(compile(code, "campaigns.md", "exec"), found)  # noqa: S102 - a block of the manual
+    assert found["runs"].groupby("part")["violations"].sum().to_dict() == {"p0": 0, "p1": 0}
+    assert found["results"]["min_margin.collision"].count() == 12, "a robot alone has no such margin"
 
 
 def test_settings_are_compared_by_seed(store: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from soter.check import Finding, Verdict, admission
+from soter.check import Certainty, Finding, admission
 from soter.cli import app
 from tests.project.source import ROOT
 
@@ -58,8 +58,8 @@ def test_what_would_do_is_said_by_key_all_at_once_and_does() -> None:
     assert done.exit_code == 1, done.output
     tables = tomllib.loads(done.output.partition("together would do:")[2])["rta"]
     # Legs grow with the square of the speed, and the separation with them; Delta has to leave time to brake.
-    assert tables["collision"]["phi_safe_m"] == pytest.approx(7.36)
-    assert tables["collision"]["delta_s"] >= 0.353
+    assert tables["collision"]["phi_safe_m"] == pytest.approx(8.0)
+    assert tables["collision"]["delta_s"] >= 0.253
     settings = (f"rta.{name}.{key}={value}" for name, table in tables.items() for key, value in table.items())
     again = check(mission, *fast, *(word for each in settings for word in ("--set", each)))
     assert again.exit_code == 0, again.output
@@ -81,7 +81,7 @@ def test_a_mission_is_proved_where_it_can_be(tmp_path: Path) -> None:
 
 
 def test_a_gap_is_exit_code_1_unless_it_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
-    gap = Finding("obstacle", "P2a", Verdict.PARTLY, "a part of the room is not")
+    gap = Finding("obstacle", "P2a", Certainty.PARTLY, "a part of the room is not")
     monkeypatch.setattr(admission, "prove", lambda *_: [gap, replace(gap, condition="P2b")])
     only = ("--set", "rta.modules=['obstacle']", *QUICK)
     assert check(str(EXAMPLES / "surveillance.toml"), *only).exit_code == 1

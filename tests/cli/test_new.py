@@ -12,22 +12,23 @@ import pytest
 from soter.cli.new import adapter, check_name, write_adapter
 from soter.errors import ConfigError
 from tests.project.source import ROOT
+from tests.warm import warm
 
-SOTER = ("-m", "soter.cli")
+
+def found_in(path: Path) -> dict[str, str]:
+    """An environment in which a package is found in a folder, as it would be once it is installed."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (path, ROOT, ROOT / "sim"))), "COLUMNS": "200"}
 
 
-def python(*arguments: str, path: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run Python where a package is found in a folder, as it would be once it is installed."""
-    paths = os.pathsep.join(map(str, (path, ROOT, ROOT / "sim")))
-    environment = {**os.environ, "PYTHONPATH": paths, "COLUMNS": "200"}
-    return subprocess.run([sys.executable, *arguments], cwd=cwd, env=environment, capture_output=True, text=True)
+def soter(*arguments: str, path: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return warm("soter", *arguments, cwd=cwd, env=found_in(path))
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A package that was just written; its metadata is what `pip install -e` leaves behind."""
     folder = tmp_path_factory.mktemp("new") / "soter-sand_crawler"
-    done = python(*SOTER, "new", "adapter", "sand_crawler", path=ROOT, cwd=folder.parent)
+    done = soter("new", "adapter", "sand_crawler", path=ROOT, cwd=folder.parent)
     assert done.returncode == 0, done.stderr
     assert "pip install -e soter-sand_crawler" in done.stdout
     metadata = folder / "soter_sand_crawler-0.1.0.dist-info"
@@ -40,15 +41,16 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_its_own_tests_pass(package: Path) -> None:
-    done = python("-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", path=package, cwd=package)
+    words = (sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider")
+    done = subprocess.run(words, cwd=package, env=found_in(package), capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 
 
 def test_it_is_listed_and_judged_by_its_name(package: Path) -> None:
-    listed = python(*SOTER, "backends", path=package, cwd=package.parent)
+    listed = soter("backends", path=package, cwd=package.parent)
     assert "sand_crawler" in listed.stdout
     clauses = ("--only", "lifecycle.init", "--only", "link.stops")
-    judged = python(*SOTER, "conform", "sand_crawler", *clauses, path=package, cwd=package.parent)
+    judged = soter("conform", "sand_crawler", *clauses, path=package, cwd=package.parent)
     assert judged.returncode == 0, judged.stdout + judged.stderr
 
 

@@ -123,7 +123,8 @@ def test_pictures_are_png(tmp_path: Path) -> None:
 
 
 def test_without_matplotlib_the_hint_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "soter.report.picture", None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "soter.report.picture", raising=False)
     with pytest.raises(ConfigError, match=re.escape(f"install it with: {install_command('report')}")):
         picture_output(tmp_path / "run.png")
 

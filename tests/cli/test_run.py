@@ -89,6 +89,8 @@ def test_a_violation_exits_with_1() -> None:
         (("--backend", "pibullet"), "did you mean 'pybullet'?"),
         (("--backend", "kinematic", "--ac", "adversary:chess"), "did you mean 'adversary:chase'?"),
         (("--backend", "kinematic", "--engine", "steam"), "engine"),
+        (("--backend", "kinematic", "--gui"), "command line: --gui: the backend 'kinematic' has no window"),
+        (("--engine", "kinematic", "--gui"), "only with the engine pybullet"),
         (("--backend", "kinematic", "--planner", "ompl-bitstarr"), "did you mean 'ompl-bitstar'?"),
         (("--modules", "geofense"), "did you mean 'geofence'?"),
         (("--modules", ""), "--no-rta"),
@@ -122,6 +124,15 @@ def test_a_missing_library_exits_with_2_and_says_what_to_install(monkeypatch: py
     done = ran("--backend", "pybullet", "--duration", "1")
     assert done.exit_code == 2
     assert install_command("pybullet") in done.stderr
+
+
+@pytest.mark.pybullet
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+def test_a_window_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    done = ran("--gui", "--duration", "1")
+    assert done.exit_code == 2
+    assert "DISPLAY is not set; --live needs none" in done.stderr
 
 
 def test_files_are_refused_before_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -111,6 +111,7 @@ def test_disengagements_are_listed_by_module_with_the_needless(result: RunResult
     [
         ({}, "completed"),
         ({"violations": {"battery": 1}}, "completed, with violations"),
+        ({"failed_robots": {1: "it raised", 2: "it raised"}}, "completed, but no robot has its AC any more"),
         ({"status": "interrupted", "duration_s": 90.0}, "interrupted after 90 s; the robots are stopped"),
         ({"status": "failed", "failure": "a handler hangs", "duration_s": 600.0}, "failed after 10 min: a handler"),
     ],

@@ -24,6 +24,13 @@ TICKS = 4
 WITH = {"rta.path": {"rta.path.enabled": True}}
 """What has to be there for a key to mean anything."""
 
+LISTED = {
+    "station": {"x_m": 1.0, "y_m": 1.0},
+    "start": {"id": 1, "x_m": 1.0, "y_m": 1.0},
+    "reseed": {"at_s": 1.0, "seed": 1},
+}
+"""The same of tables that a mission has a list of."""
+
 
 def numbers(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, type, list[Any]]]:
     """Dotted key, type and bounds of every number of a model and of the models in it."""
@@ -86,6 +93,9 @@ def _over(turns: Iterator[int]) -> bool:
 
 def loaded(key: str, value: object) -> MissionFile:
     given = next((more for prefix, more in WITH.items() if key.startswith(prefix)), {})
+    if ".0." in key:
+        table, _, name = key.partition(".0.")
+        return load_mission(MISSION, {**QUICK, table: [{**LISTED[table], name: value}]})
     return load_mission(MISSION, {**QUICK, **given, key: value})
 
 

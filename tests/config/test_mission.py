@@ -153,8 +153,9 @@ def test_a_table_of_the_file_is_not_blamed_on_the_command_line() -> None:
 # --- what is wrong -----------------------------------------------------------------------------------------
 
 ALL_KEYS = (
-    "mission, workspace, backend, duration_s, seed, targets, robots, ac, planner, target_timeout_s, base_tick_s, "
-    "battery, rta, isolation, backends, planners, adversaries, controllers, fault, distribution"
+    "mission, workspace, station, start, backend, duration_s, seed, targets, robots, ac, planner, "
+    "target_timeout_s, base_tick_s, battery, rta, isolation, backends, planners, adversaries, controllers, fault, "
+    "reseed, distribution"
 )
 WRONG: list[tuple[str, str]] = [
     # syntax

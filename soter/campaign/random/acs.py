@@ -12,7 +12,7 @@ from shapely import LineString, Point
 from soter.campaign.random.configuration import Tables
 from soter.campaign.random.figures import Figures
 from soter.campaign.random.modules import Rta
-from soter.campaign.random.room import Room
+from soter.campaign.random.room import DrawnRoom
 from soter.controllers import ADVERSARIES
 
 VISIT: Final = "soter.campaign.random.attackers:Visit"
@@ -20,7 +20,7 @@ TARGETS: Final = ("grid", "uniform", "hostile")
 _PLACES: Final = 10
 
 
-def draw_ac(rng: Random, room: Room, figures: Figures, rta: Rta, nasty: bool) -> Tables:
+def draw_ac(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta, nasty: bool) -> Tables:
     """Return the keys of a mission that say who drives, where to, and with which planner."""
     chance = rng.random()
     if chance < 0.45:
@@ -59,7 +59,7 @@ def _mission(rng: Random) -> Tables:
         tables["target_timeout_s"] = round(rng.uniform(20.0, 300.0), 1)
     # Quick ones, in this process; now and then one that looks around boxes, in a process of its own.
     tables["planner"] = "ompl-rrtconnect" if rng.random() < 0.05 else "straight-line"
-    if rng.random() < 0.3:
+    if rng.random() < 0.3 or tables["planner"] != "straight-line":
         options: dict[str, Any] = {"clearance_m": round(rng.uniform(0.0, 0.3), 3)}
         if tables["planner"] != "straight-line":
             options |= {"range_m": round(rng.uniform(0.2, 2.0), 2), "checks": rng.randint(500, 5000)}
@@ -67,7 +67,7 @@ def _mission(rng: Random) -> Tables:
     return tables
 
 
-def _places(rng: Random, room: Room, figures: Figures, rta: Rta) -> list[list[float]]:
+def _places(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta) -> list[list[float]]:
     """Return a chain of places, each in sight of the one before: stations of others, or as far in as an AC may be."""
     if rng.random() < 0.35:
         centres = [[round(value, 4) for value in station.centre] for station in room.stations]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from soter.campaign.random.room import Room
+from soter.campaign.random.room import DrawnRoom
 from soter.config.toml_text import toml
 
 MISSION_FILE: Final = "mission.toml"
@@ -26,7 +26,7 @@ class Configuration:
     """
 
     tables: Tables
-    room: Room
+    room: DrawnRoom
 
     def write(self, folder: Path, note: str = "") -> Path:
         """Write both files into a folder, which is made; return the mission file.
@@ -46,4 +46,4 @@ class Configuration:
     def read(cls, mission: Path) -> Configuration:
         """Read a mission file and the workspace that it names."""
         tables = tomllib.loads(mission.read_text(encoding="utf-8"))
-        return cls(tables, Room.read(mission.parent / tables.pop("workspace")))
+        return cls(tables, DrawnRoom.read(mission.parent / tables.pop("workspace")))

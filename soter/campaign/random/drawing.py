@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pkgutil import resolve_name
 from random import Random
 from typing import Any, Final
 
@@ -12,12 +13,10 @@ from soter.campaign.random.configuration import Configuration, Tables
 from soter.campaign.random.faults import draw_faults
 from soter.campaign.random.figures import Figures, worst
 from soter.campaign.random.floor import Floor, draw_floor
-from soter.campaign.random.loading import fault_class
 from soter.campaign.random.modules import draw_rta
 from soter.campaign.random.places import Needs, furnish
-from soter.campaign.random.robots import NAME as FIGURED
 from soter.faults import BUILT_IN as FAULT_KINDS
-from soter.faults import FaultOptions
+from soter.faults import Fault, FaultOptions
 from soter.faults.fault import Context
 from soter.faults.robot import widened
 from soter.geometry.workspace import Workspace
@@ -59,7 +58,7 @@ def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
     if engine == "kinematic" and chance < 0.3:
         tables["backend"] = "kinematic"
     elif engine == "kinematic" and chance < 0.65:
-        tables["backend"], tables["backends"] = FIGURED, {FIGURED: _robot(rng, nasty)}
+        tables["backend"], tables["backends"] = "kinematic", {"kinematic": {"promise": _robot(rng, nasty)}}
     else:
         tables["backend"], tables["backends"] = "pybullet", {"pybullet": {"engine": engine}}
     tick_s = rng.choice(_ODD_TICKS if nasty and rng.random() < 0.4 else _TICKS)
@@ -104,7 +103,7 @@ def _room_for(floor: Floor, nasty: bool) -> int:
 
 
 def _robot(rng: Random, nasty: bool) -> Tables:
-    """Return figures of a robot: slow ones, weak brakes, late samples, large bodies; some of them."""
+    """Return what robots promise: slow ones, weak brakes, late samples, large bodies; some of them."""
     scale = 1.0 if nasty else 0.5
     figures = {
         "v_max_m_s": 0.22 - rng.uniform(0.0, 0.18 if nasty else 0.14),
@@ -131,7 +130,7 @@ def _promised(tables: Tables, faults: Sequence[dict[str, Any]], robots: int, tic
         made = []
         for table in faults:
             if table.get("robot", "all") in ("all", robot_id):
-                kind = fault_class(FAULT_KINDS[table["kind"]])
+                kind: type[Fault[Any]] = resolve_name(FAULT_KINDS[table["kind"]])
                 options: FaultOptions = kind.options_model.model_validate(table)
                 made.append(kind(options, Context(robot_id, tick_s, Random(0))))
         promises.append(widened(declared, made))

@@ -14,7 +14,7 @@ import numpy as np
 import shapely  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from soter.campaign.random.room import Patch, Room
+from soter.campaign.random.room import DrawnRoom, Patch
 
 EXACT_M: Final = 1e-6
 """A robot may be beyond a distance by rounding."""
@@ -23,7 +23,7 @@ Series = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Limits:
+class PromisedLimits:
     """What a mission promises.
 
     Attributes:
@@ -43,7 +43,7 @@ class Limits:
     keep_out: Mapping[str, tuple[float, float, float]]
 
     @classmethod
-    def of(cls, rta: Mapping[str, Any], radius_m: float) -> Limits:
+    def of(cls, rta: Mapping[str, Any], radius_m: float) -> PromisedLimits:
         """Return what `[rta]` promises, written out with its defaults."""
         if not rta["enabled"]:
             return cls((), radius_m, 0.0, 0.0, {}, {})
@@ -64,7 +64,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Breach:
+class RuleBreach:
     """One interval in which a rule was broken: by which robots, from when on in seconds, and the worst margin."""
 
     rule: str
@@ -91,9 +91,9 @@ class Ways:
         return np.asarray(shapely.intersects_xy(area, self.x, self.y))
 
 
-def judge(room: Room, limits: Limits, ways: Ways) -> list[Breach]:
+def judge(room: DrawnRoom, limits: PromisedLimits, ways: Ways) -> list[RuleBreach]:
     """Return every interval in which a rule was broken, the earliest first."""
-    found: list[Breach] = []
+    found: list[RuleBreach] = []
     for index, robot_id in enumerate(ways.ids):
         for rule, margins in _alone(room, limits, ways, index):
             found += _breaches(rule, (robot_id,), ways.times, margins)
@@ -105,7 +105,7 @@ def judge(room: Room, limits: Limits, ways: Ways) -> list[Breach]:
     return sorted(found, key=lambda breach: (breach.start_s, breach.rule, breach.robots))
 
 
-def _alone(room: Room, limits: Limits, ways: Ways, index: int) -> Iterator[tuple[str, Series]]:
+def _alone(room: DrawnRoom, limits: PromisedLimits, ways: Ways, index: int) -> Iterator[tuple[str, Series]]:
     """Yield the margins of the rules about one robot; below 0 is broken."""
     x, y, charge = ways.x[:, index], ways.y[:, index], ways.charge[:, index]
     if "geofence" in limits.rules:
@@ -123,7 +123,7 @@ def _alone(room: Room, limits: Limits, ways: Ways, index: int) -> Iterator[tuple
         yield name, _apart(shapely.Point(at_x, at_y), x, y, radius_m) + EXACT_M
 
 
-def _pair(limits: Limits, ways: Ways, first: int, second: int) -> Iterator[tuple[str, Series]]:
+def _pair(limits: PromisedLimits, ways: Ways, first: int, second: int) -> Iterator[tuple[str, Series]]:
     dx, dy = ways.x[:, second] - ways.x[:, first], ways.y[:, second] - ways.y[:, first]
     here = shapely.Point(0.0, 0.0)
     if "collision" in limits.rules:
@@ -147,12 +147,12 @@ def _apart(of: Any, x: Series, y: Series, least_m: float) -> Series:
     return margins
 
 
-def _breaches(rule: str, robots: tuple[int, ...], times: Series, margins: Series) -> Iterator[Breach]:
+def _breaches(rule: str, robots: tuple[int, ...], times: Series, margins: Series) -> Iterator[RuleBreach]:
     broken = np.concatenate(([False], margins < 0.0, [False]))
     edges = np.flatnonzero(broken[1:] != broken[:-1])
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         worst = float(margins[begin:end].min())
-        yield Breach(rule, robots, float(times[begin]), float(times[end - 1]), round(worst, 6))
+        yield RuleBreach(rule, robots, float(times[begin]), float(times[end - 1]), round(worst, 6))
 
 
 def _box(patch: Patch) -> shapely.Polygon:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from soter.campaign.random.configuration import Tables
 from soter.campaign.random.figures import Figures
 from soter.campaign.random.floor import Floor
-from soter.campaign.random.room import Room
+from soter.campaign.random.room import DrawnRoom
 
 MODULES: Final = ("collision", "obstacle", "geofence", "battery")
 MODELS: Final = ("speed-acceleration", "unicycle")
@@ -38,7 +38,7 @@ class Rta:
     collision_safe_m: float = 0.3
     collision_safer_m: float = 0.5
 
-    def with_own_modules(self, rng: Random, room: Room, figures: Figures, nasty: bool) -> None:
+    def with_own_modules(self, rng: Random, room: DrawnRoom, figures: Figures, nasty: bool) -> None:
         """Add a user's own module now and then."""
         if rng.random() >= 0.08:
             return
@@ -69,7 +69,7 @@ class Rta:
         self.table["module"] = {name: own}
 
 
-def _nearest_m(place: tuple[float, float], room: Room) -> float:
+def _nearest_m(place: tuple[float, float], room: DrawnRoom) -> float:
     starts = [(start.x, start.y) for start in room.robots]
     return min(math.dist(place, other) for other in (*starts, *(station.centre for station in room.stations)))
 

@@ -13,7 +13,7 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry  # type: ignore[import-untyped]
 
 from soter.campaign.random.floor import Floor
-from soter.campaign.random.room import Patch, Room, Start
+from soter.campaign.random.room import DrawnRoom, Patch, Start
 
 _CANDIDATES: Final = 12
 _TRIES: Final = 40
@@ -39,7 +39,7 @@ class Needs:
     passing: float
 
 
-def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) -> Room | None:
+def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) -> DrawnRoom | None:
     """Return the room with at most so many robots and as many stations, at least one; None if none fits.
 
     Ordinary rooms let every robot reach its station while all others stand on theirs; nasty ones need not.
@@ -69,7 +69,7 @@ def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) ->
         Start(number, *place, round(rng.uniform(-math.pi, math.pi), 2) if rng.random() < 0.7 else 0.0)
         for number, place in enumerate(starts, start=1)
     )
-    return Room(floor.width, floor.depth, robots, tuple(_station(rng, floor, at) for at in stations), floor.boxes)
+    return DrawnRoom(floor.width, floor.depth, robots, tuple(_station(rng, floor, at) for at in stations), floor.boxes)
 
 
 def _free(floor: Floor, fence: float, boxes: float) -> BaseGeometry:

@@ -44,7 +44,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Room:
+class DrawnRoom:
     """A fence from the origin, boxes, starts, and as many stations, those of the robots in their order."""
 
     width: float
@@ -66,7 +66,7 @@ class Room:
         return "\n".join([*lines, "  </charging_stations>", "</configuration>", ""])
 
     @classmethod
-    def read(cls, path: Path) -> Room:
+    def read(cls, path: Path) -> DrawnRoom:
         """Read a workspace file that SOTER accepts, with a reader of its own."""
         root = parse(path).getroot()
         assert root is not None

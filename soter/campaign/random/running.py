@@ -12,8 +12,8 @@ import numpy as np
 
 from soter.campaign.random.configuration import Configuration
 from soter.campaign.random.drawing import draw
-from soter.campaign.random.judge import Breach, Limits, Ways, judge
-from soter.campaign.random.room import Room
+from soter.campaign.random.judge import PromisedLimits, RuleBreach, Ways, judge
+from soter.campaign.random.room import DrawnRoom
 from soter.campaign.random.witness import WATCHED, witnesses
 from soter.config import MissionFile, load_mission
 from soter.registry import load_backend
@@ -98,17 +98,17 @@ def run_judged(
     return run, _judged(Configuration.read(mission_file).room, mission, run)
 
 
-def _judged(room: Room, mission: MissionFile, run: Run) -> Judgement:
+def _judged(room: DrawnRoom, mission: MissionFile, run: Run) -> Judgement:
     result, witness = run.result, witnesses[-1]
     ways = Ways(witness.ids, *witness.seen(result.duration_s))
     kept = [index for index, start in enumerate(room.robots) if start.id in ways.ids]
-    room = Room(
+    room = DrawnRoom(
         room.width, room.depth, tuple(room.robots[index] for index in kept),
         tuple(room.stations[index] for index in kept), room.boxes,
     )  # fmt: skip
     backend = load_backend(mission.backend)
     promised = backend.promises(read_options(backend, mission, mission.read_workspace()))
-    limits = Limits.of(mission.rta.model_dump(), promised.body_radius_m)
+    limits = PromisedLimits.of(mission.rta.model_dump(), promised.body_radius_m)
     breaches = judge(room, limits, ways)
     return Judgement(
         truth={rule: (result.violations or {}).get(rule, 0) for rule in limits.rules},
@@ -124,15 +124,15 @@ def _judged(room: Room, mission: MissionFile, run: Run) -> Judgement:
     )
 
 
-def _first(breaches: list[Breach]) -> list[Breach]:
+def _first(breaches: list[RuleBreach]) -> list[RuleBreach]:
     """Return the first breach of every rule."""
-    found: dict[str, Breach] = {}
+    found: dict[str, RuleBreach] = {}
     for breach in breaches:
         found.setdefault(breach.rule, breach)
     return [*found.values()]
 
 
-def _in_sc_s(room: Room, run: Run, ways: Ways) -> dict[str, float]:
+def _in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
     """Return by robot the longest time in SC in which it was not charging; only while its AC lives."""
     on_station = ways.on_station(room.stations)
     period_s = ways.times[1] - ways.times[0] if len(ways.times) > 1 else 1.0

@@ -12,7 +12,7 @@ from typing import Any, Final
 from soter.campaign.job import JUDGED, Done, Job
 from soter.campaign.random.configuration import Configuration
 from soter.campaign.random.drawing import draw
-from soter.campaign.random.room import Room
+from soter.campaign.random.room import DrawnRoom
 from soter.campaign.random.running import STUCK_S
 from soter.campaign.workers import LocalWorkers
 from soter.scratch import Scratch
@@ -79,7 +79,7 @@ def _without_robot(config: Configuration, index: int) -> Configuration:
     return Configuration(tables, _less(room, index))
 
 
-def _less(room: Room, index: int) -> Room:
+def _less(room: DrawnRoom, index: int) -> DrawnRoom:
     return replace(
         room,
         robots=room.robots[:index] + room.robots[index + 1 :],

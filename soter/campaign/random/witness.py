@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,22 +19,19 @@ from soter.adapters.pybullet import (
     PyBulletConfig,
     SimulatedFleet,
 )
-from soter.campaign.random.robots import NAME as FIGURED
-from soter.campaign.random.robots import Figured
 from soter.sdk import RobotSpec
 from soter_sim import Engine
 
 WATCHED: Final = {
     "pybullet": "soter.campaign.random.witness:WatchedPyBullet",
     "kinematic": "soter.campaign.random.witness:WatchedKinematic",
-    FIGURED: "soter.campaign.random.witness:WatchedFigured",
 }
 """By backend, the same backend with a witness."""
 
 Series = NDArray[np.float64]
 
 
-class Witness:
+class EngineWitness:
     """An engine that notes what another one does; `soter_sim.Engine`.
 
     Attributes:
@@ -74,12 +71,12 @@ class Witness:
         return np.arange(len(found), dtype=np.float64) * self.period_s, found[:, 0], found[:, 1], found[:, 2]
 
 
-witnesses: Final[list[Witness]] = []
+witnesses: Final[list[EngineWitness]] = []
 """One for each world that was opened in this process, the last one last."""
 
 
 def _watched(fleet: SimulatedFleet) -> SimulatedFleet:
-    witness = Witness(fleet.world.engine)
+    witness = EngineWitness(fleet.world.engine)
     fleet.world.engine = witness
     witnesses.append(witness)
     return fleet
@@ -96,11 +93,4 @@ class WatchedKinematic(KinematicBackend):
     """The backend `kinematic`."""
 
     def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
-        return _watched(super().open(config, robots))
-
-
-class WatchedFigured(Figured):
-    """The robots with figures of their own."""
-
-    def open(self, config: Any, robots: Sequence[RobotSpec]) -> SimulatedFleet:
         return _watched(super().open(config, robots))

@@ -15,7 +15,7 @@ from soter.sdk import RULES
 FIGURES: Final = (
     "status", "backend", "engine", "planner", "ac", "seed", "duration_s",
     *(f"violations.{rule}" for rule in RULES), *(f"min_margin.{rule}" for rule in RULES),
-    "ac_share", "disengagements_total", "targets_reached", "longest_stall_s", "no_progress_s", "trace_sha256",
+    "ac_share", "disengagements_total", "targets_reached", "longest_stall_s", "no_progress_s",
 )  # fmt: skip
 
 
@@ -29,6 +29,7 @@ def make_beside(recordings: Sequence[Recording]) -> str:
     names = [recording.path.name for recording in recordings]
     results = [json.loads(recording.result_json or b"{}") for recording in recordings]
     rows = [[name, *(_shown(result, name) for result in results)] for name in FIGURES]
+    rows.append(["trace", *(result.get("trace_sha256", "-")[:12] for result in results)])
     # The text of a frame's page is an attribute of this one, so that all is one file.
     frames = "".join(
         f'<iframe title="{escape(name)}" srcdoc="{escape(make_page(recording))}"></iframe>'

@@ -46,7 +46,7 @@ def section(campaign: Campaign, store: Store, judged: Mapping[str, Sequence[Judg
         lines += markdown(HEAD[1:-1], [cells(group)[1:-1] for group in own])
         lines += _margins(own) + _modules(own)
     safe = [name for name, some in judged.items() if any(each.text == "violations == 0" for each in some)]
-    lines += _exposure([group for group in found if group.part in safe])
+    lines += _exposure([group for group in found if group.part in safe and not group.branched])
     return "\n".join(lines + _commands(campaign, found))
 
 
@@ -98,6 +98,8 @@ def _here(path: Path) -> str:
 
 
 def _seeds(group: Group) -> str:
+    if group.branched:
+        return "those of the plain runs"
     seeds = sorted(row.seed for row in group.rows)
     follow = seeds == list(range(seeds[0], seeds[0] + len(seeds)))
     return f"{seeds[0]} to {seeds[-1]}" if follow and len(seeds) > 2 else ", ".join(map(str, seeds))

@@ -9,10 +9,10 @@ from pathlib import Path
 from statistics import median
 from typing import Final
 
-from soter.campaign.comparison import Difference
+from soter.campaign.comparison import PairedDifference
 from soter.campaign.conditions import Judged, figure
 from soter.campaign.report.cells import HEAD, cells, rate
-from soter.campaign.store import Row, Store
+from soter.campaign.store import RunRow, Store
 from soter.campaign.summary import Group, groups
 from soter.report.page.html import frame
 from soter.sdk import RULES
@@ -58,7 +58,7 @@ def make_page(store: Store, judged: Mapping[str, Sequence[Judged]], recordings: 
     )
 
 
-def comparison_page(title: str, subtitle: str, differences: Sequence[Difference]) -> str:
+def comparison_page(title: str, subtitle: str, differences: Sequence[PairedDifference]) -> str:
     """Return the page of a comparison."""
     return page_of(
         title, subtitle, [card("Paired by seed", table(DIFFERENCE_HEAD, map(difference_cells, differences)))]
@@ -76,7 +76,7 @@ DIFFERENCE_HEAD: Final = (
 )
 
 
-def difference_cells(found: Difference) -> list[str]:
+def difference_cells(found: PairedDifference) -> list[str]:
     """Return the line of a difference."""
     if found.middle is None:
         enclosed = ["-", "needs 6 pairs", ""]
@@ -183,7 +183,7 @@ def _dots(found: Sequence[Group], name: str) -> str:
     return f'<div class="dots"><ul>{"".join(labels)}</ul>{picture}</div>'
 
 
-def _runs(rows: Sequence[Row], recordings: Path) -> str:
+def _runs(rows: Sequence[RunRow], recordings: Path) -> str:
     head = ["run", "part", "setting", "seed", "status", "violations", "least margin", "AC share", "trace", "why not"]
     lines, links = [], []
     for row in rows:

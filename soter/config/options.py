@@ -1,0 +1,75 @@
+"""Raw tables of a mission file, checked with the models of the classes that they are for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Final, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from soter.errors import ConfigError, account_of, nearest
+from soter.problems import Problem, config_error, key_lines, pydantic_problems, read_limited, split_key
+
+COMMAND_LINE: Final = "command line"
+
+Options = TypeVar("Options", bound=BaseModel)
+
+
+def validate_options(
+    model: type[Options],
+    raw: Mapping[str, object],
+    source: str | None,
+    key: str,
+    filled: Mapping[str, object] | None = None,
+    overridden: Collection[tuple[str, ...]] = (),
+) -> Options:
+    """Check a raw table of options with the model of the class that it is for.
+
+    Args:
+        model: the class's own model.
+        raw: the table, such as `mission.backends.get("pybullet", {})`.
+        source: the mission file, or None.
+        key: the table's dotted key, such as "backends.pybullet".
+        filled: what the program itself fills in; the table may not name it.
+        overridden: from the mission, for errors about what is from the command line.
+
+    Raises:
+        ConfigError: an option is unknown or not allowed; all that is wrong is listed.
+    """
+    filled = filled or {}
+    prefix = split_key(key)
+    lines = _lines_in(source)
+    allowed = [name for name in model.model_fields if name not in filled]
+    problems = [
+        Problem(
+            f"unknown key{nearest(name, allowed)}; allowed: {', '.join(allowed) or 'none'}",
+            f"{key}.{name}",
+            lines.get((*prefix, name)),
+        )
+        for name in raw
+        if name in filled
+    ]
+    try:
+        options = model.model_validate({**raw, **filled})
+    except ValidationError as failure:
+        elsewhere = dict.fromkeys(overridden, COMMAND_LINE)
+        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, elsewhere=elsewhere, hidden=filled)
+        raise config_error(problems, source) from failure
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code may check them
+        raise ConfigError(
+            f"these options cannot be checked: {account_of(failure)}", source=source, key=key
+        ) from failure
+    if problems:
+        raise config_error(problems, source)
+    return options
+
+
+def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:
+    """Return the lines of the keys of a mission file, or nothing where it cannot be read again."""
+    try:
+        return key_lines(read_limited(Path(source), "mission file").decode()) if source else {}
+    except (ConfigError, UnicodeDecodeError):
+        return {}

@@ -1,0 +1,100 @@
+"""`soter workspace`: what it shows, draws and converts, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from typer.testing import CliRunner, Result
+
+from soter.cli import app
+from tests.project.source import ROOT
+
+WORLDS = ROOT / "examples" / "worlds"
+WALLED = """
+[fence]
+polygon = [[0.0, 0.0], [6.0, 0.0], [6.0, 3.0], [0.0, 3.0]]
+
+[[keep_out]]
+name = "wall"
+polygon = [[2.8, 0.0], [3.2, 0.0], [3.2, 3.0], [2.8, 3.0]]
+
+[[station]]
+x_m = 1.0
+y_m = 1.0
+
+[[station]]
+x_m = 5.0
+y_m = 1.0
+"""
+
+
+def workspace(*words: object) -> Result:
+    return CliRunner().invoke(app, ["workspace", *map(str, words)])
+
+
+def found(*words: object) -> dict[str, object]:
+    done = workspace(*words, "--json", "-")
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert isinstance(said, dict)
+    return said
+
+
+def test_a_rectangle() -> None:
+    said = found(ROOT / "examples" / "surveillance.xml")
+    assert (said["shape"], said["bounds_m"], said["keep_outs"]) == ("rectangle", [0.0, 0.0, 5.0, 5.0], 3)
+    assert said["stations"] == {"1": [1.0, 1.0], "2": [2.5, 2.0]}
+    assert said["unreachable"] == []
+    assert 0.0 < float(str(said["free_percent"])) < 100.0
+
+
+def test_a_place_on_earth_is_converted(tmp_path: Path) -> None:
+    said = found(WORLDS / "harbour.geojson", "--to", tmp_path / "harbour.toml")
+    assert said["origin"] == {"lat_deg": 53.5426, "lon_deg": 9.9769}
+    again = found(tmp_path / "harbour.toml")
+    assert again == {**said, "origin": None}
+
+
+def test_a_map_is_shown_and_drawn_without_stations(tmp_path: Path) -> None:
+    said = found(WORLDS / "flat.yaml", "--picture", tmp_path / "flat.png")
+    assert (said["shape"], said["cells"], said["cell_m"], said["stations"]) == ("map", [256, 216], 0.05, {})
+    assert (tmp_path / "flat.png").read_bytes().startswith(b"\x89PNG")
+    done = workspace(WORLDS / "flat.yaml", "--to", tmp_path / "flat.toml")
+    assert done.exit_code == 2
+    assert "--to" in done.output
+    assert not (tmp_path / "flat.toml").exists()
+
+
+def test_a_station_that_no_way_leads_to(tmp_path: Path) -> None:
+    (tmp_path / "walled.toml").write_text(WALLED)
+    done = workspace(tmp_path / "walled.toml", "--json", tmp_path / "found.json")
+    assert done.exit_code == 1
+    said = json.loads((tmp_path / "found.json").read_text())
+    assert (said["unreachable"], said["way_m"]) == ([2], {"1": 0.0})
+    assert workspace(tmp_path / "walled.toml", "--clearance", "none").exit_code == 2
+
+
+def test_bad_input_is_refused_and_nothing_written(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(WALLED.replace("5.0", "nan"))
+    done = workspace(tmp_path / "bad.toml", "--to", tmp_path / "good.geojson")
+    assert done.exit_code == 2
+    assert "station.1.x_m" in done.output
+    assert not (tmp_path / "good.geojson").exists()
+    assert workspace(tmp_path / "none.toml").exit_code == 2
+    (tmp_path / "walled.toml").write_text(WALLED)
+    for words in (
+        ("--to", "there.geojson"),
+        ("--to", "there.pdf"),
+        ("--to", "walled.toml"),
+        ("--picture", "there.txt"),
+    ):
+        assert workspace(tmp_path / "walled.toml", words[0], tmp_path / words[1]).exit_code == 2
+    assert (tmp_path / "walled.toml").read_text() == WALLED
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "walled.toml").write_text(WALLED)
+    done = workspace(tmp_path / "walled.toml", "--to", tmp_path / "none" / "there.toml")
+    assert done.exit_code in (2, 3)
+    assert "there.toml" in done.output
