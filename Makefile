@@ -4,8 +4,10 @@
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
-# Processes that run the tests, one more than cores because many tests wait for a wire; with 0 they run in the order of the files, in one process.
-WORKERS ?= 3
+# Processes that run the tests, more than cores because many tests wait for a wire; with 0 they run in the order of the files, in one process.
+WORKERS ?= 4
+# Tests of ROS 2 do little but wait.
+ROS2_WORKERS ?= 6
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
 
 .PHONY: help
@@ -19,21 +21,22 @@ demo: ## Ten simulated minutes of the surveillance mission, a picture of them, a
 .PHONY: test
 test: ## Every deterministic test; without PYTEST_ARGS those of ROS 2 too
 	@tools/env.sh test
-	$(VENV)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+	$(VENV)/python -m pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
 	$(if $(PYTEST_ARGS),,@$(MAKE) --no-print-directory test-ros2)
 
 .PHONY: test-ros2
 test-ros2: ## The tests of ROS 2, over real DDS on this host, in an environment of their own
 	@tools/env.sh ros2
 	@if [ -e .venv-ros2/stamp-ros2 ]; then \
-		.venv-ros2/bin/python -m pytest -n $(WORKERS) -m rclpy tests/adapters/ros2 tests/sim/ros2 tests/benchmarks; \
+		.venv-ros2/bin/python -m pytest -n $(ROS2_WORKERS) --dist worksteal -m rclpy tests/adapters/ros2 tests/sim/ros2 tests/benchmarks; \
 	fi
 
 .PHONY: test-autopilot
-test-autopilot: ## Rovers with a real ArduRover built for SITL: make test-autopilot ARDUROVER=/path/to/ardurover
-	@test -x "$(ARDUROVER)" || { echo "ARDUROVER is '$(ARDUROVER)', allowed: an ArduRover built for SITL"; exit 2; }
+test-autopilot: ## Real ArduPilots built for SITL: make test-autopilot ARDUROVER=/path/to/ardurover ARDUCOPTER=...
+	@test -x "$(ARDUROVER)$(ARDUCOPTER)" -o -x "$(ARDUROVER)" -a -x "$(ARDUCOPTER)" || \
+		{ echo "ARDUROVER is '$(ARDUROVER)' and ARDUCOPTER '$(ARDUCOPTER)', allowed: programs built for SITL, at least one"; exit 2; }
 	@tools/env.sh test
-	ARDUROVER="$(ARDUROVER)" $(VENV)/python -m pytest tests/autopilot $(PYTEST_ARGS)
+	ARDUROVER="$(ARDUROVER)" ARDUCOPTER="$(ARDUCOPTER)" $(VENV)/python -m pytest tests/autopilot $(PYTEST_ARGS)
 
 .PHONY: test-distributed
 test-distributed: ## Cut a robot of a mission in three processes off for 30 s, in network namespaces if permitted
@@ -44,10 +47,9 @@ test-distributed: ## Cut a robot of a mission in three processes off for 30 s, i
 check: lint types wheel-check docs test ## Everything a change must pass: lint, types, wheel, site, tests (imports too)
 
 .PHONY: browser-test
-browser-test: ## Open pages of recordings in Chromium: play, scrub, jump; how long it takes and how large they are
+browser-test: ## Open pages of recordings and campaigns in Chromium, at four sizes: play, scrub, jump, what overlaps
 	@tools/env.sh test
-	$(VENV)/python -m pytest -n 0 -s -rs tests/report/test_browser.py tests/report/test_live_browser.py $(PYTEST_ARGS)
-	$(VENV)/python benchmarks/page.py $(BENCH_ARGS)
+	$(VENV)/python -m pytest -n 2 --dist worksteal $(wildcard tests/*/test_*browser.py) $(PYTEST_ARGS)
 
 .PHONY: accept
 accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, and random ones; takes hours, carries on
@@ -61,7 +63,7 @@ accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, and ran
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
 	@tools/env.sh test
-	@for name in startup stack_cost real_time_factor decision scaling machine recording isolation mavlink_throughput zenoh_latency campaign search; do \
+	@for name in startup stack_cost real_time_factor decision worlds scaling machine recording isolation mavlink_throughput zenoh_latency campaign search; do \
 		$(VENV)/python benchmarks/$$name.py $(BENCH_ARGS) || exit 1; \
 	done
 

@@ -20,7 +20,7 @@ from soter.adapters.pybullet import KinematicBackend, KinematicConfig
 from soter.config import load_mission
 from soter.config.tables import MotionModel
 from soter.geometry.workspace import Workspace
-from soter.rta import DecisionModule, Mode, Situation
+from soter.rta import DecisionModule, Situation
 from soter.sdk import Controller, Link, RobotSpec, RobotState
 from soter.stack.assembly import assemble
 
@@ -34,11 +34,13 @@ TUBES: tuple[MotionModel, ...] = ("speed-acceleration", "unicycle")
 
 
 @contextmanager
-def bound_modules(model: MotionModel = "speed") -> Iterator[tuple[Workspace, Sequence[DecisionModule]]]:
+def bound_modules(
+    model: MotionModel = "speed", workspace: Workspace | None = None
+) -> Iterator[tuple[Workspace, Sequence[DecisionModule]]]:
     """Yield the workspace and the decision modules of robot 1, bound as in a run, with one reach model for all."""
     chosen = {f"rta.{name}.model": model for name in MOVING}
     mission = load_mission(SURVEILLANCE, {"backend": "kinematic", **chosen})
-    workspace = mission.read_workspace()
+    workspace = workspace or mission.read_workspace()
     specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in workspace.robots]
     with KinematicBackend().open(KinematicConfig(workspace=workspace), specs) as fleet:
         for robot in fleet.robots:
@@ -70,7 +72,7 @@ def situations(workspace: Workspace, modules: Sequence[DecisionModule], count: i
 
 
 def _fires(module: DecisionModule, situation: Situation) -> bool:
-    module.mode = Mode.AC
+    module.mode = Controller.AC
     return module.decide(situation)
 
 
@@ -102,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
             judges |= {f"{module.name}, {model}": module for module in tubes if module.name in MOVING}
         views = situations(workspace, modules, count)
         for judge in judges.values():
-            judge.mode = Mode.AC
+            judge.mode = Controller.AC
         sides: dict[str, Callable[[], float]] = {"reference": partial(median_us, reference, views)}
         sides |= {name: partial(median_us, judge.decide, views) for name, judge in judges.items()}
         times = in_turns(sides, rounds)

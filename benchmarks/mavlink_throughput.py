@@ -21,7 +21,7 @@ from soter.adapters.mavlink.authority import COMPONENTS
 from soter.adapters.mavlink.frames import Frame
 from soter.adapters.mavlink.link import Inbox
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
-from soter.adapters.mavlink.sampling import Charge, Sampler, TimeSync
+from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.geometry.workspace import Box, RobotPlace, Workspace
@@ -75,7 +75,7 @@ def adapter_s(datagrams: Sequence[bytes], seconds: float) -> float:
         inbox = link.inboxes[system] = Inbox()
         time_sync = TimeSync(system, clock, inbox)
         clock.observe(system, 1.0, clock.steady_s())
-        sampler = Sampler(system, inbox, time_sync, Charge(1800.0), lambda: Controller.SC)
+        sampler = Sampler(system, inbox, time_sync, ChargeFilter(1800.0), lambda: Controller.SC)
         sampler.frame = Frame()
         samplers.append(sampler)
     tick = max(1, round(len(datagrams) * TICK_S / seconds))

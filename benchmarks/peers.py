@@ -20,7 +20,8 @@ from typing import Any
 from benchmarks.common import Row, arguments, in_turns, show
 from benchmarks.decision import bound_modules, median_us, reference, situations
 from soter.geometry.workspace import Workspace
-from soter.rta import DecisionModule, Mode, ModuleMonitor, Situation
+from soter.rta import DecisionModule, ModuleMonitor, Situation
+from soter.sdk import Controller
 
 TICK_S = 0.05
 LOOK_S = 0.5
@@ -133,7 +134,7 @@ def spec_calls(
     def look(view: Situation) -> None:
         nonlocal step
         step += 1
-        ours.look(step * TICK_S, margins[id(view)], Mode.AC, Mode.AC)
+        ours.look(step * TICK_S, margins[id(view)], Controller.AC, Controller.AC)
 
     def update(view: Situation) -> object:
         nonlocal step
@@ -170,8 +171,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
         look, update = spec_calls(geofence, views)
         compiled_s = first_call_s(whole, views[0])
         for module in (geofence, tube):
-            module.mode = Mode.AC
-        if not all(whole(view) and monitor(view) for view in views) or geofence.mode is not Mode.AC:
+            module.mode = Controller.AC
+        if not all(whole(view) and monitor(view) for view in views) or geofence.mode is not Controller.AC:
             sys.exit("the filter takes for unsafe what SOTER takes for safe: the two are not set up alike")
         sides = {
             "reference": reference,

@@ -39,12 +39,12 @@ def measure(rounds: int) -> tuple[list[float], list[float]]:
     """Return the times of so many decisions, and of so many bare messages, in milliseconds."""
     from geometry_msgs.msg import Twist, Vector3
 
-    from soter.adapters.ros2.backend import Ros2Fleet, simulated
+    from soter.adapters.ros2.backend import Ros2Backend
     from soter.adapters.ros2.options import Ros2Config
-    from soter.adapters.ros2.simulator import Simulator, environment
+    from soter.adapters.ros2.simulator import Ros2Simulator, environment
 
     with ExitStack() as stack:
-        simulator = Simulator(switching.ROOM, switching.SPECS)
+        simulator = Ros2Simulator(switching.ROOM, switching.SPECS)
         stack.callback(simulator.close)
         env = {**environment(), "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
         listener = stack.enter_context(
@@ -53,9 +53,9 @@ def measure(rounds: int) -> tuple[list[float], list[float]]:
                 stdout=subprocess.PIPE, env=env, text=True,
             )
         )  # fmt: skip
-        config = simulated(Ros2Config(workspace=switching.ROOM), simulator)
-        fleet = stack.enter_context(Ros2Fleet(config, switching.SPECS, None))
-        (robot,) = fleet.streamed
+        config = Ros2Backend.located(Ros2Config(workspace=switching.ROOM), simulator)
+        fleet = stack.enter_context(Ros2Backend().open(config, switching.SPECS))
+        (robot,) = fleet.robots
         robot.init(30.0)
         bare = robot.node.create_publisher(Twist, "/bare", 1)
         return switching.measure(robot, lambda number: bare.publish(Twist(linear=Vector3(x=number))), listener, rounds)

@@ -128,18 +128,18 @@ def there_and_back(trips: int) -> tuple[list[float], list[float]]:
 
 def hand_over(rounds: int) -> tuple[list[float], list[float]]:
     """Return the times of so many decisions, and of so many bare messages, in milliseconds."""
-    from soter.adapters.zenoh.backend import ZenohFleet, simulated
+    from soter.adapters.zenoh.backend import ZenohBackend
     from soter.adapters.zenoh.messages import Twist, Vector3, encode
     from soter.adapters.zenoh.options import ZenohConfig
-    from soter.adapters.zenoh.simulator import Simulator
+    from soter.adapters.zenoh.simulator import ZenohSimulator
 
     with ExitStack() as stack:
-        simulator = Simulator(switching.ROOM, switching.SPECS)
+        simulator = ZenohSimulator(switching.ROOM, switching.SPECS)
         stack.callback(simulator.close)
         listener = stack.enter_context(started(LISTENER, simulator.session.connect))
-        config = simulated(ZenohConfig(workspace=switching.ROOM), simulator)
-        fleet = stack.enter_context(ZenohFleet(config, switching.SPECS, None))
-        (robot,) = fleet.streamed
+        config = ZenohBackend.located(ZenohConfig(workspace=switching.ROOM), simulator)
+        fleet = stack.enter_context(ZenohBackend().open(config, switching.SPECS))
+        (robot,) = fleet.robots
         robot.init(30.0)
         session = open_session(simulator.session)
         stack.callback(close_session, session)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from soter.interactive import FinishedRun, run
     from soter.missions import Mission, Robot
     from soter.registry import load_backend
-    from soter.rta import Node, Region, RTAModule, Situation, SpeedBound, Timing, Topic
+    from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Timing, Topic
     from soter.runner import Run, RunResult, run_mission
     from soter.sdk import Backend, Capabilities, Waypoint
     from soter.stack.module_kit import ModuleKit
@@ -31,7 +31,7 @@ _HOMES = {
     "soter.interactive": ("FinishedRun", "run"),
     "soter.missions": ("Mission", "Robot"),
     "soter.registry": ("load_backend",),
-    "soter.rta": ("Node", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
+    "soter.rta": ("Node", "PairBound", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
     "soter.runner": ("Run", "RunResult", "run_mission"),
     "soter.sdk": ("Backend", "Capabilities", "Waypoint"),
     "soter.stack.module_kit": ("ModuleKit",),
@@ -50,6 +50,7 @@ __all__ = [
     "Mission",
     "ModuleKit",
     "Node",
+    "PairBound",
     "RTAModule",
     "Region",
     "Robot",

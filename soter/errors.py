@@ -17,9 +17,17 @@ SoterError
 ```
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
 
 class SoterError(Exception):
     """Root of everything that SOTER raises on purpose."""
+
+
+class Garbage(ValueError):
+    """What came from untrusted code, or from another process, is not what was agreed."""
 
 
 class ConfigError(SoterError):
@@ -41,6 +49,11 @@ class ConfigError(SoterError):
             place += f":{line}"
         parts = [part for part in (place, key, message) if part]
         super().__init__(": ".join(parts))
+
+
+def option_error(option: str, message: str) -> ConfigError:
+    """Return the error of an option of the command line."""
+    return ConfigError(message, source="command line", key=option)
 
 
 class BackendError(SoterError):
@@ -108,6 +121,26 @@ class IllFormedModule(SoterError):
 
 class RunFailed(SoterError):
     """A run ended early; its robots are stopped and its recording is closed."""
+
+
+MAX_WORDS = 1000
+"""The longest account of a failure, in characters."""
+
+
+def account_of(failure: BaseException, shown: Callable[[BaseException], str] = repr) -> str:
+    """Return what a failure looks like, in one line that is not too long, whatever foreign code has made of it.
+
+    Args:
+        failure: the failure.
+        shown: how it is shown, such as by `str`.
+    """
+    try:
+        text = str.encode(shown(failure), errors="backslashreplace").decode()
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - foreign code wrote what shows it
+        text = "a failure that cannot say what it is"
+    return " ".join(text[:MAX_WORDS].split())
 
 
 def nearest(name: str, allowed: list[str]) -> str:

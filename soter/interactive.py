@@ -40,10 +40,6 @@ class FinishedRun:
         result: its figures.
         recording: what was run, known, decided and done.
         scratch: where the recording is, which goes when this goes, or None.
-
-    Attributes:
-        result: see there.
-        recording: see there.
     """
 
     def __init__(self, result: RunResult, recording: Recording, scratch: Scratch | None = None) -> None:

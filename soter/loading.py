@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import re
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
-from soter.errors import ConfigError, nearest
+from soter.errors import ConfigError, account_of, nearest
 
 _FILE: Final = re.compile(r"(?P<file>.+\.py)(:(?P<name>\w+))?", re.DOTALL)
 
@@ -30,6 +31,52 @@ def seen_from(folder: Path, target: str) -> str:
     """Return a name; the file that it names, if it names one, is one relative to that folder."""
     file = file_of(target)
     return target if file is None else target.replace(str(file), str(folder / file), 1)
+
+
+def is_target(name: str) -> bool:
+    """Return whether a name has a form that `load_named` takes."""
+    module, _, last = name.partition(":")
+    return file_of(name) is not None or all(part.isidentifier() for part in (*module.split("."), last))
+
+
+def known_target(name: str, known: Mapping[str, str], kind: str, refused: Refused, *, files: bool = False) -> str:
+    """Return what a name stands for: one of ours, or a class of the user's own.
+
+    Args:
+        name: one of `known`, or what `load_named` takes.
+        known: what our own names stand for.
+        kind: of what there is none by that name, for the message.
+        refused: makes the error.
+        files: whether it may be one of a file.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    if name in known:
+        return known[name]
+    # What begins as names of ours with a colon do, such as adversary:, is ours too.
+    taken = {each.partition(":")[0] for each in known if ":" in each}
+    if is_target(name) and (files or file_of(name) is None) and name.partition(":")[0] not in taken:
+        return name
+    form = "'file.py:Class' or 'module:Class'" if files else "'module:Class'"
+    raise refused(
+        f"unknown {kind} '{name}'{nearest(name, [*known])}; known are {', '.join(known)}, or a class as {form}"
+    )
+
+
+def load_class(name: str, target: str, base: type[Any], refused: Refused) -> type[Any]:
+    """Import the class that a name stands for (see `known_target`); it has to be a subclass of that base.
+
+    Raises:
+        ConfigError: there is none, it is no such class, or one that is not complete.
+    """
+    found = load_named(target, refused, base)
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise refused(f"it is '{name}', which is {found!r}, allowed: a subclass of {base.__name__}")
+    if inspect.isabstract(found):
+        missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
+        raise refused(f"it is '{name}', which does not define {missing}")
+    return found
 
 
 def load_named(target: str, refused: Refused, base: type | None = None) -> object:
@@ -52,9 +99,9 @@ def load_named(target: str, refused: Refused, base: type | None = None) -> objec
         if name is None:
             return _only_class(module, base, target, refused)
     else:
-        module_name, _, name = target.partition(":")
-        if not (name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
+        if not is_target(target):
             raise refused(f"it is '{target}', allowed: a name as 'package.module:name' or 'file.py:name'")
+        module_name, _, name = target.partition(":")
         module = _imported(module_name, target, refused)
     value: object = getattr(module, name, None)
     if value is None:
@@ -78,7 +125,9 @@ def _from_file(path: Path, target: str, refused: Refused) -> ModuleType:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as failure:  # foreign code may fail in any way while it is imported
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code may fail in any way while it is imported
         del sys.modules[name]
         raise refused(f"it is '{target}', but importing it failed: {described(failure, path)}") from failure
     return module
@@ -92,8 +141,10 @@ def _imported(name: str, target: str, refused: Refused) -> ModuleType:
             f"it is '{target}', but there is no module '{failure.name}'; check its spelling, and that it can be "
             "imported from the folder that this runs in"
         ) from failure
-    except Exception as failure:  # foreign code
-        raise refused(f"it is '{target}', but importing '{name}' failed: {failure!r}") from failure
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code
+        raise refused(f"it is '{target}', but importing '{name}' failed: {account_of(failure)}") from failure
 
 
 def _only_class(module: ModuleType, base: type | None, target: str, refused: Refused) -> type:
@@ -112,7 +163,7 @@ def _only_class(module: ModuleType, base: type | None, target: str, refused: Ref
 
 def described(failure: BaseException, path: Path | None) -> str:
     """Return an exception in words, with the last line of a file that it came through, if it did."""
-    line = f"{type(failure).__name__}: {failure}"
+    line = account_of(failure, lambda each: f"{type(each).__name__}: {each}")
     if isinstance(failure, SyntaxError):
         return line
     inside = [each for each in traceback.extract_tb(failure.__traceback__) if path and each.filename == str(path)]

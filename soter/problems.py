@@ -74,15 +74,11 @@ def cut(text: str) -> str:
     return text if len(text) <= _MAX_VALUE_CHARS else f"{text[: _MAX_VALUE_CHARS - 3]}..."
 
 
-def read_limited(path: Path, what: str) -> bytes:
-    """Read a small regular file as a whole.
-
-    Args:
-        path: the file.
-        what: what it should be, for the message, such as "mission file".
+def read_limited(path: Path, what: str, most_bytes: int = MAX_FILE_BYTES) -> bytes:
+    """Read a small regular file as a whole; messages say what it should be, such as "mission file".
 
     Raises:
-        ConfigError: there is no such file, it cannot be read, or it is longer than `MAX_FILE_BYTES`.
+        ConfigError: there is no such file, it cannot be read, or it is longer than that.
     """
     source = str(path)
     try:
@@ -94,11 +90,11 @@ def read_limited(path: Path, what: str) -> bytes:
                 raise ConfigError(f"this {what} is a pipe or a device, allowed: a regular file", source=source)
             raise ConfigError(f"this {what} does not exist{nearest(path.name, _beside(path))}", source=source)
         with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
+            data = file.read(most_bytes + 1)
     except (OSError, ValueError) as failure:
         raise ConfigError(f"this {what} cannot be read: {failure}", source=source) from failure
-    if len(data) > MAX_FILE_BYTES:
-        raise ConfigError(f"this {what} is longer than {MAX_FILE_BYTES} bytes, the most that is read", source=source)
+    if len(data) > most_bytes:
+        raise ConfigError(f"this {what} is longer than {most_bytes} bytes, the most that is read", source=source)
     return data
 
 
@@ -117,8 +113,6 @@ def _beside(path: Path) -> list[str]:
     except OSError:
         return []
 
-
-# --- TOML: where a key stands ------------------------------------------------------------------------------
 
 _KEY_PART = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _KEY = rf"{_KEY_PART}(?:[ \t]*\.[ \t]*{_KEY_PART})*"
@@ -158,10 +152,6 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
 def parse_toml(data: bytes, source: str) -> tuple[dict[str, Any], dict[tuple[str, ...], int]]:
     """Return the tables in the bytes of a TOML file, and the lines of its keys; see `key_lines`.
 
-    Args:
-        data: the bytes.
-        source: names the file in errors.
-
     Raises:
         ConfigError: it is no TOML; the error has the line.
     """
@@ -186,8 +176,6 @@ def _syntax_error(message: str) -> tuple[str, int | None]:
         return message, None
     return f"{message[: found.start()]} (column {found[2]})", int(found[1])
 
-
-# --- pydantic's errors in our words ------------------------------------------------------------------------
 
 NOT_ALLOWED = "not_allowed"
 
@@ -271,6 +259,9 @@ def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...]
         # Limits of whole numbers are shown to the last digit.
         shown = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()}
         return f"it is {value}, allowed: {_ALLOWED[kind].format(**shown)}"
+    if kind == "value_error":
+        # Of a whole table the values stand in the file, beside what the program itself has filled in.
+        return f"{context['error']}" if isinstance(error["input"], dict) else f"it is {value}: {context['error']}"
     return f"it is {value}: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 

@@ -42,6 +42,7 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
     "ompl": "ompl",
     "matplotlib": "report",
+    "av": "film",
     "pandas": "notebook",
     "foxglove": "foxglove",
     "pymavlink": "mavlink",
@@ -139,9 +140,6 @@ def missing_library(name: str, failure: ImportError) -> BackendUnavailable:
     return _unavailable(name, library, str(failure), broken=not isinstance(failure, ModuleNotFoundError))
 
 
-# --- name -> where -----------------------------------------------------------------------------------------
-
-
 def _registered() -> dict[str, list[EntryPoint]]:
     """Return the registrations by name, without ours."""
     found: dict[str, list[EntryPoint]] = {}
@@ -174,9 +172,6 @@ def _find(name: str) -> tuple[str, str]:
     raise UnknownBackend(
         f"unknown backend '{name}'{nearest(name, known)}; known are {', '.join(known)}, or a class as 'module:Class'"
     )
-
-
-# --- where -> class ----------------------------------------------------------------------------------------
 
 
 def _importable(library: str) -> bool:

@@ -23,9 +23,6 @@ class Scratch:
     Args:
         what: what it is for, a part of its name.
 
-    Attributes:
-        path: where it is.
-
     Raises:
         OSError: it cannot be made.
     """

@@ -37,7 +37,7 @@ compile pybullet "$scratch/pybullet.in"
 
 # The largest first, so that the others take its versions and can share an environment.
 test=(--group test --group browser --group notebook)
-for extra in ompl report mavlink foxglove zenoh sign campaign cluster notebook worlds; do test+=(--extra "$extra"); done
+for extra in ompl report film mavlink foxglove zenoh sign campaign cluster notebook worlds; do test+=(--extra "$extra"); done
 compile check pyproject.toml "${test[@]}" --group lint --group docs --group release
 for name in core demo docs test ros2; do
     case $name in

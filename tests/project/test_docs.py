@@ -16,8 +16,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import soter
+from soter.cli import app
 from tests.project.markdown import Block, blocks, links, prose
 from tests.project.source import ROOT
 
@@ -61,16 +63,9 @@ def words_of(block: Block) -> list[list[str]]:
 def help_text(*subcommand: str) -> str:
     """What `soter SUBCOMMAND --help` prints."""
     # Wide enough that no option's name is cut or wrapped.
-    environment = {**os.environ, "COLUMNS": "400", "TERM": "dumb", "NO_COLOR": "1"}
-    program = "from soter.cli import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", program, *subcommand, "--help"],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, f"soter {' '.join(subcommand)} --help: {done.stderr}"
+    environment = {"COLUMNS": "400", "TERM": "dumb", "NO_COLOR": "1"}
+    done = CliRunner().invoke(app, [*subcommand, "--help"], env=environment)
+    assert done.exit_code == 0, f"soter {' '.join(subcommand)} --help: {done.output}"
     return done.stdout
 
 

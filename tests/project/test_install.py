@@ -20,7 +20,7 @@ from tools.install_lines import Line, lines
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # Of somebody else, on the index of Python packages.
-FOREIGN = {"MAVProxy"}
+FOREIGN = {"MAVProxy", "duckdb"}
 ROS = ROOT / "ros" / "soter"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tokenize
+from collections import Counter
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
@@ -128,3 +129,10 @@ def test_nothing_is_left_undone() -> None:
         if marks.search(line)
     ]
     assert found == []
+
+
+def test_no_two_classes_have_one_name() -> None:
+    # A script's robot and controller are not an adapter's: the public interfaces promise both names.
+    found = re.compile(r"^class (\w+)", re.MULTILINE)
+    names = Counter(name for path in python_files(PACKAGES["soter"]) for name in found.findall(path.read_text()))
+    assert {name for name, times in names.items() if times > 1} == {"Controller", "Robot"}

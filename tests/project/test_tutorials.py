@@ -1,22 +1,25 @@
 """Every tutorial does what it says, from its first line to its last, in one folder and with nothing else.
 
-A block with a `title` is a file that the reader saves. A block of commands is run by bash and has to exit with 0, or
-with N where it is marked `exit-N`; `no-run` leaves out what needs a vehicle or many minutes.
+A block with a `title` is a file that the reader saves. Every command has to exit with 0, or the
+last of a block with N where it is marked `exit-N`; `no-run` leaves out what needs a vehicle or many minutes.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
-import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
 from tests.project.markdown import Block, blocks
 from tests.project.source import ROOT
+from tests.warm import warm
 
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 MOST_S = 600.0
@@ -32,21 +35,6 @@ def title_of(block: Block) -> str | None:
 def exit_code(block: Block) -> int:
     """What the commands of a block have to exit with."""
     return next((int(mark.removeprefix("exit-")) for mark in block.marks if mark.startswith("exit-")), 0)
-
-
-def programs(folder: Path) -> Path:
-    """A folder with the programs that a reader has, which run this work tree."""
-    folder.mkdir()
-    for name, command in (
-        ("soter", f'"{sys.executable}" -m soter.cli "$@"'),
-        ("python", f'"{sys.executable}" "$@"'),
-        # What an editable install leaves in an environment: the folder on the path, and the entry points beside it.
-        ("pip", f'"{sys.executable}" "{folder / "install.py"}" "$@"'),
-    ):
-        (folder / name).write_text(f"#!/bin/sh\nexec {command}\n")
-        (folder / name).chmod(0o755)
-    (folder / "install.py").write_text(INSTALL)
-    return folder
 
 
 INSTALL = """
@@ -65,28 +53,42 @@ Path(name.replace("-", "_")).symlink_to(Path(folder, name.replace("-", "_")).res
 """
 
 
+def ran(line: str, folder: Path, environment: Mapping[str, str], install: Path) -> CompletedProcess[str]:
+    """Run a command: SOTER's, Python's and pip's as a reader has them, anything else by bash."""
+    program, *arguments = shlex.split(line, comments=True)
+    if program == "python":
+        program, *arguments = arguments
+    elif program == "pip":
+        program = str(install)
+    elif program != "soter":
+        return subprocess.run(["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True)
+    return warm(program, *arguments, cwd=folder, env=environment)
+
+
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
     (folder := tmp_path / "here").mkdir()
     (folder / "examples").symlink_to(ROOT / "examples")
-    path = os.pathsep.join((str(programs(tmp_path / "bin")), os.environ["PATH"]))
+    # What an editable install leaves in an environment: the folder on the path, and the entry points beside it.
+    (install := tmp_path / "install.py").write_text(INSTALL)
     found = os.pathsep.join((str(folder), str(ROOT), str(ROOT / "sim")))
-    environment = {**os.environ, "PATH": path, "PYTHONPATH": found, "PYTHONWARNINGS": "error", "COLUMNS": "100"}
-    began_s, ran = time.monotonic(), 0
+    environment = {**os.environ, "PYTHONPATH": found, "PYTHONWARNINGS": "error", "COLUMNS": "100"}
+    began_s, count = time.monotonic(), 0
     for block in blocks(page):
         place = f"{page.relative_to(ROOT)}:{block.line}"
         if title := title_of(block):
             assert not (folder / title).exists(), f"{place}: {title} is there already"
             (folder / title).write_text(block.code, encoding="utf-8")
         elif block.language == "sh" and "no-run" not in block.marks:
-            done = subprocess.run(
-                ["bash", "-e", "-c", block.code], cwd=folder, env=environment, capture_output=True, text=True
-            )
-            assert done.returncode == exit_code(block), f"{place}\n{block.code}\n{done.stdout}{done.stderr}"
-            ran += 1
+            lines = block.code.replace("\\\n", " ").splitlines()
+            *firsts, last = [line for line in lines if shlex.split(line, comments=True)]
+            for line, expected in (*((each, 0) for each in firsts), (last, exit_code(block))):
+                done = ran(line, folder, environment, install)
+                assert done.returncode == expected, f"{place}\n{line}\n{done.stdout}{done.stderr}"
+            count += 1
         else:
             assert block.language in {"sh", "text"}, f"{place}: a listing that nothing runs"
-    assert ran
+    assert count
     assert time.monotonic() - began_s < MOST_S
 
 

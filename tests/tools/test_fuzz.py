@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tools.fuzz import reader
+from tools.fuzzing import worlds
 from tools.fuzzing.formats import NAMES, Format, make
 from tools.fuzzing.mutate import spoil
 
-EXAMPLES = {"mcap": 12, "cdr": 60}
+EXAMPLES = {"mcap": 12, "cdr": 60} | dict.fromkeys(worlds.NAMES, 25)
 SEEDS = st.integers(0, 2**32)
 
 

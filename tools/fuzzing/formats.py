@@ -25,12 +25,12 @@ from soter.adapters.mavlink.vehicle import Vehicle
 from soter.adapters.zenoh.messages import KINDS, Foreign, decode, encode
 from soter.clock import VehicleClock
 from soter.config import load_mission, parse_mission
-from soter.distribution.channel import Ended, Frame, Visit, decode_frame, encode_frame
-from soter.distribution.status import Echo, RobotStatus, Status, decode_status, encode_status
-from soter.errors import ConfigError, IllFormedModule
+from soter.distribution.channel import ChannelFrame, Ended, VisitMessage, decode_frame
+from soter.distribution.status import Echo, RobotStatus, Status, decode_status
+from soter.errors import ConfigError, Garbage, IllFormedModule
 from soter.geometry.workspace_xml import parse_workspace
-from soter.isolation.messages import Ask, Failed, Garbage, Moved, Started, TargetGiven, Turn, decode_up
-from soter.isolation.messages import encode as encode_up
+from soter.isolation.messages import Ask, FailedForGood, Moved, Started, TargetGiven, Turn, decode_up
+from soter.isolation.messages import encode as encode_message
 from soter.onboard.command import Command, GoalMessage, Report
 from soter.onboard.wire import AC, SC, GateReport, Order
 from soter.record.reader import Recording
@@ -41,6 +41,7 @@ from soter.runner import run_mission
 from soter.sdk import RobotState, Waypoint
 from soter.sdk.values import Link
 from soter_sim.mavlink.channel import Channel as SimChannel
+from tools.fuzzing import worlds
 from tools.fuzzing.mutate import spoil, spoil_word
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -111,16 +112,18 @@ def _messagepack() -> Format:
     state = RobotState(1, 1.0, 2.0, 0.5, 0.5, 0.0, 0.1, 0.2, 0.0, 0.0, 0.9, None, 3, Link.UP)
     turn = Turn(
         3, (Ask(1, 1, 2, Waypoint(1.0, 2.0), (Waypoint(2.0, 2.0),)),), (TargetGiven(1, 1, 1.0, 1.0),),
-        (Failed(1, "it fell"),), ("it rained",), 0, (Moved(1.0, "m", 1, "n", "a", "b", "e", "d"),),
+        (FailedForGood(1, "it fell"),), ("it rained",), 0, (Moved(1.0, "m", 1, "n", "a", "b", "e", "d"),),
     )  # fmt: skip
     status = Status("alpha", 7, "m", 1, 2.0, (RobotStatus(state, True, "", False),), (Echo("beta", 8, 1.0, 0.1),))
-    frame = Frame(7, 8, "m", 1, 2, 3, 4, (Visit(1, 2, 1.0, 1.0, 60.0, 3), Ended(1, 2, "reached")))
+    frame = ChannelFrame(7, 8, "m", 1, 2, 3, 4, (VisitMessage(1, 2, 1.0, 1.0, 60.0, 3), Ended(1, 2, "reached")))
 
     def read(data: bytes) -> None:
         for each in (decode_up, decode_frame, decode_status):
             _refused(each, data, Garbage)
 
-    return Format((encode_up(turn), encode_up(Started()), encode_status(status), encode_frame(frame)), read)
+    return Format(
+        (encode_message(turn), encode_message(Started()), encode_message(status), encode_message(frame)), read
+    )
 
 
 def _cdr() -> Format:
@@ -188,9 +191,18 @@ def _toml() -> Format:
 
 
 def _xml() -> Format:
-    return Format(
-        _examples(".xml"), lambda data: _refused(lambda given: parse_workspace(given, "f"), data, ConfigError)
-    )
+    def read(data: bytes) -> None:
+        worlds.check(parse_workspace(data, "f"))
+
+    return Format(_examples(".xml"), lambda data: _refused(read, data, ConfigError))
+
+
+def _world(name: str) -> Format:
+    folder = tempfile.TemporaryDirectory(prefix="soter-fuzz-")
+    read = worlds.reader(name, Path(folder.name))
+    made = Format(worlds.seeds(name), lambda data: _refused(read, data, ConfigError))
+    object.__setattr__(made, "_folder", folder)
+    return made
 
 
 def _mcap() -> Format:
@@ -261,5 +273,6 @@ _MAKERS: Final[dict[str, Callable[[], Format]]] = {
     "xml": _xml,
     "toml": _toml,
     "mcap": _mcap,
+    **{name: partial(_world, name) for name in worlds.NAMES},
 }
 NAMES: Final = tuple(_MAKERS)

@@ -1,0 +1,174 @@
+"""What workspaces of many edges cost: each module's decision over that with three boxes, and a mission in an orchard.
+
+Robots drive on and on, tick by tick, as they do in a run, so that what is worked out for new places counts. The world
+of many edges has half of them in its fence, and half in what it keeps out.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from functools import partial
+from statistics import median
+
+from benchmarks.common import ROOT, SURVEILLANCE, Row, arguments, in_turns, show
+from benchmarks.decision import bound_modules
+from soter.config import MissionFile, load_mission
+from soter.geometry.draft import Draft, Outline, Spot, circle, site_of
+from soter.geometry.site import as_box
+from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.rta import DecisionModule, Situation
+from soter.runner import run_mission
+from soter.sdk import Controller, Link, RobotState
+from soter.stack.battery import ChargeForTheWayHome
+from soter.stack.return_path import ReturnPath
+from soter.stack.site_terrain import terrain_of
+
+EDGES = 2000
+GOAL = 1.5
+FACTORS = {"straight-line": 400.0, "ompl-bitstar": 250.0}
+TICK_S = 0.05
+SPEED_M_S = 0.22
+KEPT_M = 0.45
+PATROL = ROOT / "examples" / "worlds" / "patrol.toml"
+
+
+def of_edges(edges: int) -> Workspace:
+    """Return a world in which half of so many edges are the fence's, and half those of round areas."""
+    half, step_m = edges // 2, 3.5
+    angles = [math.tau * each / half for each in range(half)]
+    wide_m = step_m * (math.sqrt(edges / 20.0) / 2.0 + 1.0)
+    far_m = [wide_m * (1.5 + 0.1 * math.sin(9.0 * angle)) for angle in angles]
+    fence = [(far * math.cos(angle), far * math.sin(angle)) for far, angle in zip(far_m, angles, strict=True)]
+    draft = Draft(f"{edges} edges", [Outline("fence", fence)])
+    side = math.ceil(math.sqrt(half / 10.0))
+    left = half
+    for row, column in itertools.product(range(side), repeat=2):
+        ring = circle((column - side / 2.0) * step_m, (row - side / 2.0) * step_m, 0.25, around=True)
+        if (left := left - len(ring)) < 0:
+            break
+        draft.keep_outs.append(Outline(f"tree {len(draft.keep_outs)}", ring))
+    draft.stations += [Spot("station 1", step_m / 2.0, step_m / 2.0), Spot("station 2", -step_m / 2.0, step_m / 2.0)]
+    return site_of(draft, phi_safer_m=0.1, spacing_m=0.5)
+
+
+def of_boxes() -> Workspace:
+    """Return a rectangle of the same size with three boxes."""
+    boxes = tuple(Box(x_m, x_m, x_m + 0.5, x_m + 0.5) for x_m in (12.0, 24.0, 36.0))
+    places = [RobotPlace(each, 20.0 + 2.0 * each, 20.0, as_box(20.0 + 2.0 * each, 20.0, 0.5)) for each in (1, 2)]
+    return Workspace(50.0, 50.0, boxes, tuple(places))
+
+
+def drive(workspace: Workspace) -> Iterator[Situation]:
+    """Yield what robot 1 sees, tick by tick, where no module takes it from its AC; robot 2 stands on its station."""
+    stream, terrain = random.Random(1), terrain_of(workspace, 0.105)
+    x, y = workspace.robots[0].charger.centre
+    beside, heading = workspace.robots[1].charger.centre, 0.5
+    for tick in itertools.count():
+        ahead = x + 0.3 * math.cos(heading), y + 0.3 * math.sin(heading)
+        near_m = min(terrain.clearance_m(*ahead), terrain.fence_m(*ahead), math.dist(ahead, beside) - 0.6)
+        heading += 0.2 if near_m < KEPT_M else stream.uniform(-0.05, 0.05)
+        x, y = x + SPEED_M_S * TICK_S * math.cos(heading), y + SPEED_M_S * TICK_S * math.sin(heading)
+        situation = Situation(1, _state(1, x, y, heading, tick * TICK_S), tick * TICK_S)
+        situation.peers = [_state(2, *beside, 0.0, tick * TICK_S)]
+        yield situation
+
+
+def _state(robot_id: int, x_m: float, y_m: float, heading_rad: float, stamp_s: float) -> RobotState:
+    speed_m_s = SPEED_M_S if robot_id == 1 else 0.0
+    return RobotState(
+        robot_id, stamp_s, stamp_s, x_m, y_m, 0.0, math.remainder(heading_rad, math.tau),
+        speed_m_s * math.cos(heading_rad), speed_m_s * math.sin(heading_rad), 0.0, 1.0, Controller.AC, None, Link.UP,
+    )  # fmt: skip
+
+
+def judges(modules: Sequence[DecisionModule]) -> dict[str, Callable[[Situation], object]]:
+    """Return what judges at every tick, by module; the battery's has the return path kept for it, as in a run."""
+    found: dict[str, Callable[[Situation], object]] = {module.name: module.decide for module in modules}
+    for module in modules:
+        if isinstance(module.module.phi_safe, ChargeForTheWayHome):
+            found[module.name] = partial(_with_path, module.module.phi_safe.dock.path, module)
+    return found
+
+
+def _with_path(path: ReturnPath, module: DecisionModule, view: Situation) -> None:
+    path.track(view.own.x_m, view.own.y_m)
+    module.decide(view)
+
+
+def one_drive(
+    asked: dict[str, Callable[[Situation], object]], modules: Sequence[DecisionModule], views: Iterator[Situation],
+    ticks: int,
+) -> dict[str, float]:  # fmt: skip
+    """Drive on for so many ticks; return the mean processor time of each module's decisions in microseconds."""
+    drive, times = list(itertools.islice(views, ticks)), {}
+    for module in modules:
+        module.mode = Controller.AC
+    for name, judge in asked.items():
+        start_s = time.process_time()
+        for view in drive:
+            judge(view)
+        times[name] = (time.process_time() - start_s) / ticks * 1e6
+    return times
+
+
+def decisions(edges: int, ticks: int, rounds: int) -> dict[str, dict[str, float]]:
+    """Return the time of each answer in microseconds, by what is asked and by workspace: the median of many drives."""
+    times: dict[str, dict[str, list[float]]] = {}
+    with ExitStack() as stack:
+        sides = {}
+        for name, shape in (("three boxes", of_boxes()), (f"{edges} edges", of_edges(edges))):
+            workspace, modules = stack.enter_context(bound_modules(workspace=shape))
+            sides[name] = partial(one_drive, judges(modules), modules, drive(workspace), ticks)
+        for turn in range(rounds):
+            for name in list(sides)[:: 1 if turn % 2 else -1]:
+                for asked, us in sides[name]().items():
+                    times.setdefault(asked, {}).setdefault(name, []).append(us)
+    return {asked: {name: median(each) for name, each in sides.items()} for asked, sides in times.items()}
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, float]:
+    """Measure and print; return by module the ratio of a decision, and by planner that of the missions' speeds."""
+    quick = arguments(__doc__ or "", argv).quick
+    edges, ticks, rounds = (120, 20, 2) if quick else (EDGES, 1000, 15)
+    rows, ratios = [], {}
+    for asked, us in decisions(edges, ticks, rounds).items():
+        few_us, many_us = us["three boxes"], us[f"{edges} edges"]
+        ratio = ratios[asked] = many_us / few_us
+        rows.append(Row(f"{asked}, three boxes", f"{few_us:.2f} us"))
+        rows.append(Row(f"{asked}, {edges} edges", f"{many_us:.2f} us", ratio, f"<= {GOAL:g}", ratio <= GOAL))
+    duration_s, turns = (1.0, 1) if quick else (600.0, 3)
+    for planner, least in list(FACTORS.items())[: 1 if quick else None]:
+        chosen = {"backend": "kinematic", "planner": planner, "duration_s": duration_s, "targets": "grid", "robots": 2}
+        world = "l-hall.toml" if quick else "orchard.toml"
+        missions = {
+            "room": load_mission(SURVEILLANCE, chosen),
+            world: load_mission(PATROL, {**chosen, "workspace": world}),
+        }
+        walls = in_turns({name: partial(_wall_s, mission) for name, mission in missions.items()}, turns)
+        room, orchard = (duration_s / min(each) for each in walls.values())
+        ratios[planner] = orchard / room
+        rows.append(Row(f"mission in the room, {planner}", f"{room:.0f} x real time"))
+        rows.append(
+            Row(
+                f"mission in {world}, {planner}",
+                f"{orchard:.0f} x real time",
+                orchard / room,
+                f">= {least:g} x",
+                orchard >= least,
+            )
+        )
+    show("Workspaces of many edges", rows, f"Medians of {rounds} drives of {ticks} ticks; least of {turns} missions.")
+    return ratios
+
+
+def _wall_s(mission: MissionFile) -> float:
+    return run_mission(mission).result.wall_s
+
+
+if __name__ == "__main__":
+    main()
