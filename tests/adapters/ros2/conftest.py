@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 if TYPE_CHECKING:
     from soter.adapters.ros2.graph import Graph
     from soter.adapters.ros2.simulator import Ros2Simulator
+    from soter.sdk import RobotSpec
     from soter.sdk.wire import WireFleet
 
 
@@ -35,12 +36,17 @@ def open_fleet() -> Iterator[Callable[..., WireFleet[Any]]]:
     with ExitStack() as stack:
 
         def open_fleet(
-            simulator: Ros2Simulator, *, ready: bool = True, external_ac: bool = False, **options: Any
+            simulator: Ros2Simulator,
+            *,
+            ready: bool = True,
+            external_ac: bool = False,
+            specs: Sequence[RobotSpec] = SPECS[:1],
+            **options: Any,
         ) -> WireFleet[Any]:
             config = Ros2Backend.located(Ros2Config(workspace=ROOM.with_robots(1)), simulator)
             given = {name: getattr(config, name) for name in type(config).model_fields}
             config = Ros2Config.model_validate({**given, **options})
-            fleet = Ros2Backend(external_ac=external_ac).open(config, SPECS[:1])
+            fleet = Ros2Backend(external_ac=external_ac).open(config, specs)
             stack.enter_context(fleet)
             if ready:
                 fleet.robots[0].init(20.0)

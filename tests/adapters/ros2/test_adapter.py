@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from soter.errors import Intruder, RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from tests.adapters.velocity_controlled import behaviour
-from tests.adapters.velocity_controlled.driving import ROOM, SPECS, tick
+from tests.adapters.velocity_controlled.driving import PATIENT, ROOM, SPECS, tick
 from tests.waiting import wait_until
 
 if TYPE_CHECKING:
@@ -154,8 +155,15 @@ def test_whoever_goes_round_the_mux_later_is_noticed_too(
     wait_until(lambda: not intruder())
 
 
-def test_a_robot_that_follows_another_program_is_refused(simulator: Ros2Simulator, open_fleet: Open) -> None:
-    behaviour.follows_another_program(open_fleet(simulator), open_fleet(simulator, ready=False))
+def test_a_robot_that_follows_another_program_is_refused(open_fleet: Open) -> None:
+    from soter.adapters.ros2.simulator import Ros2Simulator
+
+    with (
+        closing(Ros2Simulator(ROOM.with_robots(1), PATIENT)) as simulator,
+        open_fleet(simulator, specs=PATIENT) as first,
+        open_fleet(simulator, specs=PATIENT, ready=False) as other,
+    ):
+        behaviour.follows_another_program(first, other)
 
 
 def test_an_ac_that_is_somebody_elses_is_not_spoken_for(

@@ -98,7 +98,8 @@ def robot_reboots(
 
 
 def follows_another_program(first: Fleet, other: Fleet) -> None:
-    """A robot that follows another program is refused."""
+    """A robot that follows another program is refused; its lease must outlive what a busy host does to that program."""
+    under_way(first)
     done = threading.Event()
     renewing = threading.Thread(target=lambda: tick(first, done.is_set, 30.0))
     renewing.start()

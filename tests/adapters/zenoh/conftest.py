@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -12,6 +12,7 @@ import zenoh
 from soter.adapters.zenoh.backend import ZenohBackend
 from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.simulator import ZenohSimulator
+from soter.sdk import RobotSpec
 from soter.sdk.wire import WireFleet
 from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 from tests.adapters.zenoh.sessions import opened
@@ -38,11 +39,13 @@ def open_fleet() -> Iterator[Callable[..., WireFleet[Any]]]:
     """Opens a fleet of a simulator's one robot, with options in place of what is right; ready unless told otherwise."""
     with ExitStack() as stack:
 
-        def open_fleet(simulator: ZenohSimulator, *, ready: bool = True, **options: Any) -> WireFleet[Any]:
+        def open_fleet(
+            simulator: ZenohSimulator, *, ready: bool = True, specs: Sequence[RobotSpec] = SPECS[:1], **options: Any
+        ) -> WireFleet[Any]:
             config = ZenohBackend.located(ZenohConfig(workspace=ROOM.with_robots(1)), simulator)
             given = {name: getattr(config, name) for name in type(config).model_fields}
             config = ZenohConfig.model_validate({**given, **options})
-            fleet = stack.enter_context(ZenohBackend().open(config, SPECS[:1]))
+            fleet = stack.enter_context(ZenohBackend().open(config, specs))
             if ready:
                 fleet.robots[0].init(20.0)
             return fleet

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import Any
 
 import pytest
@@ -33,7 +33,7 @@ from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from soter.sdk.wire import WireFleet
 from tests.adapters.velocity_controlled import behaviour
-from tests.adapters.velocity_controlled.driving import ROOM, SPECS, rest_after_s, tick, under_way
+from tests.adapters.velocity_controlled.driving import PATIENT, ROOM, SPECS, rest_after_s, tick, under_way
 from tests.adapters.zenoh.sessions import client, opened, router
 from tests.waiting import wait_until
 
@@ -171,8 +171,13 @@ def test_a_world_of_a_runs_own_lets_nobody_else_in() -> None:
     assert not session.password_file.parent.exists()
 
 
-def test_a_robot_that_follows_another_program_is_refused(shared: ZenohSimulator, open_fleet: Open) -> None:
-    behaviour.follows_another_program(open_fleet(shared), open_fleet(shared, ready=False))
+def test_a_robot_that_follows_another_program_is_refused(open_fleet: Open) -> None:
+    with (
+        closing(ZenohSimulator(ROOM.with_robots(1), PATIENT)) as simulator,
+        open_fleet(simulator, specs=PATIENT) as first,
+        open_fleet(simulator, specs=PATIENT, ready=False) as other,
+    ):
+        behaviour.follows_another_program(first, other)
 
 
 class Bridged:
