@@ -6,8 +6,8 @@
 VENV := .venv/bin
 # Processes that run the tests, more than cores because many tests wait for a wire; with 0 they run in the order of the files, in one process.
 WORKERS ?= 4
-# Tests of ROS 2 do little but wait.
-ROS2_WORKERS ?= 6
+# Tests of ROS 2 measure times on a wire: no more at once than keep the cores busy.
+ROS2_WORKERS ?= 3
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
 
 .PHONY: help

@@ -1,9 +1,15 @@
 """The command line: `soter run`, `soter backends`, `soter conform`."""
 
+import gc
+
+# Reading the commands makes much that stays and no garbage; looking for it would be a tenth of what `--help` takes.
+gc.disable()
 try:
     from soter.cli.app import app, main
 except KeyboardInterrupt:
     # Ctrl-C while modules are still being read: there is nothing yet that could be stopped.
     raise SystemExit(130) from None
+finally:
+    gc.enable()
 
 __all__ = ["app", "main"]
