@@ -93,11 +93,10 @@ class Tuning:
         rta = self.mission.rta
         return {"rta": {name: getattr(rta, name).model_dump(mode="json") for name in self.found}}
 
-    def whole(self) -> dict[str, Any]:
-        """Return all tables of the mission, as far as they were given, with what was found."""
-        given = self.mission.model_dump(mode="json", exclude_unset=True, exclude_none=True)
-        given.setdefault("rta", {}).update(self.tables()["rta"])
-        return given
+    def changes(self) -> dict[str, Any]:
+        """Return the mission's table of modules, as far as it was given, with what was found."""
+        given = self.mission.model_dump(mode="json", exclude_unset=True, exclude_none=True, include={"rta"})
+        return {"rta": {**given.get("rta", {}), **self.tables()["rta"]}}
 
 
 def tune(mission: MissionFile) -> Tuning:

@@ -18,6 +18,7 @@ from soter.cli import (
     check,
     compare,
     conform,
+    download,
     info,
     measure,
     new,
@@ -51,7 +52,7 @@ _ROBOTS = "Robots and their adapters"
 for _panel, _modules in {
     "Missions": (run, check, tune, ablate, workspace),
     "Recordings": (report, compare, info, verify, replay),
-    _ROBOTS: (backends, measure, conform),
+    _ROBOTS: (backends, measure, conform, download),
 }.items():
     for _module in _modules:
         _command = getattr(_module, _module.__name__.rpartition(".")[2])

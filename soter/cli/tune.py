@@ -45,6 +45,7 @@ def tune(
     with guard():
         from soter.check.tune import tune as find
         from soter.cli.console import make_console
+        from soter.cli.mission_text import mission_text
         from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
         from soter.config.toml_text import toml
 
@@ -59,7 +60,8 @@ def tune(
             if json_file is not None:
                 json_file.write(_json(tuning, str(mission)))
             if file is not None and not tuning.refused:
-                file.write(_file(tuning, mission, file.path).encode())
+                head = f"{mission.name} as `soter tune` would have it, for the robots of {tuning.mission.backend}."
+                file.write(mission_text(tuning.mission, tuning.changes(), file.path, head).encode())
         if tuning.refused:
             raise typer.Exit(ExitCode.VIOLATION)
         console.print(
@@ -115,24 +117,3 @@ def _json(tuning: Tuning, mission: str) -> bytes:
         "trade": {name: [told(each) for each in choices] for name, choices in tuning.trade.items()},
     }
     return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()
-
-
-def _file(tuning: Tuning, source: Path, target: Path) -> str:
-    """Return the mission file; all files in it are named as seen from where it is."""
-    import os
-
-    from soter.config.toml_text import toml
-    from soter.loading import file_of
-
-    def seen(path: Path) -> str:
-        return os.path.relpath(path.resolve(), target.resolve().parent)
-
-    tables = tuning.whole()
-    tables["workspace"] = seen(tuning.mission.workspace)
-    own = tables["rta"].get("module", {}).values()
-    for table, key in ((tables, "ac"), (tables.get("mission", {}), "use"), *((each, "declare") for each in own)):
-        if (file := file_of(table.get(key, ""))) is not None:
-            table[key] = table[key].replace(str(file), seen(file), 1)
-    return (
-        f"# {source.name} as `soter tune` would have it, for the robots of {tuning.mission.backend}.\n\n{toml(tables)}"
-    )

@@ -12,7 +12,10 @@ from soter.errors import ConfigError
 from soter.loading import described, file_of, known_target, load_class
 from soter.missions.mission import Mission
 
-BUILT_IN: Final[Mapping[str, str]] = {SURVEILLANCE: "soter.missions.surveillance:Surveillance"}
+BUILT_IN: Final[Mapping[str, str]] = {
+    SURVEILLANCE: "soter.missions.surveillance:Surveillance",
+    "waypoints": "soter.missions.waypoints:Waypoints",
+}
 """The missions of this distribution."""
 
 

@@ -12,9 +12,10 @@ from pydantic import BaseModel, ConfigDict, InstanceOf
 
 from soter.clock import Clock
 from soter.config.promises import Promise
+from soter.errors import Unsupported
 from soter.geometry.workspace import Workspace
 from soter.sdk.robot import Robot
-from soter.sdk.values import RULES, Capabilities, RobotSpec, RuleLimits, TruthReport, Violation
+from soter.sdk.values import RULES, Capabilities, HeldMission, RobotSpec, RuleLimits, TruthReport, Violation
 
 __all__ = ["INTERFACE_VERSION", "RULES", "Backend", "BackendConfig", "Fleet", "Truth", "TruthReport", "Violation"]
 
@@ -131,3 +132,12 @@ class Backend(ABC):
         Raises:
             RobotUnavailable: they are not there.
         """
+
+    def read_missions(self, config: Any, robot_ids: Sequence[int], timeout_s: float) -> dict[int, HeldMission]:
+        """Ask robots for the missions that they hold, by id; nothing moves.
+
+        Raises:
+            Unsupported: robots of this backend hold none.
+            RobotUnavailable: one does not answer in time.
+        """
+        raise Unsupported("its robots hold no missions of their own; those of mavlink and mavsdk do")

@@ -266,6 +266,18 @@ class RobotSpec:
     promised: Capabilities | None = None
 
 
+class HeldMission(NamedTuple):
+    """What a robot holds as a mission of its own.
+
+    Attributes:
+        points: the places that it would visit, in order: metres, x and y in the workspace.
+        left_out: what else it would do, in words.
+    """
+
+    points: tuple[tuple[float, float], ...]
+    left_out: tuple[str, ...] = ()
+
+
 RULES = ("battery", "geofence", "collision", "obstacle")
 """The safety rules that a simulated world judges, in the order in which reports name them."""
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from soter.adapters.pybullet import KinematicBackend
 from soter.check.admission import admit, declare_all
 from soter.check.tune import SAFER, Choice, changed, tune, tune_for
+from soter.cli.mission_text import mission_text
 from soter.config import load_mission, make_mission
 from soter.config.toml_text import toml
 from soter.errors import ConfigError, IllFormedModule
@@ -120,11 +121,10 @@ def test_the_whole_mission_can_be_written_and_read(tmp_path: Path) -> None:
     given = {"backend": "kinematic", "battery.initial": {2: 0.17}, "fault": [{"kind": "bias", "x_m": 0.01}]}
     tuning = tune(load_mission(EXAMPLES / "surveillance.toml", given))
     path = tmp_path / "tuned.toml"
-    tables = tuning.whole()
-    tables["workspace"] = str(tuning.mission.workspace.resolve())
-    path.write_text(toml(tables))
+    path.write_text(mission_text(tuning.mission, tuning.changes(), path, "tuned"))
     read = load_mission(path)
     assert read.model_dump(exclude={"workspace"}) == tuning.mission.model_dump(exclude={"workspace"})
+    assert read.workspace.resolve() == tuning.mission.workspace.resolve()
 
 
 def test_a_battery_that_is_ill_formed_gets_what_p3_asks_for() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
-from soter.missions import ROOM, make_mission
+from soter.missions import ROOM, make_mission, waypoints
 from soter.record.reader import Recording
 from soter.runner import Run, run_mission
 from tests.missions import scripts
@@ -302,7 +302,21 @@ def test_the_examples_do_what_they_say(
     assert (result.status, result.violated, result.failed_robots) == ("completed", False, {})
     assert result.targets_reached >= reached
     assert result.duration_s < 300.0
-    assert len(file.with_suffix(".py").read_text().splitlines()) < 80
+    script = file.with_suffix(".py") if name != "waypoints" else Path(waypoints.__file__)
+    assert len(script.read_text().splitlines()) < 80
     if name == "delivery":
         assert sum("delivered" in line for line in caplog.messages) == 6
         assert any("leaves its load" in line for line in caplog.messages)
+
+
+def test_each_robot_visits_its_own_places_and_is_done(caplog: pytest.LogCaptureFixture) -> None:
+    own = {"use": "waypoints", "robots": {"2": [[3.0, 4.0], [4.0, 4.0]]}, "points": [[2.0, 1.0]]}
+    with caplog.at_level(logging.WARNING):
+        result = run_mission(load_mission(ROOM, {"backend": "kinematic", "mission": own, "duration_s": 200.0})).result
+    assert (result.status, result.violated, result.targets_reached) == ("completed", False, 3)
+    assert [sum(f"robot {number} is done" in line for line in caplog.messages) for number in (1, 2)] == [1, 1]
+
+
+def test_waypoints_without_any_place_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"nowhere to go; give points, or robots\.N"):
+        make_mission(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": []}}}))

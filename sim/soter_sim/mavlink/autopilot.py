@@ -10,6 +10,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter_sim.mavlink.fence import Fence
 from soter_sim.mavlink.flaws import Flaws
 from soter_sim.mavlink.frames import Origin
 from soter_sim.mavlink.guided import Guided
@@ -51,6 +52,7 @@ class Autopilot:
         armed: its motors may turn.
         parameters: as they are set; they outlive a reboot.
         mission: what AUTO does; it outlives a reboot.
+        fence: where it may be; its items outlive a reboot.
         guided: who may command it in GUIDED, and what they do.
         home: where RTL goes to: metres east, north and up; None until it is armed or ready.
         booted_s: the world's time at which its clock began.
@@ -79,6 +81,7 @@ class Autopilot:
         self.origin: Final = origin
         self.parameters: Final = Parameters(kind, robot_id, vehicle.v_max_m_s, plain=plain, flawed=flaws is not None)
         self.mission: Final = Mission()
+        self.fence: Final = Fence()
         self._vehicle: Final = vehicle
         self._boot_s: Final = boot_s
         self._transmit: Final = transmit
@@ -98,6 +101,7 @@ class Autopilot:
         self.home: tuple[float, float, float] | None = None
         self.speed_m_s: float | None = None
         self._told_ready = False
+        self.fence.enabled = bool(self.parameters["FENCE_ENABLE"])
         self.failed: str | None = None
         self._idle_since_s = inf
         self._reboots = False

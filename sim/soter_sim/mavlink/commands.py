@@ -208,6 +208,13 @@ def _set_mission_current(autopilot: Autopilot, command: Command, _most_hz: float
     return ACCEPTED
 
 
+def _enable_fence(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
+    if command.params[0] not in (0.0, 1.0):
+        return FAILED
+    autopilot.fence.enabled = bool(command.params[0])
+    return ACCEPTED
+
+
 # --- messages ----------------------------------------------------------------------------------------------
 
 
@@ -295,5 +302,6 @@ _HANDLERS: Final[Mapping[int, Handler]] = {
     mav.MAV_CMD_DO_REPOSITION: _reposition,
     mav.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     mav.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_current,
+    mav.MAV_CMD_DO_FENCE_ENABLE: _enable_fence,
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
 }

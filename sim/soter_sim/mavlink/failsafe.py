@@ -1,4 +1,7 @@
-"""Fail-safes of the vehicle itself: no ground station, an empty battery. Off unless they are set, as on ArduPilot."""
+"""Fail-safes of the vehicle itself: no ground station, an empty battery, outside of its fence.
+
+They are off unless they are set, as on ArduPilot.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Source
+from soter_sim.mavlink.fence import AREAS, FENCE
 from soter_sim.mavlink.kinds import Mode
 
 _STATION: Final = "GCS"
@@ -18,6 +22,10 @@ _LEVELS: Final = (("BATT_LOW_MAH", "BATT_FS_LOW_ACT"), ("BATT_CRT_MAH", "BATT_FS
 _ACTIONS: Final = {
     False: {1: [Mode.RTL, Mode.HOLD], 2: [Mode.HOLD]},
     True: {1: [Mode.LAND], 2: [Mode.RTL, Mode.LAND]},
+}
+_ACTIONS_OF_FENCE: Final = {
+    False: {1: [Mode.RTL, Mode.HOLD], 2: [Mode.HOLD]},
+    True: {1: [Mode.RTL, Mode.LAND], 2: [Mode.LAND]},
 }
 
 
@@ -50,6 +58,7 @@ class Failsafe:
             return
         self._look_at_station()
         self._look_at_battery()
+        self._look_at_fence()
 
     def _look_at_station(self) -> None:
         autopilot, parameters = self._autopilot, self._autopilot.parameters
@@ -74,6 +83,21 @@ class Failsafe:
                 modes = _ACTIONS[autopilot.kind.flies].get(int(parameters[action]))
                 if modes is not None:
                     self._take_over(_BATTERY, modes)
+
+    def _look_at_fence(self) -> None:
+        autopilot, parameters = self._autopilot, self._autopilot.parameters
+        if not autopilot.fence.enabled or not int(parameters["FENCE_TYPE"]) & AREAS:
+            return
+        sample = autopilot.sample()
+        left = autopilot.fence.left(sample.x_m, sample.y_m, autopilot.origin)
+        if left and autopilot.failed != FENCE:
+            modes = _ACTIONS_OF_FENCE[autopilot.kind.flies].get(int(parameters["FENCE_ACTION"]))
+            if modes is None:
+                autopilot.say(mav.MAV_SEVERITY_WARNING, "Polygon fence breached")
+            else:
+                self._take_over(FENCE, modes)
+        elif not left and autopilot.failed == FENCE:
+            autopilot.failed = None
 
     def _take_over(self, name: str, modes: list[Mode]) -> None:
         autopilot = self._autopilot

@@ -5,7 +5,7 @@ The origin of the EKF is the origin of the workspace, so that both differ by the
 
 from __future__ import annotations
 
-from math import cos, nan, pi, radians
+from math import cos, nan, pi, radians, remainder
 from typing import Final, NamedTuple
 
 _M_PER_E7_DEG: Final = 0.011131884502145034
@@ -54,7 +54,8 @@ class Origin(NamedTuple):
     def local_m(self, lat_e7: float, lon_e7: float) -> tuple[float, float]:
         """Return metres east and north, in the workspace, of a place given in 1e-7 degrees."""
         return (
-            (lon_e7 - self.lon_deg * 1e7) * _M_PER_E7_DEG * cos(radians(self.lat_deg)),
+            # The shorter way round the earth.
+            remainder(lon_e7 - self.lon_deg * 1e7, 3.6e9) * _M_PER_E7_DEG * cos(radians(self.lat_deg)),
             (lat_e7 - self.lat_deg * 1e7) * _M_PER_E7_DEG,
         )
 

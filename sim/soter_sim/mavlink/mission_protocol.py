@@ -1,8 +1,8 @@
-"""The mission protocol: upload, download, clear, set the current item."""
+"""The mission protocol, for missions and for fences: upload, download, clear, set the current item."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.commands import may_command
+from soter_sim.mavlink.fence import Fence
 from soter_sim.mavlink.mission import MOST_ITEMS, Item
 from soter_sim.mavlink.telemetry import Message
 
@@ -18,12 +19,15 @@ _ASK_AGAIN_S: Final = 1.0
 _GIVE_UP_S: Final = 8.0
 _E7: Final = 1e7
 _DEGREES_MOST: Final = 180.0
+_MISSION: Final[int] = mav.MAV_MISSION_TYPE_MISSION
+_FENCE: Final[int] = mav.MAV_MISSION_TYPE_FENCE
 
 
 @dataclass(slots=True)
 class _Upload:
     channel: Channel
     by: Source
+    kind: int
     count: int
     asked_s: float
     heard_s: float
@@ -31,10 +35,10 @@ class _Upload:
 
 
 class MissionProtocol:
-    """One vehicle's side of it. An upload that fails, or is given up, leaves the mission as it was.
+    """One vehicle's side of it. An upload that fails, or is given up, leaves what the vehicle holds as it was.
 
     Args:
-        autopilot: whose mission it is.
+        autopilot: whose mission and fence these are.
         transmit: sends a message to everybody.
     """
 
@@ -49,16 +53,16 @@ class MissionProtocol:
         """Take MISSION_COUNT: the beginning of an upload."""
         kind, now_s = message.mission_type, self._autopilot.now_s
         upload = self._upload
-        if kind != mav.MAV_MISSION_TYPE_MISSION:
+        if kind not in (_MISSION, _FENCE):
             self._acknowledge(channel, by, mav.MAV_MISSION_UNSUPPORTED, kind)
         elif not may_command(self._autopilot, by) or (upload is not None and upload.by != by):
-            self._acknowledge(channel, by, mav.MAV_MISSION_DENIED)
+            self._acknowledge(channel, by, mav.MAV_MISSION_DENIED, kind)
         elif message.count > MOST_ITEMS:
-            self._acknowledge(channel, by, mav.MAV_MISSION_NO_SPACE)
+            self._acknowledge(channel, by, mav.MAV_MISSION_NO_SPACE, kind)
         elif message.count == 0:
-            self._finish(_Upload(channel, by, 0, now_s, now_s))
+            self._finish(_Upload(channel, by, kind, 0, now_s, now_s))
         else:
-            self._upload = _Upload(channel, by, message.count, now_s, now_s)
+            self._upload = _Upload(channel, by, kind, message.count, now_s, now_s)
             self._ask(self._upload)
 
     def item_int(self, channel: Channel, by: Source, message: Message) -> None:
@@ -74,27 +78,28 @@ class MissionProtocol:
             # Written so that NaN fails too.
             if not -_DEGREES_MOST <= degrees <= _DEGREES_MOST:
                 self._upload = None
-                self._acknowledge(channel, by, fault)
+                self._acknowledge(channel, by, fault, message.mission_type)
                 return
         self._take(channel, by, message, round(message.x * _E7), round(message.y * _E7))
 
     def _take(self, channel: Channel, by: Source, message: Message, x: int, y: int) -> None:
         upload = self._upload
-        if upload is None or upload.by != by:
-            self._acknowledge(channel, by, mav.MAV_MISSION_ERROR)
+        if upload is None or (upload.by, upload.kind) != (by, message.mission_type):
+            self._acknowledge(channel, by, mav.MAV_MISSION_ERROR, message.mission_type)
             return
         upload.heard_s = self._autopilot.now_s
         if message.seq > len(upload.items):
-            self._acknowledge(channel, by, mav.MAV_MISSION_INVALID_SEQUENCE)
+            self._acknowledge(channel, by, mav.MAV_MISSION_INVALID_SEQUENCE, upload.kind)
             return
         if message.seq == len(upload.items):
             params = (message.param1, message.param2, message.param3, message.param4)
             item = Item(message.frame, message.command, params, x, y, message.z, message.autocontinue)
-            # The first is home, which the vehicle knows better.
-            fault = item.fault(self._autopilot.kind, self._autopilot.origin) if message.seq else None
+            # The first of a mission is home, which the vehicle knows better; a fence is looked at as a whole.
+            looked_at = upload.kind == _MISSION and message.seq
+            fault = item.fault(self._autopilot.kind, self._autopilot.origin) if looked_at else None
             if fault is not None:
                 self._upload = None
-                self._acknowledge(channel, by, fault)
+                self._acknowledge(channel, by, fault, upload.kind)
                 return
             upload.items.append(item)
         if len(upload.items) == upload.count:
@@ -106,13 +111,21 @@ class MissionProtocol:
         upload.asked_s = self._autopilot.now_s
         upload.channel.send(
             self._autopilot.id,
-            mav.MAVLink_mission_request_int_message(*upload.by, len(upload.items), mav.MAV_MISSION_TYPE_MISSION),
+            mav.MAVLink_mission_request_int_message(*upload.by, len(upload.items), upload.kind),
         )
 
     def _finish(self, upload: _Upload) -> None:
         self._upload = None
-        self._autopilot.mission.replace(tuple(upload.items[1:]))
-        self._acknowledge(upload.channel, upload.by, mav.MAV_MISSION_ACCEPTED)
+        fault = Fence.fault(upload.items) if upload.kind == _FENCE else None
+        if fault is None:
+            self._replace(upload.kind, tuple(upload.items))
+        self._acknowledge(upload.channel, upload.by, mav.MAV_MISSION_ACCEPTED if fault is None else fault, upload.kind)
+
+    def _replace(self, kind: int, items: tuple[Item, ...]) -> None:
+        if kind == _FENCE:
+            self._autopilot.fence.items = items
+        else:
+            self._autopilot.mission.replace(items[1:])
 
     def look_after(self) -> None:
         """Ask again for an item that does not come, or give up; called once in each period."""
@@ -121,7 +134,7 @@ class MissionProtocol:
             return
         if upload.channel.closed or not 0.0 <= now_s - upload.heard_s < _GIVE_UP_S:
             self._upload = None
-            self._acknowledge(upload.channel, upload.by, mav.MAV_MISSION_OPERATION_CANCELLED)
+            self._acknowledge(upload.channel, upload.by, mav.MAV_MISSION_OPERATION_CANCELLED, upload.kind)
         elif now_s - upload.asked_s >= _ASK_AGAIN_S:
             self._ask(upload)
 
@@ -129,20 +142,19 @@ class MissionProtocol:
 
     def request_list(self, channel: Channel, by: Source, message: Message) -> None:
         """Take MISSION_REQUEST_LIST: say how many items there are, home included."""
-        kind, items = message.mission_type, self._autopilot.mission.items
-        count = len(items) + 1 if items and kind == mav.MAV_MISSION_TYPE_MISSION else 0
-        channel.send(self._autopilot.id, mav.MAVLink_mission_count_message(*by, count, kind))
+        kind = message.mission_type
+        channel.send(self._autopilot.id, mav.MAVLink_mission_count_message(*by, len(self._held(kind)), kind))
 
     def request_int(self, channel: Channel, by: Source, message: Message) -> None:
         """Take MISSION_REQUEST_INT."""
         item = self._asked_for(channel, by, message)
         if item is not None:
-            current = int(message.seq != 0 and message.seq == self._autopilot.mission.current)
+            current = self._is_current(message)
             channel.send(
                 self._autopilot.id,
                 mav.MAVLink_mission_item_int_message(
                     *by, message.seq, item.frame, item.command, current, item.autocontinue, *item.params,
-                    item.x, item.y, item.z, mav.MAV_MISSION_TYPE_MISSION,
+                    item.x, item.y, item.z, message.mission_type,
                 ),
             )  # fmt: skip
 
@@ -150,30 +162,42 @@ class MissionProtocol:
         """Take MISSION_REQUEST, the older form."""
         item = self._asked_for(channel, by, message)
         if item is not None:
-            current = int(message.seq != 0 and message.seq == self._autopilot.mission.current)
+            current = self._is_current(message)
             channel.send(
                 self._autopilot.id,
                 mav.MAVLink_mission_item_message(
                     *by, message.seq, item.frame, item.command, current, item.autocontinue, *item.params,
-                    item.x / _E7, item.y / _E7, item.z, mav.MAV_MISSION_TYPE_MISSION,
+                    item.x / _E7, item.y / _E7, item.z, message.mission_type,
                 ),
             )  # fmt: skip
 
     def _asked_for(self, channel: Channel, by: Source, message: Message) -> Item | None:
-        autopilot = self._autopilot
-        if message.mission_type != mav.MAV_MISSION_TYPE_MISSION:
-            self._acknowledge(channel, by, mav.MAV_MISSION_UNSUPPORTED, message.mission_type)
+        kind = message.mission_type
+        if kind not in (_MISSION, _FENCE):
+            self._acknowledge(channel, by, mav.MAV_MISSION_UNSUPPORTED, kind)
             return None
-        if message.seq == 0 and autopilot.mission.items:
-            x_m, y_m, z_m = autopilot.home or (0.0, 0.0, 0.0)
-            lat_e7, lon_e7 = autopilot.origin.geodetic_e7(x_m, y_m)
-            alt_m = autopilot.origin.alt_m + z_m
-            nothing = (0.0, 0.0, 0.0, 0.0)
-            return Item(mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_NAV_WAYPOINT, nothing, lat_e7, lon_e7, alt_m, 1)
-        item = autopilot.mission.item(message.seq)
-        if item is None:
-            self._acknowledge(channel, by, mav.MAV_MISSION_INVALID_SEQUENCE)
-        return item
+        held = self._held(kind)
+        if message.seq >= len(held):
+            self._acknowledge(channel, by, mav.MAV_MISSION_INVALID_SEQUENCE, kind)
+            return None
+        return held[int(message.seq)]
+
+    def _held(self, kind: int) -> Sequence[Item]:
+        """Return what the vehicle holds of a kind, as it is numbered on the wire: a mission begins with home."""
+        autopilot = self._autopilot
+        if kind == _FENCE:
+            return autopilot.fence.items
+        if kind != _MISSION or not autopilot.mission.items:
+            return ()
+        x_m, y_m, z_m = autopilot.home or (0.0, 0.0, 0.0)
+        lat_e7, lon_e7 = autopilot.origin.geodetic_e7(x_m, y_m)
+        alt_m, nothing = autopilot.origin.alt_m + z_m, (0.0, 0.0, 0.0, 0.0)
+        home = Item(mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_NAV_WAYPOINT, nothing, lat_e7, lon_e7, alt_m, 1)
+        return home, *autopilot.mission.items
+
+    def _is_current(self, message: Message) -> int:
+        of_mission = message.mission_type == _MISSION and message.seq != 0
+        return int(of_mission and message.seq == self._autopilot.mission.current)
 
     # --- the rest -------------------------------------------------------------------------------------------
 
@@ -182,9 +206,11 @@ class MissionProtocol:
         result = mav.MAV_MISSION_ACCEPTED
         if not may_command(self._autopilot, by):
             result = mav.MAV_MISSION_DENIED
-        elif message.mission_type in (mav.MAV_MISSION_TYPE_MISSION, mav.MAV_MISSION_TYPE_ALL):
-            self._upload = None
-            self._autopilot.mission.replace(())
+        else:
+            for kind in (_MISSION, _FENCE):
+                if message.mission_type in (kind, mav.MAV_MISSION_TYPE_ALL):
+                    self._upload = None
+                    self._replace(kind, ())
         self._acknowledge(channel, by, result, message.mission_type)
 
     def set_current(self, _channel: Channel, by: Source, message: Message) -> None:
@@ -192,5 +218,5 @@ class MissionProtocol:
         if may_command(self._autopilot, by) and not self._autopilot.mission.go_to(message.seq):
             self._autopilot.say(mav.MAV_SEVERITY_WARNING, f"Refused: no mission item {message.seq}")
 
-    def _acknowledge(self, channel: Channel, to: Source, result: int, kind: int = mav.MAV_MISSION_TYPE_MISSION) -> None:
+    def _acknowledge(self, channel: Channel, to: Source, result: int, kind: int) -> None:
         channel.send(self._autopilot.id, mav.MAVLink_mission_ack_message(*to, result, kind))

@@ -47,6 +47,9 @@ _COMMON: Final = {
     "BATT_CRT_MAH": _whole(0, 0, 10_000),
     "BATT_FS_LOW_ACT": _whole(0, 0, 2),
     "BATT_FS_CRT_ACT": _whole(0, 0, 2),
+    "FENCE_ENABLE": _whole(0, 0, 1),
+    "FENCE_ACTION": _whole(2, 0, 2),
+    "FENCE_TYPE": _whole(4, 0, 7),
 }
 _ADDED: Final = {
     "SOTER_LEASE_MS": _whole(250, 50, 5_000),

@@ -9,6 +9,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.autopilot import Autopilot
+from soter_sim.mavlink.fence import FENCE
 from soter_sim.mavlink.frames import turned_rad
 from soter_sim.mavlink.kinds import Mode
 from soter_sim.mavlink.route import Touring
@@ -140,13 +141,16 @@ def gps_raw_int(autopilot: Autopilot) -> Message:
 
 def sys_status(autopilot: Autopilot) -> Message:
     """Return SYS_STATUS."""
+    sensors = _SENSORS
+    if autopilot.fence.enabled:
+        sensors |= mav.MAV_SYS_STATUS_GEOFENCE
     # A fence that is not there is not breached either; ground stations look.
-    healthy = _SENSORS | mav.MAV_SYS_STATUS_GEOFENCE
+    healthy = _SENSORS if autopilot.failed == FENCE else _SENSORS | mav.MAV_SYS_STATUS_GEOFENCE
     if not autopilot.ready:
         healthy &= ~(mav.MAV_SYS_STATUS_AHRS | mav.MAV_SYS_STATUS_PREARM_CHECK)
     charge = autopilot.sample().charge
     return mav.MAVLink_sys_status_message(
-        _SENSORS, _SENSORS, healthy, 100, _voltage_mv(charge), -1, int(100.0 * charge), 0, 0, 0, 0, 0, 0
+        sensors, sensors, healthy, 100, _voltage_mv(charge), -1, int(100.0 * charge), 0, 0, 0, 0, 0, 0
     )
 
 

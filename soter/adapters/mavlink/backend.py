@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import ClassVar, Final
 
 from soter.adapters.mavlink.authority import COMPONENTS
+from soter.adapters.mavlink.held_missions import read_missions
 from soter.adapters.mavlink.link import Inbox, MavlinkLink
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock, VehicleClock
-from soter.errors import ConfigError, RobotUnavailable
-from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, Robot, RobotSpec
+from soter.errors import ConfigError, RobotUnavailable, Unsupported
+from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, HeldMission, Robot, RobotSpec
 from soter.sdk.wire import WireFleet
 
 _SYSTEM_MOST: Final = 254
@@ -76,6 +77,24 @@ class VehicleBackend(Backend):
             fleet = MavlinkFleet(clock, vehicles, truth, simulator, shared)
             started.pop_all()
             return fleet
+
+    def read_missions(
+        self, config: MavlinkConfig, robot_ids: Sequence[int], timeout_s: float
+    ) -> dict[int, HeldMission]:
+        """Ask vehicles for the missions that they hold, as a ground station has sent them.
+
+        Raises:
+            Unsupported: no vehicle is given: simulated ones that are started for the occasion hold none.
+            RobotUnavailable: the link cannot be opened, or a vehicle does not answer in time.
+        """
+        if config.connection is None:
+            raise Unsupported("no vehicles are given that could hold a mission; give a connection to some")
+        clock = VehicleClock()
+        with closing(self._link(clock, Address.parse(config.connection), config)) as link:
+            for robot_id in robot_ids:
+                link.inboxes[robot_id] = Inbox()
+            link.start()
+            return read_missions(link, robot_ids, config.geo_origin, timeout_s)
 
     @abstractmethod
     def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> MavlinkLink:

@@ -22,6 +22,22 @@ class GeoPoint(NamedTuple):
     alt_m: float
 
 
+def geodetic_e7(origin: GeoPoint, x_m: float, y_m: float) -> tuple[int, int]:
+    """Return latitude and longitude, in 1e-7 degrees, of a place in a workspace with its origin there.
+
+    They are whole numbers on the wire: the place is off by up to 6 mm.
+    """
+    east_m_per_deg = _M_PER_DEG * cos(radians(origin.lat_deg))
+    lon_deg = origin.lon_deg + x_m / east_m_per_deg
+    return round(1e7 * (origin.lat_deg + y_m / _M_PER_DEG)), round(1e7 * remainder(lon_deg, 360.0))
+
+
+def local_m(origin: GeoPoint, lat_e7: int, lon_e7: int) -> tuple[float, float]:
+    """Return x and y, in a workspace with its origin there, of a place in 1e-7 degrees."""
+    east = Frame.between(origin, GeoPoint(1e-7 * lat_e7, 1e-7 * lon_e7, origin.alt_m), 0.0)
+    return east.east_m, east.north_m
+
+
 def wrapped_rad(angle_rad: float) -> float:
     """Return an angle in (-pi, pi]."""
     return pi - (pi - angle_rad) % (2.0 * pi)

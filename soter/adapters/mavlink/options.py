@@ -97,6 +97,7 @@ class MavlinkConfig(BackendConfig):
         promise: what differs from the simulated vehicles; `latency_s`, `sample_age_s` and `jitter_s` are those of link
             and host, in host seconds: the vehicle's control period and the period of its samples come on top.
         voltage: for autopilots that do not count the charge.
+        upload_fence: have each vehicle hold the workspace as its own fence too, and look at it.
     """
 
     connection: str | None = None
@@ -113,6 +114,7 @@ class MavlinkConfig(BackendConfig):
     boot_s: NotNegative = 1.0
     on_close: Literal["land", "hold"] = "land"
     voltage: Voltage | None = None
+    upload_fence: bool = False
 
     @model_validator(mode="before")
     @classmethod
@@ -162,6 +164,14 @@ class MavlinkConfig(BackendConfig):
             raise ValueError(
                 "the workspace has places on earth, which autopilots reckon by up to 0.6 % otherwise: the fence would "
                 "lie elsewhere; give the vehicles a workspace in metres"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_fence(self) -> Self:
+        if self.upload_fence and self.workspace.outlines() == (None, []):
+            raise ValueError(
+                "upload_fence is true, and the workspace has neither an outer boundary nor keep-out areas; set it false"
             )
         return self
 

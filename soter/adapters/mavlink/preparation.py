@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from typing import Any, Final
+from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import KEEPER, LEASE_PARAMETER, SENDERS, Authority
+from soter.adapters.mavlink.fence import fence_items, put_up
 from soter.adapters.mavlink.frames import GeoPoint
+from soter.adapters.mavlink.item_lists import ItemLists
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle
+from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle, place_of
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Controller
 
@@ -80,6 +82,7 @@ class Preparation:
         self._time_sync: Final = time_sync
         self._authority: Final = authority
         self._setpoints: Final = setpoints
+        self._lists: Final = ItemLists(vehicle)
         self._config: Final = config
         self._promised: Final = promised
         self._lease_ms: Final = round(promised.lease_s * 1e3)
@@ -126,7 +129,7 @@ class Preparation:
     def moved(self) -> bool:
         """Whether its EKF has another origin than when it got ready: what it says of places means others since then."""
         said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
-        return said is not None and _place(said) != self.origin
+        return said is not None and place_of(said) != self.origin
 
     def why_not(self) -> str:
         """Return what it lacks, with what the autopilot itself says of it."""
@@ -180,6 +183,10 @@ class Preparation:
             if not kind.is_px4:
                 # Where it goes, whoever sent it there.
                 yield from self._granted("POSITION_TARGET_GLOBAL_INT", mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
+        if self._config.upload_fence:
+            assert self.origin is not None
+            items = fence_items(self._config.workspace, self._config.geo_origin or self.origin)
+            yield from put_up(vehicle, self._lists, items, self._parameter)
         yield from self._until(lambda: self.may_arm, "its turn to arm")
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         # After a silence it may be flying already, at whatever height it was sent to.
@@ -301,7 +308,7 @@ class Preparation:
     def _heard_origin(self) -> bool:
         said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
         if said is not None:
-            self.origin = _place(said)
+            self.origin = place_of(said)
         return said is not None
 
     def _mode(self, mode: int) -> Iterator[str]:
@@ -369,7 +376,3 @@ class Preparation:
             f"promise.speed_noise_m_s = {rest_m_s:g}, and {_REST_RAD_S:g} rad/s"
         )
         return speed_m_s <= rest_m_s and abs(attitude.yawspeed) <= _REST_RAD_S
-
-
-def _place(origin: Any) -> GeoPoint:
-    return GeoPoint(origin.latitude * 1e-7, origin.longitude * 1e-7, origin.altitude * 1e-3)

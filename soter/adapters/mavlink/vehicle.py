@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.link import AUTOPILOT, Fields, MavlinkLink
 from soter.errors import RobotUnavailable
 
@@ -122,6 +123,11 @@ _READY_EKF: Final = (
 """831: everything that navigation needs. The first position comes long before that, and may be far off."""
 
 _RESULTS: Final = {value: entry.name.removeprefix("MAV_RESULT_") for value, entry in mav.enums["MAV_RESULT"].items()}
+
+
+def place_of(origin: Any) -> GeoPoint:
+    """Return the place that a GPS_GLOBAL_ORIGIN tells of."""
+    return GeoPoint(origin.latitude * 1e-7, origin.longitude * 1e-7, origin.altitude * 1e-3)
 
 
 class Ack(NamedTuple):

@@ -272,12 +272,12 @@ def test_clearing_and_what_there_is_no_room_or_no_use_for() -> None:
             return int(client.take("MISSION_ACK")[-1].type)
 
         upload(rig, at(6.0, 5.0))
-        fence = mav.MAV_MISSION_TYPE_FENCE
+        rally = mav.MAV_MISSION_TYPE_RALLY
         assert answer(mav.MAVLink_mission_count_message(1, 1, 701, 0)) == mav.MAV_MISSION_NO_SPACE
-        assert answer(mav.MAVLink_mission_count_message(1, 1, 2, fence)) == mav.MAV_MISSION_UNSUPPORTED
-        assert answer(mav.MAVLink_mission_request_int_message(1, 1, 0, fence)) == mav.MAV_MISSION_UNSUPPORTED
+        assert answer(mav.MAVLink_mission_count_message(1, 1, 2, rally)) == mav.MAV_MISSION_UNSUPPORTED
+        assert answer(mav.MAVLink_mission_request_int_message(1, 1, 0, rally)) == mav.MAV_MISSION_UNSUPPORTED
         assert answer(mav.MAVLink_mission_request_int_message(1, 1, 7, 0)) == mav.MAV_MISSION_INVALID_SEQUENCE
-        client.send(mav.MAVLink_mission_request_list_message(1, 1, fence))
+        client.send(mav.MAVLink_mission_request_list_message(1, 1, rally))
         rig.run(rig.period_s)
         assert client.take("MISSION_COUNT")[-1].count == 0
         assert len(rig.autopilot.mission.items) == 1

@@ -1,0 +1,101 @@
+"""The vehicle's own fence: a second line of defence around the same workspace, in the vehicle itself.
+
+It is the workspace's outer boundary and its keep-out areas, without any margin: SOTER's own rules keep the vehicle off
+it, and it acts where SOTER, or the link to it, has failed. It is believed once it was read back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.authority import KEEPER
+from soter.adapters.mavlink.frames import GeoPoint, geodetic_e7
+from soter.adapters.mavlink.item_lists import FENCE, Item, ItemLists
+from soter.adapters.mavlink.vehicle import Vehicle
+from soter.errors import RobotUnavailable
+from soter.geometry.workspace import Point, Workspace
+
+_RETRY_S: Final = 0.4
+_ALL: Final = -1
+_AREAS: Final = 4
+
+# By parameter which bits of it must not all be clear, and why.
+_ARDUPILOT: Final = {
+    "FENCE_ACTION": (
+        _ALL,
+        "it would only report that it has left its fence; allowed: an action that stops it",
+    ),
+    "FENCE_TYPE": (_AREAS, "it would not look at polygons; allowed: a sum with 4 in it"),
+}
+_PX4: Final = {"GF_ACTION": (_ALL, "it would do nothing about its fence; allowed: an action that stops it")}
+
+
+def fence_items(workspace: Workspace, origin: GeoPoint) -> list[Item]:
+    """Return the fence of a workspace as a vehicle takes it.
+
+    Args:
+        workspace: of any shape.
+        origin: where on earth its origin is, on the sphere by which the vehicle reckons.
+    """
+    fence, keep_outs = workspace.outlines()
+    rings = [] if fence is None else [(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, fence)]
+    rings += [(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION, ring) for ring in keep_outs]
+    return [item for command, ring in rings for item in _polygon(command, ring, origin)]
+
+
+def _polygon(command: int, ring: Sequence[Point], origin: GeoPoint) -> Iterator[Item]:
+    for x_m, y_m in ring:
+        yield Item(command, (float(len(ring)), 0.0, 0.0, 0.0), *geodetic_e7(origin, x_m, y_m))
+
+
+def put_up(
+    vehicle: Vehicle,
+    lists: ItemLists,
+    items: Sequence[Item],
+    parameter: Callable[[str], Generator[str, None, float | None]],
+) -> Iterator[str]:
+    """Have a vehicle hold a fence and look at it, step by step; yield what is waited for.
+
+    A vehicle that holds it already is sent nothing.
+
+    Args:
+        vehicle: which, heard of already.
+        lists: what it holds.
+        items: the fence.
+        parameter: asks it for a parameter, and returns None where it does not say.
+
+    Raises:
+        RobotUnavailable: it does not take the fence, does not keep it as it was sent, or would do nothing about it.
+    """
+    for name, (bits, why) in (_PX4 if vehicle.kind.is_px4 else _ARDUPILOT).items():
+        value = yield from parameter(name)
+        if value is not None and not int(value) & bits:
+            raise RobotUnavailable(f"its {name} is {value:g}: {why}, or upload_fence = false")
+    held = yield from lists.download(FENCE)
+    if not _same(held, items):
+        yield from lists.upload(FENCE, items)
+        held = yield from lists.download(FENCE)
+        if not _same(held, items):
+            raise RobotUnavailable(
+                f"the fence that it was sent has {len(items)} items, and what it holds is another, of {len(held)}"
+            )
+    # PX4 looks at a fence that is there.
+    asked_s = -math.inf
+    while not vehicle.kind.is_px4 and not _is_looked_at(vehicle):
+        if vehicle.now_s - asked_s >= _RETRY_S:
+            asked_s = vehicle.now_s
+            vehicle.command(KEEPER, mav.MAV_CMD_DO_FENCE_ENABLE, 1.0)
+        yield "its fence to be on"
+
+
+def _same(held: Sequence[Item], items: Sequence[Item]) -> bool:
+    return len(held) == len(items) and all(map(Item.means, held, items))
+
+
+def _is_looked_at(vehicle: Vehicle) -> bool:
+    status = vehicle.heard_since("SYS_STATUS", -math.inf)
+    return status is not None and bool(status.onboard_control_sensors_enabled & mav.MAV_SYS_STATUS_GEOFENCE)

@@ -1,0 +1,91 @@
+"""The missions that vehicles hold, such as a ground station has sent them, as places in the workspace."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Sequence
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from soter.adapters.mavlink.authority import KEEPER
+from soter.adapters.mavlink.frames import GeoPoint, local_m
+from soter.adapters.mavlink.item_lists import MISSION, Item, ItemLists
+from soter.adapters.mavlink.link import MavlinkLink
+from soter.adapters.mavlink.vehicle import Vehicle, place_of
+from soter.errors import RobotUnavailable
+from soter.sdk import HeldMission
+
+_PLACES: Final = (
+    mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_SPLINE_WAYPOINT, mav.MAV_CMD_NAV_LOITER_TIME,
+    mav.MAV_CMD_NAV_LOITER_UNLIM,
+)  # fmt: skip
+_ON_EARTH: Final = (
+    mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+)  # fmt: skip
+_LOOK_S: Final = 0.01
+_ASK_S: Final = 1.0
+
+
+def read_missions(
+    link: MavlinkLink, robot_ids: Sequence[int], origin: GeoPoint | None, timeout_s: float
+) -> dict[int, HeldMission]:
+    """Ask vehicles for the missions that they hold. Nothing else is asked of them, and nothing is armed.
+
+    Args:
+        link: started, with an inbox for each vehicle.
+        robot_ids: which vehicles.
+        origin: of the workspace; None where each vehicle's EKF has its origin.
+        timeout_s: for all of them.
+
+    Raises:
+        RobotUnavailable: one does not answer in time.
+    """
+    clock, found = link.clock, dict[int, HeldMission]()
+    asked = {robot_id: _asked(Vehicle(link, robot_id), origin) for robot_id in robot_ids}
+    until_s, beaten_s = clock.steady_s() + timeout_s, -math.inf
+    while asked:
+        if clock.steady_s() - beaten_s >= _ASK_S:
+            beaten_s = clock.steady_s()
+            for robot_id in asked:
+                link.beat(robot_id)
+        for robot_id, steps in [*asked.items()]:
+            try:
+                lacks = next(steps)
+            except StopIteration as end:
+                found[robot_id] = end.value
+                del asked[robot_id]
+                continue
+            if clock.steady_s() > until_s:
+                raise RobotUnavailable(f"robot {robot_id}: within {timeout_s:g} s it lacked {lacks}")
+        clock.sleep_until(clock.now() + _LOOK_S)
+    return found
+
+
+def _asked(vehicle: Vehicle, origin: GeoPoint | None) -> Generator[str, None, HeldMission]:
+    while vehicle.heartbeat is None:
+        yield "a heartbeat"
+    asked_s = -math.inf
+    while origin is None:
+        said = vehicle.heard_since("GPS_GLOBAL_ORIGIN", -math.inf)
+        origin = None if said is None else place_of(said)
+        if origin is None:
+            if vehicle.now_s - asked_s >= _ASK_S:
+                asked_s = vehicle.now_s
+                vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+            yield "the origin of its EKF"
+    items = yield from ItemLists(vehicle).download(MISSION)
+    # The first item of an ArduPilot is its home.
+    return _mission([*enumerate(items)][0 if vehicle.kind.is_px4 else 1 :], origin)
+
+
+def _mission(items: Sequence[tuple[int, Item]], origin: GeoPoint) -> HeldMission:
+    points, left_out = [], []
+    for number, item in items:
+        if item.command in _PLACES and item.frame in _ON_EARTH and (item.lat_e7 or item.lon_e7):
+            points.append(local_m(origin, item.lat_e7, item.lon_e7))
+        else:
+            name = mav.enums["MAV_CMD"][item.command].name if item.command in mav.enums["MAV_CMD"] else item.command
+            left_out.append(f"{number}: {name}")
+    return HeldMission(tuple(points), tuple(left_out))

@@ -1,0 +1,51 @@
+"""Robots that visit the places of a list, one after the other."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from soter.missions.mission import Mission
+from soter.missions.script import Robot
+
+Places = list[tuple[float, float]]
+
+
+class Waypoints(Mission):
+    """Every robot visits all of them, as often as it is told to; a place that it cannot reach is left out."""
+
+    class Options(Mission.Options):
+        """What `[mission]` may say.
+
+        Attributes:
+            points: metres, x and y; each robot begins with another one.
+            robots: by robot the places that it visits instead, from the first to the last.
+            rounds: how often.
+            timeout_s: time for each, in which the robot is free to drive.
+        """
+
+        points: Places = Field(default=[])
+        robots: dict[str, Places] = Field(default={})
+        rounds: int = Field(default=1, ge=1)
+        timeout_s: float = Field(default=60.0, gt=0.0)
+
+        @model_validator(mode="after")
+        def _has_some(self) -> Self:
+            if not self.points and not any(self.robots.values()):
+                raise ValueError("there is nowhere to go; give points, or robots.N")
+            return self
+
+    options: Options
+
+    async def run(self, robot: Robot) -> None:
+        options = self.options
+        own = options.robots.get(str(robot.id))
+        first = robot.id - 1 if own is None else 0
+        points = options.points if own is None else own
+        for number in range(first, first + options.rounds * len(points)):
+            point = points[number % len(points)]
+            arrived = await robot.go_to(*point, timeout_s=options.timeout_s)
+            if not arrived:
+                self.log(f"robot {robot.id}, {point}: {arrived.why}")
+        self.log(f"robot {robot.id} is done after {robot.now():.0f} s")
