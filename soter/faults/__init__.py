@@ -2,7 +2,7 @@
 
 from soter.faults.fault import Call, Context, Fault, FaultOptions, Impairable, Impairment, Passage, SentCommand, Spacing
 from soter.faults.kinds import BUILT_IN, FaultTable, read_faults
-from soter.faults.robot import FaultReport, FaultyFleet, FaultyRobot
+from soter.faults.robot import FaultyFleet, FaultyRobot
 
 __all__ = [
     "BUILT_IN",
@@ -10,7 +10,6 @@ __all__ = [
     "Context",
     "Fault",
     "FaultOptions",
-    "FaultReport",
     "FaultTable",
     "FaultyFleet",
     "FaultyRobot",

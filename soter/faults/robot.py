@@ -7,7 +7,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 from soter.clock import Clock
@@ -15,7 +15,7 @@ from soter.config.tables import ReseedTable
 from soter.errors import SoterError, Unsupported
 from soter.faults.fault import Call, Fault, Impairable, Impairment, Passage, SentCommand
 from soter.faults.kinds import FaultTable
-from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotState
+from soter.sdk import Capabilities, Controller, FaultReport, Fleet, Goal, Link, Robot, RobotState
 
 logger = logging.getLogger(__name__)
 
@@ -218,16 +218,6 @@ def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabil
     return capabilities
 
 
-@dataclass(frozen=True, slots=True)
-class FaultReport:
-    """What one fault did to one robot: how often it spoilt a command or sample, or impaired the vehicle."""
-
-    kind: str
-    robot_id: int
-    declared: bool
-    affected: int
-
-
 class FaultyClock(Clock):
     """A fleet's clock that delivers late commands at their time while it sleeps."""
 
@@ -285,8 +275,7 @@ class FaultyFleet(Fleet):
         self._faulty: Final = tuple(robot for robot in self.robots if isinstance(robot, FaultyRobot))
         clock.robots = self._faulty
 
-    def report(self) -> tuple[FaultReport, ...]:
-        """Return what every fault did up to now."""
+    def injected(self) -> tuple[FaultReport, ...]:
         return tuple(
             FaultReport(fault.options.kind, robot.id, fault.options.declared, fault.affected)
             for robot in self._faulty

@@ -26,15 +26,34 @@ from soter.sdk import Capabilities, RobotState
 DISTRIBUTIONS: Final = ("soter-rta", "mcap", "msgspec", "numpy", "pydantic", "pybullet", "ompl")
 
 
-def describe(
-    mission: MissionFile,
-    capabilities: Mapping[int, Capabilities],
-    timings: Mapping[int, Timing],
-    supervisors: Sequence[RobotSupervisor],
-    modules: Mapping[int, Sequence[RTAModule]],
-    peers: Mapping[int, Capabilities],
-) -> About:
+@dataclasses.dataclass(frozen=True)
+class Setup:
+    """What is to be run.
+
+    Attributes:
+        mission: the effective one.
+        workspace: where.
+        robots: their supervisors, each with its tap.
+        modules: as declared, by robot id.
+        capabilities: what the robots promise, by id.
+        timings: what that adds to every horizon, by id.
+        peers: what robots of other processes promise, by id.
+        accepted_unproved: what is run although it is not proved.
+    """
+
+    mission: MissionFile
+    workspace: Workspace
+    robots: Sequence[RobotSupervisor]
+    modules: Mapping[int, Sequence[RTAModule]]
+    capabilities: Mapping[int, Capabilities]
+    timings: Mapping[int, Timing]
+    peers: Mapping[int, Capabilities]
+    accepted_unproved: tuple[str, ...] = ()
+
+
+def describe(setup: Setup) -> About:
     """Return what is known about a run, robots by id, before its first tick."""
+    mission, modules, capabilities = setup.mission, setup.modules, setup.capabilities
     names = tuple(module.name for module in next(iter(modules.values()), ()))
     return About(
         VERSION,
@@ -47,11 +66,12 @@ def describe(
         datetime.now(UTC).isoformat(timespec="seconds"),
         names,
         tuple(
-            _robot(each, capabilities[each.robot_id], timings[each.robot_id], modules[each.robot_id])
-            for each in supervisors
+            _robot(each, capabilities[each.robot_id], setup.timings[each.robot_id], modules[each.robot_id])
+            for each in setup.robots
         ),
         versions(),
-        tuple(PeerAbout(robot_id, _promises(each)) for robot_id, each in peers.items()),
+        tuple(PeerAbout(robot_id, _promises(each)) for robot_id, each in setup.peers.items()),
+        accepted_unproved=setup.accepted_unproved,
     )
 
 

@@ -4,29 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import msgspec
 
 from soter.record.messages import BreachEvent, Event, FaultEvent, StallEvent, ViolationEvent, WorstMessage
 from soter.rta import RobotSupervisor
-from soter.sdk import Truth
+from soter.sdk import FaultReport, Truth
 
 LOOK_S: Final = 1.0
 """Fleet time between two looks; less than two spells of a failed assumption are apart, so that none is missed."""
-
-
-class FaultStatus(Protocol):
-    """What one injected fault has done so far."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def robot_id(self) -> int: ...
-    @property
-    def declared(self) -> bool: ...
-    @property
-    def affected(self) -> int: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +42,7 @@ class Looks:
         self,
         robots: Sequence[RobotSupervisor] = (),
         truth: Truth | None = None,
-        faults: Callable[[], Sequence[FaultStatus]] = tuple,
+        faults: Callable[[], Sequence[FaultReport]] = tuple,
         stalls: Callable[[], Sequence[Stall]] = tuple,
     ) -> None:
         self._robots: Final = tuple(robots)

@@ -8,25 +8,23 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
 import msgspec
 
-from soter.config import MissionFile
 from soter.geometry.site import Site
-from soter.geometry.workspace import Workspace
 from soter.record import wire
-from soter.record.about import describe, files
-from soter.record.looks import LOOK_S, FaultStatus, Looks, Stall
+from soter.record.about import Setup, describe, files
+from soter.record.looks import LOOK_S, Looks, Stall
 from soter.record.messages import EVENTS, DropEvent, Event, TargetEvent, TransitionEvent
 from soter.record.pipe import WriterPipe
 from soter.record.samples import switch_of
 from soter.record.tap import GoalActuator, PeerTap, Tap
-from soter.rta import RemotePeer, RobotSupervisor, RTAModule, SwitchRecord, Timing
-from soter.sdk import Capabilities, Controller, RobotState, Truth
+from soter.rta import RemotePeer, RobotSupervisor, SwitchRecord
+from soter.sdk import Controller, Fleet, RobotState
 
 logger = logging.getLogger(__name__)
 
@@ -141,48 +139,26 @@ class Recorder:
         """Return a log that passes everything on to `log` and into the recording."""
         return _Beside(self, log)
 
-    def begin(
-        self,
-        mission: MissionFile,
-        workspace: Workspace,
-        robots: Sequence[RobotSupervisor],
-        modules: Mapping[int, Sequence[RTAModule]],
-        capabilities: Mapping[int, Capabilities],
-        timings: Mapping[int, Timing],
-        truth: Truth | None,
-        faults: Callable[[], Sequence[FaultStatus]] = tuple,
-        peers: Mapping[int, Capabilities] | None = None,
-        stalls: Callable[[], Sequence[Stall]] = tuple,
-        accepted_unproved: Sequence[str] = (),
-    ) -> None:
+    def begin(self, setup: Setup, fleet: Fleet, stalls: Callable[[], Sequence[Stall]] = tuple) -> None:
         """Start the writer and say what is to be run; call it once, before the first tick.
 
         Args:
-            mission: the effective one.
-            workspace: where.
-            robots: their supervisors, each with its tap.
-            modules: as declared, by robot id.
-            capabilities: what the robots promise, by id.
-            timings: what that adds to every horizon, by id.
-            truth: of a simulated world.
-            faults: returns what the injected faults did up to now, always in the same order.
-            peers: what robots of other processes promise, by id.
+            setup: what that is.
+            fleet: its robots, with the truth of a simulated world and the faults that are injected.
             stalls: returns the stalls up to now.
-            accepted_unproved: what is run although it is not proved.
 
         Raises:
             OSError: the file cannot be written.
         """
+        robots, workspace = setup.robots, setup.workspace
         self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
-        self._looks = Looks(robots, truth, faults, stalls)
-        about = describe(mission, capabilities, timings, robots, modules, peers or {})
-        about.accepted_unproved = tuple(accepted_unproved)
+        self._looks = Looks(robots, fleet.truth, fleet.injected, stalls)
         frame = wire.FirstFrame(
-            msgspec.json.encode(wire.tamed(about)),
-            files(mission, workspace),
+            msgspec.json.encode(wire.tamed(describe(setup))),
+            files(setup.mission, workspace),
             None if isinstance(workspace, Site) else workspace,
             workspace.plan if isinstance(workspace, Site) else None,
-            {robot_id: each.body_radius_m for robot_id, each in capabilities.items()},
+            {robot_id: each.body_radius_m for robot_id, each in setup.capabilities.items()},
             [robot.robot_id for robot in robots],
             {robot.robot_id: [module.name for module in robot.modules] for robot in robots},
         )

@@ -27,7 +27,7 @@ from soter.replay.recorded import RecordedActuator, RecordedPeer, RecordedRobot
 from soter.rta import RobotSupervisor, SwitchRecord
 from soter.sdk import Waypoint
 from soter.stack.actuator import RobotActuator
-from soter.stack.assembly import SafetySide, Study, assemble
+from soter.stack.assembly import Others, SafetySide, Study, assemble
 
 CHANGEABLE: Final = ("rta", "battery")
 """The tables of a mission that a replay may change: what the modules are told."""
@@ -174,8 +174,8 @@ class _Cast:
         try:
             self._safety: Final[SafetySide] = assemble(
                 mission, workspace, robots, lambda _: None, [self], tap=tap,
-                study=Study(on_ill_formed=refused if settings else None), remote=tuple(self._peers.values()),
-                remote_promises=elsewhere,
+                study=Study(on_ill_formed=refused if settings else None),
+                others=Others(tuple(self._peers.values()), elsewhere),
             )  # fmt: skip
         except (ValueError, ArithmeticError) as failure:
             # Its robots promise what none can.

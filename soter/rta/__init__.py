@@ -2,7 +2,7 @@
 
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog, Breach, Worst
-from soter.rta.decision import STARTS, DecisionModule, Permission
+from soter.rta.decision import STARTS, DecisionModule, Drivers, Permission
 from soter.rta.fleet import PEER_SILENT_S, RemotePeer, StillPeers, Supervisor
 from soter.rta.models import (
     Directed,
@@ -19,7 +19,7 @@ from soter.rta.models import (
     UnicycleBound,
 )
 from soter.rta.module import Region, RTAModule, Timing
-from soter.rta.monitors import ModuleMonitor, PeerMonitor
+from soter.rta.monitors import Assumed, ModuleMonitor, PeerMonitor
 from soter.rta.port import ControlReport, GoalReport, Port, Report, Request
 from soter.rta.situation import Sample, Situation
 from soter.rta.supervisor import RobotSupervisor
@@ -31,6 +31,7 @@ __all__ = [
     "STARTS",
     "SUPERVISOR",
     "Actuator",
+    "Assumed",
     "Assumption",
     "AssumptionLog",
     "Breach",
@@ -39,6 +40,7 @@ __all__ = [
     "Directed",
     "DirectedReach",
     "DischargeBound",
+    "Drivers",
     "GoalReport",
     "ModuleMonitor",
     "Motion",

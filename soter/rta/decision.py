@@ -8,12 +8,15 @@ latency, jitter and the age of the sample.
 from __future__ import annotations
 
 import math
-from typing import Final, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
 
 from soter.controller import Controller
 from soter.rta.module import Region, RTAModule, Timing, plain
 from soter.rta.monitors import ModuleMonitor
 from soter.rta.situation import Situation
+from soter.rta.topics import Node, Topic
 
 STARTS: Final = "start"
 """The cause of a module that has been in SC since it was bound."""
@@ -198,3 +201,21 @@ class DecisionModule:
         if isinstance(safer, Region):
             return safer.margin(situation) >= 0.0
         return callable(safer) and safer(situation) is True
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """Who may drive one robot.
+
+    Attributes:
+        modules: in the order of their right to drive; the first that is in SC drives.
+        ac: the forwarder of the AC's port.
+        waypoint: the topic that AC and SCs publish.
+        without_ac: the name of the module that drives for good once the AC has failed, while no other one asks to; the
+            first in the order where it is none of them.
+    """
+
+    modules: Sequence[DecisionModule]
+    ac: Node
+    waypoint: Topic[Any]
+    without_ac: str = ""

@@ -113,6 +113,21 @@ class ModuleMonitor:
         self._last_margin, self._last_s = margin, now_s
 
 
+@dataclass(frozen=True)
+class Assumed:
+    """What is assumed of one robot, and tested against every sample.
+
+    Attributes:
+        models: how it may move.
+        timing: as it is declared.
+        heard_within_s: a robot whose sample is older is not driven on: its lease is left to run out.
+    """
+
+    models: Sequence[ReachModel]
+    timing: Timing
+    heard_within_s: float = math.inf
+
+
 class SampleMonitor:
     """Tests every sample of one robot against the clock, the declared age, and the sample before it."""
 

@@ -11,12 +11,10 @@ from soter.controller import Controller
 from soter.errors import Intruder, Uncontrolled, account_of
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
-from soter.rta.decision import DecisionModule
-from soter.rta.models import ReachModel
-from soter.rta.module import Timing
-from soter.rta.monitors import BrokenAssumption, SampleMonitor, StopMonitor
+from soter.rta.decision import DecisionModule, Drivers
+from soter.rta.monitors import Assumed, BrokenAssumption, SampleMonitor, StopMonitor
 from soter.rta.situation import Sample, Situation
-from soter.rta.topics import Node, Topic
+from soter.rta.topics import Node
 from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 
 logger = logging.getLogger(__name__)
@@ -44,49 +42,34 @@ class RobotSupervisor:
     Args:
         robot_id: which robot.
         actuator: its narrow interface.
-        modules: in the order of their right to drive; the first that is in SC drives.
-        ac: the forwarder of the AC's port.
-        waypoint: the topic that AC and SCs publish.
-        models: reach models against which every sample is tested.
-        timing: the robot's declared timing.
+        drivers: who may drive it.
+        assumed: what its samples are tested against.
         watches: told of switches.
-        heard_within_s: a robot whose sample is older is not driven on: its lease is left to run out.
-        without_ac: the name of the module that drives for good once the AC has failed, while no other one asks to; the
-            first in the order where it is none of them.
     """
 
     def __init__(
-        self,
-        robot_id: int,
-        actuator: Actuator,
-        modules: Sequence[DecisionModule],
-        ac: Node,
-        waypoint: Topic[Any],
-        models: Sequence[ReachModel],
-        timing: Timing,
-        watches: Sequence[Watch] = (),
-        heard_within_s: float = math.inf,
-        without_ac: str = "",
+        self, robot_id: int, actuator: Actuator, drivers: Drivers, assumed: Assumed, watches: Sequence[Watch] = ()
     ) -> None:
         self.robot_id: Final = robot_id
-        self.modules: Final = tuple(modules)
-        for rank, module in enumerate(self.modules):
+        modules = tuple(drivers.modules)
+        self.modules: Final = modules
+        for rank, module in enumerate(modules):
             module.rank = rank
         self.actuator: Final = actuator
         self.mode = Controller.SC if modules else Controller.AC
-        first = self.modules[0] if modules else None
+        first = modules[0] if modules else None
         self.driver: DecisionModule | None = first
-        self._without_ac: Final = next((module for module in self.modules if module.name == without_ac), first)
+        self._without_ac: Final = next((each for each in modules if each.name == drivers.without_ac), first)
         self.situation = Situation(robot_id, actuator.read(), 0.0)
         self.decide_s = 0.0
-        self._ac: Final = ac
-        self._waypoint: Final = waypoint
-        self._sent = waypoint.count
-        self._timing: Final = timing
-        self._lateness_s: Final = timing.jitter_s + 1e-6
-        self._samples: Final = SampleMonitor(models, timing)
+        self._ac: Final = drivers.ac
+        self._waypoint: Final = drivers.waypoint
+        self._sent = drivers.waypoint.count
+        self._timing: Final = assumed.timing
+        self._lateness_s: Final = assumed.timing.jitter_s + 1e-6
+        self._samples: Final = SampleMonitor(assumed.models, assumed.timing)
         self.log: Final = AssumptionLog()
-        self._stop = StopMonitor(models, timing)
+        self._stop = StopMonitor(assumed.models, assumed.timing)
         self._watches: Final = tuple(watches)
         self.ac_failure = ""
         self._alarm = ""
@@ -98,7 +81,7 @@ class RobotSupervisor:
         # Modules begin in SC, and so does a robot that is ready.
         self._handed_over_s = -math.inf if modules else math.inf
         self._disowned = self._reports = False
-        self._heard_within_s: Final = heard_within_s
+        self._heard_within_s: Final = assumed.heard_within_s
         self._held = self._was_held = self._peer_unsure = False
         self._disobeys = ""
         self._disobeyed_until_s = -math.inf

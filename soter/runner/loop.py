@@ -13,8 +13,8 @@ from typing import Final
 from soter.check.user_rules import UserRules
 from soter.config import MissionFile
 from soter.errors import BackendError, ConfigError, RunFailed
-from soter.faults import FaultyFleet
 from soter.geometry.workspace import Workspace
+from soter.record.about import Setup
 from soter.record.recorder import Recorder, TargetLog
 from soter.rta import RemotePeer, Watch
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
@@ -28,7 +28,7 @@ from soter.runner.result import RunResult
 from soter.runner.trace import Trace
 from soter.runner.watchdog import BEGIN_S, SLOW_S, CutOff, Watchdog
 from soter.sdk import RULES, Fleet, TruthReport
-from soter.stack.assembly import SafetySide, Study, assemble
+from soter.stack.assembly import Others, SafetySide, Study, assemble
 from soter.stack.declaration import timing_of
 
 logger = logging.getLogger(__name__)
@@ -84,8 +84,7 @@ class Loop:
         watches: list[Watch] = [self.metrics] if recorder is None else [self.metrics, recorder]
         self.safety: Final[SafetySide] = assemble(
             mission, workspace, fleet.robots, host.hear, watches, tap=None if recorder is None else recorder.tap,
-            study=study, remote=self._remote(recorder, robot_ids),
-            remote_promises={} if session is None else session.promises,
+            study=study, others=self._others(recorder, robot_ids),
         )  # fmt: skip
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
@@ -104,9 +103,12 @@ class Loop:
             else UserRules(truth, {robot_id: robot.declared.own for robot_id, robot in self.safety.robots.items()})
         )
 
-    def _remote(self, recorder: Recorder | None, robot_ids: Sequence[int]) -> Sequence[RemotePeer]:
-        peers = () if self.session is None else self.session.peers
-        return peers if recorder is None else [recorder.tap_peer(peer, robot_ids) for peer in peers]
+    def _others(self, recorder: Recorder | None, robot_ids: Sequence[int]) -> Others:
+        if self.session is None:
+            return Others()
+        peers: Sequence[RemotePeer] = self.session.peers
+        taps = peers if recorder is None else [recorder.tap_peer(peer, robot_ids) for peer in peers]
+        return Others(taps, self.session.promises)
 
     def begin(self) -> None:
         """Begin the recording and the mission host; the first tick is near.
@@ -141,14 +143,13 @@ class Loop:
 
     def _begin_recording(self, recorder: Recorder) -> None:
         promises = {robot.id: robot.capabilities for robot in self.fleet.robots}
-        timings = {robot_id: timing_of(each, self.mission.base_tick_s) for robot_id, each in promises.items()}
-        faults = self.fleet.report if isinstance(self.fleet, FaultyFleet) else tuple
+        setup = Setup(
+            self.mission, self.workspace, self.robots, self.safety.modules, promises,
+            {robot_id: timing_of(each, self.mission.base_tick_s) for robot_id, each in promises.items()},
+            {} if self.session is None else self.session.promises, self.unproved,
+        )  # fmt: skip
         try:
-            recorder.begin(
-                self.mission, self.workspace, self.robots, self.safety.modules, promises, timings, self.fleet.truth,
-                faults, {} if self.session is None else self.session.promises, self.metrics.standstills.stalls,
-                self.unproved,
-            )  # fmt: skip
+            recorder.begin(setup, self.fleet, self.metrics.standstills.stalls)
         except OSError as failure:
             why = failure.strerror or failure
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure

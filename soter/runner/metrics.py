@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.faults import FaultyFleet
 from soter.geometry.workspace import Workspace
 from soter.record.looks import Stall
 from soter.record.messages import AC
@@ -339,11 +338,9 @@ def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, res
 
 def fault_figures(fleet: Fleet) -> tuple[result.FaultFigures, ...]:
     """Return what was injected into a fleet, and how much that has spoilt."""
-    if not isinstance(fleet, FaultyFleet):
-        return ()
     return tuple(
         result.FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
-        for fault in fleet.report()
+        for fault in fleet.injected()
     )
 
 

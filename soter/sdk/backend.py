@@ -15,7 +15,16 @@ from soter.config.promises import Promise
 from soter.errors import Unsupported
 from soter.geometry.workspace import Workspace
 from soter.sdk.robot import Robot
-from soter.sdk.values import RULES, Capabilities, HeldMission, RobotSpec, RuleLimits, TruthReport, Violation
+from soter.sdk.values import (
+    RULES,
+    Capabilities,
+    FaultReport,
+    HeldMission,
+    RobotSpec,
+    RuleLimits,
+    TruthReport,
+    Violation,
+)
 
 __all__ = ["INTERFACE_VERSION", "RULES", "Backend", "BackendConfig", "Fleet", "Truth", "TruthReport", "Violation"]
 
@@ -99,6 +108,10 @@ class Fleet(ABC):
         Asked at every tick; must not wait. Whoever was given robots has none.
         """
         return ""
+
+    def injected(self) -> Sequence[FaultReport]:
+        """Return what injected faults did up to now, always in the same order; none in robots as they are."""
+        return ()
 
     @abstractmethod
     def _close(self) -> None:

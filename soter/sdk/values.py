@@ -266,6 +266,23 @@ class RobotSpec:
     promised: Capabilities | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class FaultReport:
+    """What one injected fault did to one robot.
+
+    Attributes:
+        kind: which fault.
+        robot_id: to which robot.
+        declared: whether the robot's promises allow for it.
+        affected: how often it spoilt a command or a sample, or impaired the vehicle.
+    """
+
+    kind: str
+    robot_id: int
+    declared: bool
+    affected: int
+
+
 class HeldMission(NamedTuple):
     """What a robot holds as a mission of its own.
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Final
 
 from soter.config import MissionFile
@@ -16,7 +15,9 @@ from soter.rta import (
     PEER_SILENT_S,
     STARTS,
     Actuator,
+    Assumed,
     DecisionModule,
+    Drivers,
     PairBound,
     PeerMonitor,
     Port,
@@ -101,6 +102,19 @@ class SafetySide:
         return self.robots[robot_id].declared.dock.charging(self.supervisor.robots[robot_id].situation)
 
 
+@dataclass(frozen=True)
+class Others:
+    """The robots that other processes supervise.
+
+    Attributes:
+        peers: what is heard of them.
+        promises: what each promises, by id.
+    """
+
+    peers: Sequence[RemotePeer] = ()
+    promises: Mapping[int, Capabilities] = field(default_factory=dict)
+
+
 def assemble(
     mission: MissionFile,
     workspace: Workspace,
@@ -110,8 +124,7 @@ def assemble(
     *,
     tap: Callable[[int, RobotActuator], Actuator] | None = None,
     study: Study = Study(),
-    remote: Sequence[RemotePeer] = (),
-    remote_promises: Mapping[int, Capabilities] = MappingProxyType({}),
+    others: Others = Others(),
 ) -> SafetySide:
     """Declare the enabled modules for every robot, check them against its capabilities, and bind them.
 
@@ -123,15 +136,14 @@ def assemble(
         watches: told of every switch.
         tap: returns what a supervisor uses in place of a robot's actuator, such as one that writes down what passes.
         study: what is changed of the modules.
-        remote: the robots that other processes supervise.
-        remote_promises: by robot, what each of those promises.
+        others: the robots that other processes supervise.
 
     Raises:
         IllFormedModule: before anything moves; names the module, the condition, the numbers and a value that would do.
     """
-    promises = {**{robot.id: robot.capabilities for robot in robots}, **remote_promises}
+    promises = {**{robot.id: robot.capabilities for robot in robots}, **others.promises}
     apart = COLLISION in mission.rta.order
-    low = {peer.robot_id: peer.needs_charge for peer in remote}
+    low = {peer.robot_id: peer.needs_charge for peer in others.peers}
     fleet = [*promises.values()]
     worst = PeerBounds.of(fleet, mission.base_tick_s)
     terrains = terrains_of(workspace, promises)
@@ -172,16 +184,15 @@ def assemble(
             RobotSupervisor(
                 robot.id,
                 actuator if tap is None else tap(robot.id, actuator),
-                decisions,
-                forwarder,
-                waypoint,
-                # What the modules assume of the robot's own samples: each model once, however many modules share it.
-                list(dict.fromkeys(each.model.of_own() for each in declared.modules if each.model is not None)),
-                declared.timing,
-                watches,
-                PEER_SILENT_S if apart and len(promises) > 1 else math.inf,
                 # The way home comes last, where it is kept.
-                mission.rta.order[-1] if mission.rta.order else "",
+                Drivers(decisions, forwarder, waypoint, mission.rta.order[-1] if mission.rta.order else ""),
+                Assumed(
+                    # What the modules assume of the robot's own samples: each model once, however many share it.
+                    list(dict.fromkeys(each.model.of_own() for each in declared.modules if each.model is not None)),
+                    declared.timing,
+                    PEER_SILENT_S if apart and len(promises) > 1 else math.inf,
+                ),
+                watches,
             )
         )
         trigger_m = _trigger_m(mission, robot.capabilities, worst)
@@ -222,7 +233,7 @@ def assemble(
         max(NEIGHBOUR_M, mission.rta.collision.phi_safer_m + max(1.0, unheard_m), theirs_m), before_decisions,
         watched if apart else None,
         StillPeers(still_s) if apart else None,
-        remote if apart else (),
+        others.peers if apart else (),
     )  # fmt: skip
     return SafetySide(supervisor, safe)
 

@@ -173,6 +173,6 @@ def test_the_report_counts_what_each_fault_did() -> None:
     )
     bench.seen(20)
     bench.robot.goto(Waypoint(1.0, 1.0), Controller.SC)
-    battery, delay = bench.fleet.report()
+    battery, delay = bench.fleet.injected()
     assert (battery.kind, battery.robot_id, battery.declared, battery.affected) == ("battery", 1, True, 11)
     assert (delay.kind, delay.affected) == ("delay", 2)

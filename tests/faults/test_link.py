@@ -91,7 +91,7 @@ def test_losses_are_made_up_for_within_the_burst() -> None:
     states = bench.seen(200)
     ages = {round((0.05 * k - state.stamp_s) / TICK_S) for k, state in enumerate(states, start=1)}
     assert ages == {0, 1, 2}
-    assert 120 < bench.fleet.report()[0].affected < 140
+    assert 120 < bench.fleet.injected()[0].affected < 140
 
 
 def test_a_command_that_is_not_sent_again_is_gone() -> None:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from soter.rta import (
+    Assumed,
     DecisionModule,
+    Drivers,
     Node,
     PairBound,
     ReachModel,
@@ -232,8 +234,9 @@ class Rig:
         ]  # fmt: skip
         self.modules = {each.name: DecisionModule(each, timing, TICK_S) for each in declared}
         self.robot = RobotSupervisor(
-            robot_id, self.actuator, list(self.modules.values()), self.ac, self.topic, models, timing, [self.watch],
-            heard_within_s, names[-1] if names else "",
+            robot_id, self.actuator,
+            Drivers(list(self.modules.values()), self.ac, self.topic, names[-1] if names else ""),
+            Assumed(models, timing, heard_within_s), [self.watch],
         )  # fmt: skip
         self.ticks = 0
         self.fresh = True
