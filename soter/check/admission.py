@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from soter.check import Certainty, Finding, conditions
 from soter.check.proof import prove
@@ -41,11 +41,10 @@ def declare_all(
     terrains = terrains_of(workspace, promised)
     made = {}
     for robot_id, capabilities in promised.items():
-        waypoint: Topic[Any] = Topic(WAYPOINT)
-        forwarder = PortForwarder(Port(robot_id, lambda _: None), waypoint, mission.base_tick_s)
+        forwarder = PortForwarder(Port(robot_id, lambda _: None), Topic(WAYPOINT), mission.base_tick_s)
         made[robot_id] = declare(
             mission, workspace, terrains[robot_id], robot_id, capabilities,
-            Peers.of(robot_id, promised, mission.base_tick_s), forwarder, waypoint, RightOfWay(),
+            Peers.of(robot_id, promised, mission.base_tick_s), forwarder, RightOfWay(),
         )  # fmt: skip
     return made
 

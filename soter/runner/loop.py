@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from soter.check.user_rules import UserRules
 from soter.config import MissionFile
@@ -41,35 +41,45 @@ _JUDGING: Final = "the rule of a safety module", SLOW_S
 _LOOK_TICKS: Final = 64
 
 
+class Accepted(NamedTuple):
+    """A mission that may be run.
+
+    Attributes:
+        mission: what is to be done.
+        workspace: where.
+        unproved: what is run although it is not proved.
+    """
+
+    mission: MissionFile
+    workspace: Workspace
+    unproved: tuple[str, ...] = ()
+
+
 class Loop:
     """One run, from the first tick to the last.
 
     Args:
-        mission: what is to be done.
-        workspace: where.
+        accepted: what is run.
         fleet: the robots, ready; none where the mission's task planner is alone in its process.
         host: runs the ACs.
         study: what is changed of the modules.
         recorder: records it, or None.
         session: the other processes of a distributed mission, or None.
-        unproved: what is run although it is not proved.
         watchdog: ends the run where foreign code does not come back; None for no such thing.
     """
 
     def __init__(
         self,
-        mission: MissionFile,
-        workspace: Workspace,
+        accepted: Accepted,
         fleet: Fleet,
         host: MissionHost,
         study: Study,
         recorder: Recorder | None,
         session: PeerSession | None = None,
-        unproved: tuple[str, ...] = (),
         watchdog: Watchdog | None = None,
     ) -> None:
+        mission, workspace, self.unproved = accepted
         self.falls: Final[list[tuple[float, float]]] = []
-        self.unproved: Final = unproved
         self.mission: Final = mission
         self.workspace: Final = workspace
         self.fleet: Final = fleet

@@ -18,7 +18,7 @@ from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.runner.hosts import make_host
-from soter.runner.loop import Loop
+from soter.runner.loop import Accepted, Loop
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part, refuse_in_one_process
@@ -139,7 +139,8 @@ def run_mission(
             for robot in fleet.robots:
                 robot.init(INIT_TIMEOUT_S)
         try:
-            loop = Loop(mission, workspace, fleet, host, study or Study(), recorder, session, unproved, watchdog)
+            accepted = Accepted(mission, workspace, unproved)
+            loop = Loop(accepted, fleet, host, study or Study(), recorder, session, watchdog)
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
@@ -187,7 +188,7 @@ def _run_task_planner(part: Part, workspace: Workspace, audience: Follower, say:
         host = MachineHost(part.mission, workspace, radii_m, virtual_time=False, part=part, bus=part.open_bus())
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
-        loop = Loop(part.mission, workspace, fleet, host, Study(), None, session, watchdog=watchdog)
+        loop = Loop(Accepted(part.mission, workspace), fleet, host, Study(), None, session, watchdog)
         status, failure = "interrupted", ""
         if session.wait((), say, audience.stop):
             loop.begin()

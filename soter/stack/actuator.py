@@ -121,7 +121,7 @@ class PortForwarder(Node):
         self.period_s = period_s
         self.request: Request[Waypoint] | None = None
         self._port: Final = port
-        self._waypoint: Final = waypoint
+        self.waypoint: Final[Topic[Any]] = waypoint
 
     def engage(self, situation: Situation) -> None:
         self.request = None
@@ -130,4 +130,4 @@ class PortForwarder(Node):
         request = self._port.take()
         if request is not None:
             self.request = request
-            self._waypoint.publish(request)
+            self.waypoint.publish(request)

@@ -164,7 +164,7 @@ def assemble(
         forwarder = PortForwarder(port, waypoint, mission.base_tick_s)
         declared = declare(
             mission, workspace, terrains[robot.id], robot.id, robot.capabilities,
-            Peers.of(robot.id, promises, mission.base_tick_s), forwarder, waypoint, right_of_way,
+            Peers.of(robot.id, promises, mission.base_tick_s), forwarder, right_of_way,
         )  # fmt: skip
         try:
             declared.check(mission.base_tick_s)

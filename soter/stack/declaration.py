@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
@@ -113,7 +113,6 @@ def declare(
     capabilities: Capabilities,
     peers: Peers,
     ac: PortForwarder,
-    waypoint: Topic[Any],
     right_of_way: RightOfWay,
 ) -> Declared:
     """Declare the enabled modules for one robot; nothing is checked yet.
@@ -125,8 +124,7 @@ def declare(
         robot_id: which robot.
         capabilities: what it promises.
         peers: what its peers are assumed to respect.
-        ac: the forwarder of the AC's port.
-        waypoint: the topic that AC and SCs share.
+        ac: the forwarder of the AC's port; safe controllers share its topic.
         right_of_way: the fleet's arbiter.
     """
     rta, tick_s, worst = mission.rta, mission.base_tick_s, peers.worst
@@ -155,13 +153,13 @@ def declare(
     timing = timing_of(capabilities, tick_s)
     kit = ModuleKit(
         "", robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery,
-        _refuges(mission, capabilities, room, recovery, timing), dock, GoHome(tick_s, waypoint, recovery, dock),
+        _refuges(mission, capabilities, room, recovery, timing), dock, GoHome(tick_s, ac.waypoint, recovery, dock),
         SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2), peers, right_of_way, mission.battery, timing,
         tick_s,
     )  # fmt: skip
 
     def made(name: str) -> RTAModule:
-        return declare_module(mission, replace(kit, name=name, waypoint=Topic(WAYPOINT)), waypoint)
+        return declare_module(mission, replace(kit, name=name, waypoint=Topic(WAYPOINT)), ac.waypoint)
 
     own = {name: made(name) for name in rta.module}
     for module in own.values():

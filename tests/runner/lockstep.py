@@ -20,7 +20,7 @@ from soter.distribution.bus import Bus
 from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.runner import RunResult
-from soter.runner.loop import Loop
+from soter.runner.loop import Accepted, Loop
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
@@ -278,7 +278,8 @@ class Site:
                 try:
                     fleet = NoRobots()
                     fleet.clock = clock
-                    self.planner = Loop(part.mission, self.workspace, fleet, host, Study(), None, session)
+                    accepted = Accepted(part.mission, self.workspace)
+                    self.planner = Loop(accepted, fleet, host, Study(), None, session)
                     return self._result(self.planner, session, say)
                 finally:
                     host.close()
@@ -294,7 +295,7 @@ class Site:
             host.ready()
             for robot in fleet.robots:
                 robot.init(1.0)
-            loop = Loop(part.mission, self.workspace, fleet, host, Study(), recorder, session)
+            loop = Loop(Accepted(part.mission, self.workspace), fleet, host, Study(), recorder, session)
             self.loops[part.name] = loop
             return self._result(loop, session, say)
         finally:
