@@ -29,6 +29,9 @@ from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 
 logger = logging.getLogger(__name__)
 
+SAYS: Final = "mission: "
+"""What begins a line that a mission logs, as it begins each line that a mission's own process prints."""
+
 _MOST_SAYINGS: Final = 100
 """What a mission says in one tick; the rest is counted."""
 _LONGEST_SAYING: Final = 4000
@@ -217,8 +220,8 @@ class MachineHost:
             return
         # Half a surrogate pair is text in Python, and nowhere else.
         text, scene = text[:_LONGEST_SAYING].encode("utf-8", "replace").decode(), self._scene
-        # Nobody has to set up logging to see what a script says.
-        logger.warning("%s", text)
+        # A warning, so that nobody has to set up logging to see what a script says.
+        logger.warning("%s%s", SAYS, text)
         if scene is not None and scene.on_transition is not None:
             scene.on_transition(TransitionEvent(self._now(), name, 0, HERE, "", "", "log", text[:DETAIL_CHARACTERS]))
 
