@@ -12,7 +12,7 @@ from soter.distribution.bus import Bus
 from soter.errors import SoterError, account_of
 from soter.geometry.workspace import Workspace
 from soter.machine import Event, MachineError, MachineRef, Runtime
-from soter.missions import Stage, make_mission
+from soter.missions import ScriptFailed, Stage, make_mission
 from soter.record.messages import TransitionEvent
 from soter.record.samples import DETAIL_CHARACTERS, in_words
 from soter.rta import ControlReport, Report
@@ -237,5 +237,9 @@ class MachineHost:
 
     def _failed(self, failure: MachineError) -> None:
         """One robot's machine costs that robot its AC; the task planner's failure costs all of them theirs."""
-        logger.error("a machine of the mission failed: %s", failure)
-        self.failures.setdefault(self._owners.get(failure.machine), str(failure))
+        robot_id, words = self._owners.get(failure.machine), str(failure)
+        if isinstance(failure.__cause__, ScriptFailed):
+            # Its author knows the line; the machine that drives it is nothing of theirs.
+            words = f"its script failed: {failure.__cause__}"
+        logger.error("a machine of the mission failed: %s: %s", failure.machine, words)
+        self.failures.setdefault(robot_id, words)

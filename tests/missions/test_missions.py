@@ -147,7 +147,8 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other() -> None:
     result = ran("Raises", duration_s=20.0).result
     assert (result.status, result.violated) == ("completed", False)
     assert set(result.failed_robots) == {1}
-    assert "RuntimeError: out of ideas (scripts.py, line " in result.failed_robots[1]
+    assert result.failed_robots[1].startswith("its script failed: RuntimeError: out of ideas (scripts.py, line ")
+    assert "machine" not in result.failed_robots[1]
     assert result.targets_reached >= 1
 
 
