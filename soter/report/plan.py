@@ -64,7 +64,8 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
     _marks(axes, run, since_s)
     for robot_id, track in sorted(run.tracks.items()):
         if track.time_s:
-            colour, start, end = robot_colour(run, robot_id), (track.x_m[0], track.y_m[0]), (track.x_m[-1], track.y_m[-1])
+            start, end = (track.x_m[0], track.y_m[0]), (track.x_m[-1], track.y_m[-1])
+            colour = robot_colour(run, robot_id)
             if _apart_pt(axes, start, end) > _MARK_PT:
                 _disc(axes, *end, colour, "white", _MARK_PT)
                 _number(axes, *end, robot_id, colour)

@@ -20,8 +20,8 @@ ABOUT: Final = {
 
 FIGURES: Final = {
     "ac_share": "AC in control", "disengagements_total": "disengagements", "targets_reached": "targets reached",
-    "longest_stall_s": "longest stall", "longest_without_ac_s": "longest without AC", "no_progress_s": "no progress for",
-    "trace_sha256": "trace",
+    "longest_stall_s": "longest stall", "longest_without_ac_s": "longest without AC",
+    "no_progress_s": "no progress for", "trace_sha256": "trace",
 }  # fmt: skip
 """What came of it, besides the rules."""
 
