@@ -81,12 +81,11 @@ def test_a_robot_that_ends_where_it_began_shows_both(run: RunTracks) -> None:
     back = run.tracks[1].x_m
     back[-1] = back[0] + 0.02
     lines = make_figure(run, CAPTION).axes[0].lines
-    drawn = [(*map(float, (*line.get_xydata()[0],)), line.get_markersize()) for line in lines if line.get_zorder() == 7]
-    (ring, start), (end, other) = drawn[:2], drawn[2:]
-    assert ring[:2] == start[:2] == (0.0, 1.0)
-    assert ring[2] > start[2] == end[2] == other[2]
-    assert end[:2] == pytest.approx((0.9, 2.0))
-    assert other[:2] == (0.0, 2.0)
+    discs = [line for line in lines if line.get_zorder() == 7]
+    places = np.hstack([np.asarray(disc.get_data(), float) for disc in discs])
+    assert places == pytest.approx(np.array([[0.0, 0.0, 0.9, 0.0], [1.0, 1.0, 2.0, 2.0]]))
+    ring, start, end, other = (disc.get_markersize() for disc in discs)
+    assert ring > start == end == other
 
 
 def test_ways_are_coloured_by_who_was_in_control(run: RunTracks) -> None:
