@@ -29,8 +29,8 @@ def file_of(target: str) -> Path | None:
 
 def seen_from(folder: Path, target: str) -> str:
     """Return a name; the file that it names, if it names one, is one relative to that folder."""
-    file = file_of(target)
-    return target if file is None else target.replace(str(file), str(folder / file), 1)
+    found = _FILE.fullmatch(target)
+    return target if found is None else f"{folder / found['file']}{target[found.end('file') :]}"
 
 
 def is_target(name: str) -> bool:

@@ -176,6 +176,7 @@ def run_campaign(
     running: dict[Future[Done], tuple[Job, Source, float]] = {}
     deaths: Counter[str] = Counter()
     again: list[tuple[Job, Source]] = []
+    lacking: dict[Source, Job | None] = {}
     began_s, finished = time.monotonic(), 0
 
     def changed(row: RunRow | None) -> None:
@@ -204,7 +205,10 @@ def run_campaign(
     def upcoming() -> tuple[Job, Source] | None:
         if again:
             return again.pop()
-        return next(((job, source) for source in all_sources if (job := fresh(source)) is not None), None)
+        for source in all_sources:
+            if (job := lacking.pop(source, None) or fresh(source)) is not None:
+                return job, source
+        return None
 
     def finish(future: Future[Done], job: Job, source: Source, since_s: float) -> None:
         nonlocal finished
@@ -225,6 +229,8 @@ def run_campaign(
         tell(source, job)
 
     with workers:
+        # Before anything is said, all sources hear of what the store has, up to the first run that it lacks.
+        lacking.update((source, fresh(source)) for source in all_sources)
         changed(None)
         while not stop():
             while len(running) < workers.count and (found := upcoming()) is not None:

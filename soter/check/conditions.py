@@ -76,7 +76,8 @@ def conditions(module: RTAModule, timing: Timing, base_tick_s: float) -> list[Fi
 def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float) -> Finding:
     if condition == "P1a":
         ticks = round(module.delta_s / base_tick_s)
-        text = f"Delta = {module.delta_s:g} s is {ticks} base ticks; AC and SC are no slower"
+        of_ticks = "1 base tick" if ticks == 1 else f"{ticks} base ticks"
+        text = f"Delta = {module.delta_s:g} s is {of_ticks}; AC and SC are no slower"
         return Finding(module.name, condition, Certainty.PROVED, text, {"delta_s": module.delta_s})
     if condition == "P1b":
         text = f"AC and SC publish {', '.join(sorted(module.ac.publishes))}"

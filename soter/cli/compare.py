@@ -22,7 +22,7 @@ Exit codes:
 
 def compare(
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="A.mcap B.mcap ...", help="The recordings.", show_default=False)
+        list[Path], typer.Argument(metavar="FILE.mcap", help="The recordings, two or more.", show_default=False)
     ],
     output: Annotated[Path, option("PAGE.html", "Where the page goes.", "--output", "-o")] = Path("compare.html"),
     force: Force = False,

@@ -57,7 +57,7 @@ def _bare_group(group: Any) -> Any:
 def tidy(command: Any, columns: int | None = None) -> None:
     """Have the help of a command, and of all below it, fit.
 
-    Options that take no value name no type, and epilogs are broken where a reader would break them.
+    Arguments and options that take no value name no type, and epilogs are broken where a reader would break them.
 
     Args:
         command: made by typer.
@@ -68,6 +68,9 @@ def tidy(command: Any, columns: int | None = None) -> None:
     for option in command.get_params(typer.Context(command)):
         if getattr(option, "is_flag", False):
             option.metavar = ""
+        if option.param_type_name == "argument":
+            # Its name says what it is, such as FILE.mcap; typer would add the type of Python's.
+            option.display_type_rich = lambda ctx: None
     if command.epilog:
         command.epilog = fit(command.epilog, width)
     for each in getattr(command, "commands", {}).values():

@@ -20,7 +20,7 @@ MissionArgument = Annotated[
 ]
 MaybeMission = Annotated[
     Path | None,
-    typer.Argument(metavar="[MISSION]", help="The mission file (TOML); a room of 5 m with two robots without one."),
+    typer.Argument(metavar="MISSION", help="The mission file (TOML); a room of 5 m with two robots without one."),
 ]
 Promising = Annotated[str | None, option("NAME", "Whose robots' declared capabilities; none is opened.", "--backend")]
 Settings = Annotated[

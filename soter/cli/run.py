@@ -37,8 +37,8 @@ EXAMPLES = """Examples:
   soter run examples/distributed/mission.toml --process alpha
 Exit codes:
   0  all went well
-  1  ground truth counted a violation; with --strict also: an assumption failed, or a robot stalled for good or never
-     moved
+  1  ground truth counted a violation; with --strict also: an assumption failed, or a robot stalled for good, lost its
+     AC for good, or never moved
   2  bad input, unusable backend, or a module that is ill-formed or not proved: nothing has moved
   3  the run failed, or a robot was not under control for a time
   130  interrupted by Ctrl-C; the robots are stopped
@@ -134,7 +134,9 @@ def run(
     strict: Annotated[
         bool,
         typer.Option(
-            "--strict", help="Exit with 1 where an assumption failed, or a robot stalled for good or never moved."
+            "--strict",
+            help="Exit with 1 where an assumption failed, or a robot stalled for good, lost its AC for good, or "
+            "never moved.",
         ),
     ] = False,
     compare: Annotated[

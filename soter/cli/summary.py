@@ -130,13 +130,18 @@ def _control(result: RunResult) -> Iterator[Row]:
 
 
 def _targets(result: RunResult) -> Iterator[Row]:
-    targets = result.targets
-    yield Row("targets reached", str(targets.reached), style="bold")
-    yield Row("  given up", f"{targets.unsafe} unsafe, {targets.blocked} blocked, {targets.timed_out} timed out")
-    if result.robots:
+    # Controllers are given no targets.
+    given = result.ac == "mission"
+    if given:
+        targets = result.targets
+        yield Row("targets reached", str(targets.reached), style="bold")
+        yield Row("  given up", f"{targets.unsafe} unsafe, {targets.blocked} blocked, {targets.timed_out} timed out")
+    if given and result.robots:
         yield Row("longest stall", f"{result.longest_stall_s:.1f} s")
+    if result.robots:
         yield Row("longest without AC", f"{result.longest_without_ac_s:.1f} s, not charging")
-    yield Row("no progress for", f"{result.no_progress_s:.1f} s")
+    if given:
+        yield Row("no progress for", f"{result.no_progress_s:.1f} s")
     if result.paths_replaced:
         yield Row("plans replaced", f"{result.paths_replaced} by certified ways")
     if result.no_certified_motion:
@@ -169,7 +174,7 @@ def _lateness(result: RunResult) -> Iterator[Row]:
 def _errand(result: RunResult) -> str:
     """Return what the ACs were after: the mission's targets, unless somebody else took its place."""
     if result.ac != "mission":
-        return f"AC {result.ac}"
+        return f"AC {PurePath(result.ac).name}"
     return f"planner {result.planner}, {_aim(result)}"
 
 

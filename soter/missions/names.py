@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import textwrap
 from collections.abc import Mapping
 from typing import Final
 
@@ -11,6 +13,7 @@ from soter.config.tables import SURVEILLANCE
 from soter.errors import ConfigError
 from soter.loading import described, file_of, known_target, load_class
 from soter.missions.mission import Mission
+from soter.missions.script import Robot
 
 BUILT_IN: Final[Mapping[str, str]] = {
     SURVEILLANCE: "soter.missions.surveillance:Surveillance",
@@ -35,10 +38,32 @@ def mission_class(file: MissionFile) -> type[Mission]:
         raise refused(f"`run` of '{name}' is no coroutine; write it as `async def run(self, robot)`, without `yield`")
     if found.begin is Mission.begin and found.run is Mission.run:
         raise refused(f"'{name}' does nothing; give it an `async def run(self, robot)`, or `begin` for machines")
+    if forgotten := not_awaited(found):
+        raise refused(f"'{name}' does not wait for {forgotten}; without `await` before it, it does nothing")
     model: object = found.Options
     if not (isinstance(model, type) and issubclass(model, Mission.Options)):
         raise refused(f"`Options` of '{name}' is no subclass of soter.Mission.Options")
     return found
+
+
+def not_awaited(found: type[Mission]) -> str:
+    """Return in words a statement of a script that calls a coroutine and does not await it; empty if there is none.
+
+    Python would only warn, once the run is under way.
+    """
+    try:
+        lines, first = inspect.getsourcelines(found)
+        tree = ast.parse(textwrap.dedent("".join(lines)))
+    except (OSError, TypeError, SyntaxError):  # made where there is no source, such as at a prompt
+        return ""
+    robot = [*inspect.signature(found.run).parameters][1:2]
+    for each in ast.walk(tree):
+        match each:
+            case ast.Expr(ast.Call(ast.Attribute(ast.Name(owner), called))):
+                of = Robot if [owner] == robot else found if owner == "self" else None
+                if inspect.iscoroutinefunction(getattr(of, called, None)):
+                    return f"`{owner}.{called}(...)` in line {first + each.lineno - 1}"
+    return ""
 
 
 def make_mission(file: MissionFile) -> Mission:

@@ -1,4 +1,6 @@
-"""What SOTER and the mux tell each other: JSON in std_msgs/String. Standard library only.
+"""What SOTER and the mux tell each other, JSON in std_msgs/String; and readers for messages of any wire.
+
+Standard library only.
 
 An order is not an event but all that is to hold, numbered: one that is lost is made good by the next, one that comes
 twice or too late is known by its number.

@@ -17,6 +17,9 @@ from soter.report.strokes import end_s, marks, stretches
 
 ALARM: Final = "#B3261E"
 
+_MARK_PT: Final = 13.0
+"""How large the marks of starts and ends are, in points."""
+
 Extent = tuple[float, float, float, float]
 """Low x and y, high x and y, in metres."""
 
@@ -61,8 +64,16 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
     _marks(axes, run, since_s)
     for robot_id, track in sorted(run.tracks.items()):
         if track.time_s:
-            _numbered(axes, track.x_m[0], track.y_m[0], robot_id, robot_colour(run, robot_id), filled=True)
-            _numbered(axes, track.x_m[-1], track.y_m[-1], robot_id, robot_colour(run, robot_id), filled=False)
+            start, end = (track.x_m[0], track.y_m[0]), (track.x_m[-1], track.y_m[-1])
+            colour = robot_colour(run, robot_id)
+            if _apart_pt(axes, start, end) > _MARK_PT:
+                _disc(axes, *end, colour, "white", _MARK_PT)
+                _number(axes, *end, robot_id, colour)
+            else:
+                # A ring around the start, which it would hide.
+                _disc(axes, *start, colour, "white", 1.5 * _MARK_PT)
+            _disc(axes, *start, "white", colour, _MARK_PT)
+            _number(axes, *start, robot_id, "white")
     if note:
         axes.text(
             0.5, 0.004, note, transform=axes.transAxes, ha="center", va="bottom", color=SOFT, fontsize=8.5,
@@ -109,11 +120,19 @@ def _marks(axes: Axes, run: RunTracks, since_s: float) -> None:
     )  # fmt: skip
 
 
-def _numbered(axes: Axes, x_m: float, y_m: float, robot_id: int, colour: str, *, filled: bool) -> None:
-    axes.plot([x_m], [y_m], "o", ms=13, mfc=colour if filled else "white", mec="white" if filled else colour,
-              mew=1.2, zorder=7)  # fmt: skip
-    axes.text(x_m, y_m, str(robot_id), color="white" if filled else colour, fontsize=7.5, weight="bold", ha="center",
-              va="center_baseline", zorder=8)  # fmt: skip
+def _apart_pt(axes: Axes, one: tuple[float, float], other: tuple[float, float]) -> float:
+    """Return how far apart two places are drawn, in points."""
+    (x, y), (other_x, other_y) = axes.transData.transform([one, other])
+    return math.hypot(x - other_x, y - other_y) * 72.0 / axes.figure.dpi
+
+
+def _disc(axes: Axes, x_m: float, y_m: float, edge: str, face: str, size_pt: float) -> None:
+    axes.plot([x_m], [y_m], "o", ms=size_pt, mfc=face, mec=edge, mew=1.2, zorder=7)
+
+
+def _number(axes: Axes, x_m: float, y_m: float, robot_id: int, colour: str) -> None:
+    axes.text(x_m, y_m, str(robot_id), color=colour, fontsize=7.5, weight="bold", ha="center", va="center_baseline",
+              zorder=8)  # fmt: skip
 
 
 def draw_rule(axes: Axes, rule: Margins) -> None:

@@ -12,7 +12,7 @@ from soter.distribution.bus import Bus
 from soter.errors import SoterError, account_of
 from soter.geometry.workspace import Workspace
 from soter.machine import Event, MachineError, MachineRef, Runtime
-from soter.missions import Stage, make_mission
+from soter.missions import ScriptFailed, Stage, make_mission
 from soter.record.messages import TransitionEvent
 from soter.record.samples import DETAIL_CHARACTERS, in_words
 from soter.rta import ControlReport, Report
@@ -28,6 +28,9 @@ from soter.stack.planners import PlannerSpec, PlanRequest, PlanService
 from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 
 logger = logging.getLogger(__name__)
+
+SAYS: Final = "mission: "
+"""What begins a line that a mission logs, as it begins each line that a mission's own process prints."""
 
 _MOST_SAYINGS: Final = 100
 """What a mission says in one tick; the rest is counted."""
@@ -217,8 +220,8 @@ class MachineHost:
             return
         # Half a surrogate pair is text in Python, and nowhere else.
         text, scene = text[:_LONGEST_SAYING].encode("utf-8", "replace").decode(), self._scene
-        # Nobody has to set up logging to see what a script says.
-        logger.warning("%s", text)
+        # A warning, so that nobody has to set up logging to see what a script says.
+        logger.warning("%s%s", SAYS, text)
         if scene is not None and scene.on_transition is not None:
             scene.on_transition(TransitionEvent(self._now(), name, 0, HERE, "", "", "log", text[:DETAIL_CHARACTERS]))
 
@@ -234,5 +237,9 @@ class MachineHost:
 
     def _failed(self, failure: MachineError) -> None:
         """One robot's machine costs that robot its AC; the task planner's failure costs all of them theirs."""
-        logger.error("a machine of the mission failed: %s", failure)
-        self.failures.setdefault(self._owners.get(failure.machine), str(failure))
+        robot_id, words = self._owners.get(failure.machine), str(failure)
+        if isinstance(failure.__cause__, ScriptFailed):
+            # Its author knows the line; the machine that drives it is nothing of theirs.
+            words = f"its script failed: {failure.__cause__}"
+        logger.error("a machine of the mission failed: %s: %s", failure.machine, words)
+        self.failures.setdefault(robot_id, words)

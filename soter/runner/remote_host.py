@@ -59,7 +59,8 @@ class OutputPump:
             for line in lines[:_PASSED_LINES]:
                 if line.strip():
                     text = "".join(c if c.isprintable() else " " for c in line[:_PASSED_CHARACTERS])
-                    logger.warning("%s: %s", self._name, text)
+                    # What a script logs has the mission's name already, as in the process of the run.
+                    logger.warning("%s: %s", self._name, text.removeprefix(f"{self._name}: "))
             if len(lines) > _PASSED_LINES:
                 logger.warning("%s: ... and %d lines more", self._name, len(lines) - _PASSED_LINES)
             time.sleep(_PAUSE_S)

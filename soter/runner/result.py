@@ -255,7 +255,9 @@ class RunResult(BaseModel, frozen=True):
             f"robot {robot} was not under control for {each.lasted_s:g} s, first after {each.first_s:g} s: {each.cause}"
             for robot, each in self.uncontrolled.items()
         ]
-        return [*lost, *failed, *stalled, *(f"robot {robot} never moved" for robot in self.never_moved)]
+        given_up = [f"robot {robot} lost its AC: {why}" for robot, why in self.failed_robots.items()]
+        never = [f"robot {robot} never moved" for robot in self.never_moved]
+        return [*lost, *failed, *stalled, *given_up, *never]
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,18 @@ def test_what_is_finished_is_never_repeated_and_more_seeds_add_to_it(tmp_path: P
     )
 
 
+def test_what_is_finished_is_counted_before_anything_is_said(tmp_path: Path) -> None:
+    parts = {"seeds": [1, 2]}, {"set": {"ac": "adversary:chase"}, "seeds": [1, 2, 3]}
+    ran(campaign(tmp_path, {"seeds": [1]}, parts[1]), tmp_path / "kept.sqlite")
+    said: list[str] = []
+    totals = ran(
+        campaign(tmp_path, *parts), tmp_path / "kept.sqlite",
+        on_change=lambda totals, _: said.append(f"{totals.runs} of {totals.planned}"),
+    )  # fmt: skip
+    assert said == ["4 of 5", "5 of 5", "5 of 5"]
+    assert totals.status["done"] == 5
+
+
 def test_stopped_and_carried_on_it_is_what_it_would_have_been(tmp_path: Path) -> None:
     read = campaign(tmp_path, {"seeds": [1, 2, 3], "grid": {"targets": ["grid", "hostile"]}})
     done: list[RunRow] = []

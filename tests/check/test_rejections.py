@@ -180,6 +180,9 @@ def test_another_condition_that_fails(text: str) -> None:
 def test_a_declaration_that_holds_says_by_how_much() -> None:
     found = {each.condition: each for each in conditions(module(), Timing(latency_s=0.05), TICK_S)}
     assert {each.verdict for each in found.values()} == {Certainty.PROVED}
+    assert "is 2 base ticks;" in found["P1a"].text
+    single = conditions(replace(module(), delta_s=TICK_S), Timing(), TICK_S)[0]
+    assert "is 1 base tick;" in single.text
     assert found["P3"].figures["reach"] == pytest.approx(0.22 * found["P3"].figures["horizon_s"] + 0.0242)  # type: ignore[operator]
     predicate = conditions(replace(module(), phi_safer=lambda s: True), Timing(), TICK_S)[-1]
     assert "phi_safer is a predicate" in predicate.text

@@ -52,8 +52,8 @@ def test_examples_in_the_help_name_files_that_exist() -> None:
     assert [name for name in named if not (ROOT / name).is_file()] == []
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["sim", "zenoh"], ["campaign", "draw"]])
-def test_help_names_no_type_for_options_that_take_no_value(
+@pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["sim", "zenoh"], ["campaign", "draw"]])
+def test_help_names_no_type_for_arguments_and_for_options_that_take_no_value(
     command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["soter", *command, "--help"])
@@ -61,7 +61,7 @@ def test_help_names_no_type_for_options_that_take_no_value(
         main()
     text = capsys.readouterr().out
     assert "--help" in text
-    assert "bool" not in text
+    assert not [word for word in ("bool", "<path>", "list[", "<str>", "[[") if word in text]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100])

@@ -158,7 +158,7 @@ def test_recordings_are_shown_side_by_side(tmp_path: Path) -> None:
     assert soter("compare", one, other, "-o", page).exit_code == 0
     text = page.read_text()
     assert text.count("<iframe") == 2
-    assert "min_margin.collision" in text
+    assert "least margin: collision" in text
     assert not re.search(r"(?:src|href)=\"https?:", text)
     assert soter("compare", one, "-o", page, "--force").exit_code == 2
     assert soter("compare", one, other, "-o", page).exit_code == 2

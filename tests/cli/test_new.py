@@ -11,6 +11,8 @@ import pytest
 
 from soter.cli.new import adapter, check_name, write_adapter
 from soter.errors import ConfigError
+from soter.onboard.command import Command, GoalMessage, Report
+from soter.onboard.wire import GateReport
 from tests.project.source import ROOT
 from tests.warm import warm
 
@@ -61,6 +63,13 @@ def test_it_is_clean_and_says_nothing_of_what_it_was_made_from(package: Path) ->
     for path in (path for path in files if path.suffix == ".py"):
         compile(path.read_text(), path, "exec")
         assert max(map(len, path.read_text().splitlines())) <= 120
+
+
+def test_its_page_names_all_that_a_wire_of_ones_own_has_to_carry(package: Path) -> None:
+    page = (package / "README.md").read_text()
+    for message in (Command, GoalMessage, Report, GateReport):
+        assert f"{message.__name__}`" in page
+        assert [field for field in message._fields if f"`{field}`" not in page] == []
 
 
 @pytest.mark.parametrize("name", ["", "Crawler", "my-bot", "2bot", "a__b", "_a", "a_", "class", "a b", "../a", "zenoh"])

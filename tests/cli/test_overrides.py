@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from soter.cli.overrides import load_with_engine, merge, module_list, parse_setting
+from soter.cli.overrides import from_here, load_with_engine, merge, module_list, parse_setting
 from soter.errors import ConfigError
 from tests.cli.conftest import MISSION
 
@@ -33,6 +33,26 @@ def test_a_setting_is_read_as_toml_or_as_a_text(setting: str, key: str, value: o
 def test_a_malformed_setting_is_refused(setting: str) -> None:
     with pytest.raises(ConfigError, match="not of the form key=value"):
         parse_setting(setting)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "rest"),
+    [
+        ("mine.py:Mine", "mine.py", ":Mine"),
+        ("./mine.py", "mine.py", ""),
+        ("a//b/./mine.py:Mine", "a/b/mine.py", ":Mine"),
+        ("../mine.py", "../mine.py", ""),
+        ("/a/mine.py:Mine", "/a/mine.py", ":Mine"),
+    ],
+)
+def test_a_file_is_one_of_the_present_folder_however_it_is_written(name: str, file: str, rest: str) -> None:
+    assert from_here(name) == f"{Path.cwd() / file}{rest}"
+
+
+def test_a_module_is_of_no_folder() -> None:
+    assert (from_here("package.module:Mine"), from_here("surveillance"), from_here(None)) == (
+        "package.module:Mine", "surveillance", None,
+    )  # fmt: skip
 
 
 def test_options_that_are_not_given_override_nothing() -> None:

@@ -182,6 +182,13 @@ def test_strict_exits_with_1_where_nothing_else_is_wrong_and_names_what_is(
     assert ran().exit_code in (0, 3, 130)
 
 
+def test_a_robot_without_its_ac_fails_a_strict_run(monkeypatch: pytest.MonkeyPatch, kinematic_run: Run) -> None:
+    ending(monkeypatch, kinematic_run, failed_robots={2: "ValueError: no place"})
+    assert ran().exit_code == 0
+    done = ran("--strict")
+    assert (done.exit_code, done.stderr) == (1, "error: --strict: robot 2 lost its AC: ValueError: no place\n")
+
+
 def test_a_failed_assumption_is_in_the_summary_and_fails_a_strict_run() -> None:
     fault = "fault=[{kind='bias', x_m=0.2, start_s=5.0, declared=false, robot=1}]"
     done = ran(*QUICK, "--set", fault, "--strict")

@@ -134,6 +134,15 @@ def test_what_makes_a_run_special_is_remarked(result: RunResult) -> None:
     assert shown["plans replaced"][0] == "2 by certified ways"
 
 
+def test_a_controllers_run_says_nothing_of_targets_which_it_has_none_of(result: RunResult) -> None:
+    names = {"targets reached", "given up", "longest stall", "no progress for"}
+    assert names <= values(result).keys()
+    driven = made(result, ac="/home/me/orbit.py:Orbit")
+    assert not names & values(driven).keys()
+    assert "longest without AC" in values(driven)
+    assert "; AC orbit.py:Orbit, " in headline(driven)
+
+
 def test_the_summary_names_all_it_takes_to_run_it_again(result: RunResult) -> None:
     assert headline(result) == (
         "2 robots for 60 s on kinematic, engine kinematic; planner straight-line, grid targets, collision, obstacle, "

@@ -12,6 +12,7 @@ import pytest
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
 from soter.missions import ROOM, make_mission, waypoints
+from soter.missions.names import not_awaited
 from soter.record.reader import Recording
 from soter.runner import Run, run_mission
 from tests.missions import scripts
@@ -117,7 +118,7 @@ def test_scripts_see_themselves_the_others_and_the_room_and_are_heard(
         (1, pytest.approx(1.0, abs=0.01), 2, pytest.approx(4.0, abs=0.01), True, 5.0),
         (2, pytest.approx(4.0, abs=0.01), 1, pytest.approx(1.0, abs=0.01), True, 5.0),
     ]
-    assert "robot 1 has looked" in caplog.messages
+    assert "mission: robot 1 has looked" in caplog.messages
     events = [each for tick in Recording(tmp_path / "run.mcap").ticks() for each in tick.events]
     said = [getattr(each, "detail", "") for each in events if getattr(each, "event", "") == "log"]
     assert sorted(said) == ["robot 1 has looked", "robot 2 has looked"]
@@ -146,7 +147,8 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other() -> None:
     result = ran("Raises", duration_s=20.0).result
     assert (result.status, result.violated) == ("completed", False)
     assert set(result.failed_robots) == {1}
-    assert "RuntimeError: out of ideas (scripts.py, line " in result.failed_robots[1]
+    assert result.failed_robots[1].startswith("its script failed: RuntimeError: out of ideas (scripts.py, line ")
+    assert "machine" not in result.failed_robots[1]
     assert result.targets_reached >= 1
 
 
@@ -222,7 +224,53 @@ def test_in_a_process_of_its_own_it_is_the_same(caplog: pytest.LogCaptureFixture
     assert "RuntimeError: out of ideas (scripts.py, line " in result.failed_robots[1]
 
 
+def test_what_a_script_logs_reads_the_same_from_a_process_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        ran("Looks", backend=ZMQ, duration_s=5.0)
+    assert {f"mission: robot {robot_id} has looked" for robot_id in (1, 2)} <= {*caplog.messages}
+
+
 # --- names -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("statement", "words"),
+    [
+        ("robot.go_to(1, 2)", "`robot.go_to(...)` in line 11;"),
+        ("robot.sleep(1.0)", "`robot.sleep(...)` in line 11;"),
+        ("self.home(robot)", "`self.home(...)` in line 11;"),
+        ("if robot.engaged: robot.until(bool)", "`robot.until(...)` in line 11;"),
+        ("self.log(robot.now())", ""),
+        ("go = robot.go_to(1, 2); await go", ""),
+        ("await self.home(robot)", ""),
+        ("time.sleep(0)", ""),
+    ],
+)
+def test_a_call_that_is_not_awaited_is_refused_with_its_line(statement: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(f"""\
+import time
+
+from soter import Mission, Robot
+
+
+class Mine(Mission):
+    async def home(self, robot: Robot) -> None:
+        await robot.go_to(1, 1)
+
+    async def run(self, robot: Robot) -> None:
+        {statement}
+""")
+    if not words:
+        assert make_mission(told(str(tmp_path / "mine.py"))) is not None
+        return
+    with pytest.raises(ConfigError) as caught:
+        make_mission(told(str(tmp_path / "mine.py")))
+    assert words in str(caught.value)
+    assert caught.value.key == "mission"
+
+
+def test_a_script_without_its_source_is_taken_as_it_is() -> None:
+    assert not_awaited(type("MadeAtAPrompt", (scripts.Looks,), {})) == ""
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,17 @@ def test_it_opens_quickly_and_is_small(browser: Any, made: Made) -> None:
         assert not page.is_visible("#loading")
 
 
+def test_a_controllers_page_shows_nothing_of_targets(browser: Any, made: Made, tmp_path: Path) -> None:
+    recorded(tmp_path / "run.mcap", duration_s=10.0, ac="adversary:chase")
+    (tmp_path / "run.html").write_text(make_page(Recording(tmp_path / "run.mcap")), encoding="utf-8")
+    for path, shown in ((made.path, True), (tmp_path / "run.html", False)):
+        with opened(browser, path) as page:
+            for part in (".plan", "#figures", "[aria-label='Marks of the time lines']"):
+                assert ("target" in page.inner_text(part).lower()) is shown, part
+            least, parent = (page.locator(where).bounding_box() for where in (".figure:last-child", "#figures"))
+            assert least["x"] + least["width"] == pytest.approx(parent["x"] + parent["width"], abs=1.0)
+
+
 def test_it_shows_the_figures_of_the_recording(browser: Any, made: Made) -> None:
     with opened(browser, made.path) as page:
         assert "No violation" in page.inner_text("#verdict")

@@ -107,3 +107,31 @@ def test_recordings_beside_each_other_are_in_step(browser: Any, tmp_path: Path) 
         for frame in page.frames[1:]:
             plan, player = (frame.locator(name).bounding_box() for name in ("#plan", "#transport"))
             assert plan["y"] + plan["height"] <= player["y"]
+
+
+def test_plans_beside_each_other_have_one_scale_where_both_can_be_seen(browser: Any, tmp_path: Path) -> None:
+    sides_m = {"small": 5, "wide": 9, "huge": 60}
+    for name, side_m in sides_m.items():
+        (tmp_path / f"{name}.toml").write_text(f"""\
+[fence]
+polygon = [[0, 0], [{side_m}, 0], [{side_m}, 4], [0, 4]]
+[[station]]
+x_m = 1.0
+y_m = 1.0
+side_m = 0.4
+""")
+        recorded(tmp_path / f"{name}.mcap", duration_s=2.0, workspace=str(tmp_path / f"{name}.toml"))
+    scales = "[...document.querySelectorAll('iframe')].map((each) => each.contentWindow.soter?.page?.plan.fit)"
+    for one, other, same in (("small", "wide", True), ("small", "huge", False)):
+        page_file = tmp_path / f"{other}.html"
+        both = [Recording(tmp_path / f"{name}.mcap") for name in (one, other)]
+        page_file.write_text(make_beside(both), encoding="utf-8")
+        with silent(browser, page_file) as page:
+            until(page, f"{scales}.every((each) => each)")
+            if same:
+                until(page, f"new Set({scales}).size === 1")
+                page.set_viewport_size({"width": 1000, "height": 700})
+                until(page, f"new Set({scales}).size === 1")
+            else:
+                first, second = page.evaluate(scales)
+                assert first > 3.0 * second

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from soter.campaign.report.beside import make_beside
 from soter.record.content import Content, RecordedTick
 from soter.record.messages import BreachEvent, DropEvent, Event, StallEvent, WorstMessage
 from soter.record.reader import Recording
@@ -281,3 +282,20 @@ def test_a_run_without_modules_has_the_margins_that_ground_truth_goes_by(tmp_pat
         # Between two ticks a robot drives a few centimetres, which the truth sees.
         assert truth[rule] - 1e-3 <= margin <= truth[rule] + 0.03, rule
     assert min(least.values()) < 0.0
+
+
+# --- beside each other --------------------------------------------------------------------------------------
+
+
+def test_recordings_beside_each_other_are_told_in_words_with_all_their_rules(tmp_path: Path) -> None:
+    recorded(tmp_path / "mission.mcap", duration_s=2.0)
+    recorded(tmp_path / "driven.mcap", duration_s=2.0, ac="adversary:chase")
+    page = make_beside([Recording(tmp_path / f"{name}.mcap") for name in ("mission", "driven")])
+    cells = re.findall(r"<tr><td>(.*?)</td><td>(.*?)</td><td>(.*?)</td></tr>", page)
+    table = {name: (one, other) for name, one, other in cells}
+    assert not [name for name in table if "_" in name or "." in name]
+    assert table["duration"] == ("2 s", "2 s")
+    assert table["advanced controller"] == ("mission surveillance", "adversary:chase")
+    assert table["targets reached"] == ("0", "-")
+    assert all(each.endswith(" m") for each in table["least margin: geofence"])
+    assert all(each.endswith(" %") for each in (*table["least margin: battery"], *table["AC in control"]))

@@ -77,6 +77,17 @@ def test_the_caption_is_set(run: RunTracks) -> None:
     assert any(all(figure in text for figure in CAPTION.figures) for text in found)
 
 
+def test_a_robot_that_ends_where_it_began_shows_both(run: RunTracks) -> None:
+    back = run.tracks[1].x_m
+    back[-1] = back[0] + 0.02
+    lines = make_figure(run, CAPTION).axes[0].lines
+    discs = [line for line in lines if line.get_zorder() == 7]
+    places = np.hstack([np.asarray(disc.get_data(), float) for disc in discs])
+    assert places == pytest.approx(np.array([[0.0, 0.0, 0.9, 0.0], [1.0, 1.0, 2.0, 2.0]]))
+    ring, start, end, other = (disc.get_markersize() for disc in discs)
+    assert ring > start == end == other
+
+
 def test_ways_are_coloured_by_who_was_in_control(run: RunTracks) -> None:
     found = ways(make_figure(run, CAPTION))
     # Two robots, three drivers each: 4 + 1 samples of the AC in two pieces, and so on.

@@ -5,18 +5,30 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from html import escape
+from pathlib import PurePath
 from typing import Any, Final
 
 from soter.campaign.report.page import card, page_of, table
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
-from soter.sdk import RULES
 
-FIGURES: Final = (
-    "status", "backend", "engine", "planner", "ac", "seed", "duration_s",
-    *(f"violations.{rule}" for rule in RULES), *(f"min_margin.{rule}" for rule in RULES),
-    "ac_share", "disengagements_total", "targets_reached", "longest_stall_s", "no_progress_s",
-)  # fmt: skip
+ABOUT: Final = {
+    "status": "status", "backend": "backend", "engine": "engine", "ac": "advanced controller", "planner": "planner",
+    "seed": "seed", "duration_s": "duration",
+}  # fmt: skip
+"""What was run: keys of results, and what they are called."""
+
+FIGURES: Final = {
+    "ac_share": "AC in control", "disengagements_total": "disengagements", "targets_reached": "targets reached",
+    "longest_stall_s": "longest stall", "longest_without_ac_s": "longest without AC",
+    "no_progress_s": "no progress for", "trace_sha256": "trace",
+}  # fmt: skip
+"""What came of it, besides the rules."""
+
+OF_MISSIONS: Final = ("planner", "targets_reached", "longest_stall_s", "no_progress_s")
+"""What says nothing of a controller's run."""
+
+_LONGEST: Final = 24
 
 
 def make_beside(recordings: Sequence[Recording]) -> str:
@@ -28,8 +40,14 @@ def make_beside(recordings: Sequence[Recording]) -> str:
     """
     names = [recording.path.name for recording in recordings]
     results = [json.loads(recording.result_json or b"{}") for recording in recordings]
-    rows = [[name, *(_shown(result, name) for result in results)] for name in FIGURES]
-    rows.append(["trace", *(result.get("trace_sha256", "-")[:12] for result in results)])
+    # The rules of all of them: a module of the user's own may be in some only.
+    rules = dict.fromkeys(rule for result in results for rule in result.get("violations") or {})
+    counted = {f"violations.{rule}": f"violations: {rule}" for rule in rules}
+    margins = {f"min_margin.{rule}": f"least margin: {rule}" for rule in rules}
+    rows = [
+        [words, *(_shown(result, key) for result in results)]
+        for key, words in {**ABOUT, **counted, **margins, **FIGURES}.items()
+    ]
     # The text of a frame's page is an attribute of this one, so that all is one file.
     frames = "".join(
         f'<iframe title="{escape(name)}" srcdoc="{escape(make_page(recording))}"></iframe>'
@@ -39,8 +57,16 @@ def make_beside(recordings: Sequence[Recording]) -> str:
     return page_of(" beside ".join(names), "They play in step: whichever is moved, the others follow.", parts)
 
 
-def _shown(result: dict[str, Any], name: str) -> str:
+def _shown(result: dict[str, Any], key: str) -> str:
     value: Any = result
-    for part in name.split("."):
+    for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else None
-    return "-" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
+    if value is None or (key in OF_MISSIONS and result["ac"] != "mission"):
+        return "-"
+    if key == "ac":
+        return f"mission {PurePath(result['does']).name}" if value == "mission" else PurePath(value).name
+    if key in ("ac_share", "min_margin.battery"):
+        return f"{100.0 * value:.1f} %"
+    if key.startswith("min_margin."):
+        return f"{value:.3f} m"
+    return f"{value:g} s" if key.endswith("_s") else str(value)[:_LONGEST]

@@ -218,7 +218,7 @@ def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:
         "mission": summary.mission,
         "backend": summary.backend,
         "engine": result.engine or "",
-        "ac": str(recording.about.mission.get("ac", "mission")),
+        "ac": PurePath(str(recording.about.mission.get("ac", "mission"))).name,
         "planner": str(recording.about.mission.get("planner", "")),
         "seed": summary.seed,
         "elsewhere": [peer.robot_id for peer in recording.about.peers],

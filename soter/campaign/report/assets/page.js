@@ -28,9 +28,25 @@
     });
   });
 
+  // Plans side by side have one scale, unless that would make one of them too small to see anything.
+  const SMALLEST = 1 / 3;
+  const toScale = () => {
+    const pages = frames.map((frame) => frame.contentWindow.soter?.page).filter((page) => page?.plan.ownFit);
+    const fits = pages.map((page) => page.plan.ownFit);
+    const least = Math.min(...fits);
+    const most = least < SMALLEST * Math.max(...fits) ? Infinity : least;
+    for (const page of pages) {
+      if (page.plan.mostFit !== most) {
+        page.plan.mostFit = most;
+        page.resize();
+      }
+    }
+  };
+
   // Recordings side by side: all are at the time of the one that was moved last. Each frame is a page of its own.
   const shown = new Map();
   const inStep = () => {
+    toScale();
     const players = frames.map((frame) => frame.contentWindow.soter?.player).filter((player) => player);
     const moved = players.find((player) => Math.abs(player.timeS - (shown.get(player) ?? player.timeS)) > 1e-6);
     players.forEach((player) => {

@@ -16,6 +16,8 @@
     return made;
   }
 
+  // Controllers are given no targets, missions are.
+  const aims = (run) => run.summary.ac === "mission";
   const total = (counts) => Object.values(counts).reduce((sum, each) => sum + each, 0);
   const many = (count, thing) => `${count.toLocaleString("en")} ${thing}${count === 1 ? "" : "s"}`;
   const dot = (colour) => element("i", { class: "dot", style: `--dot: ${colour}`, "aria-hidden": "true" });
@@ -32,7 +34,7 @@
   function subtitle(run) {
     const { summary } = run;
     const engine = summary.engine && summary.engine !== summary.backend ? `engine ${summary.engine}` : "";
-    const errand = summary.ac === "mission" ? (summary.planner ? `planner ${summary.planner}` : "") : `AC ${summary.ac}`;
+    const errand = aims(run) ? (summary.planner ? `planner ${summary.planner}` : "") : `AC ${summary.ac}`;
     const when = summary.startedUtc.replace("T", " ").replace("+00:00", " UTC");
     return [engine, errand, `seed ${summary.seed}`, summary.virtualTime ? "virtual time" : "wall clock", when].filter((each) => each).join(" · ");
   }
@@ -160,6 +162,7 @@
     ));
     const hours = (run.robots.length * (run.lastS - run.firstS)) / 3600;
     const taken = run.disengagements.length;
+    for (const each of document.querySelectorAll(".of-targets")) each.hidden = !aims(run);
     const ended = total(summary.targets);
     const givenUp = Object.entries(summary.targets).filter(([name]) => name !== "reached").map(([name, count]) => `${count} ${name.replace("_", " ")}`);
     const margins = Object.entries(truth.margins).filter(([, value]) => value !== null);
@@ -167,7 +170,7 @@
       figure("AC driving", summary.ticks ? percent1(summary.acShare) : "–", "of the robots' time", bar),
       figure("Disengagements", taken.toLocaleString("en"), counted.length ? counted : "no safety modules"),
       figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
-      figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended"),
+      ...(aims(run) ? [figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended")] : []),
       figure("Least true margin", margins.length ? "" : "not known", margins.length
         ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? CHARGE : "m"))))
         : truth.known === "no" ? "there is no ground truth" : run.goesOn ? "said when the run has ended" : "the run did not get to say it"),
@@ -202,7 +205,8 @@
     const items = run.robots.map((robot) => [`robot ${robot.id}, AC`, `background: ${style.shade(robot.colour)}`, "round"]);
     items.push(...run.drivers.slice(1).map((each) => [each.name, `background: ${style.shade(each.colour)}`, "round"]));
     if (run.drivers.length > 1) items.push(["reach: body and R(H)", "", "ring"], ["taken from its AC", "", "mark"]);
-    items.push(["target", "", "cross"], ["way to the next goal", "", "way"], ["charger", "", "charger"]);
+    if (aims(run)) items.push(["target", "", "cross"]);
+    items.push(["way to the next goal", "", "way"], ["charger", "", "charger"]);
     if (run.truth.violations.length) items.push(["breaks a rule", "", "breaks"]);
     if (run.robots.some((robot) => robot.modules.some((each) => each.name === "geofence" && each.edge !== null))) {
       items.push(["fence, edge of φ_safe", "", "fence"], ["inside: φ_safer", "", "safer"]);

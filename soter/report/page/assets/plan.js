@@ -19,6 +19,7 @@
       this.layers = { reach: true, ways: true, targets: true, marks: true };
       this.trailS = 60;
       this.zoom = 1;
+      this.mostFit = Infinity; // pixels a metre; less on a page of several plans, which are to have one scale
       this.grown();
     }
 
@@ -44,7 +45,8 @@
       const player = document.getElementById("transport").offsetHeight;
       const room = window.innerHeight - player - (this.canvas.getBoundingClientRect().top + window.scrollY) - 10;
       const most = room >= LEAST_PX ? room : Math.max(LEAST_PX, window.innerHeight - player - 40);
-      this.fit = Math.min(width / (east - west), most / (north - south));
+      this.ownFit = Math.min(width / (east - west), most / (north - south));
+      this.fit = Math.min(this.ownFit, this.mostFit);
       const ratio = window.devicePixelRatio || 1;
       this.width = Math.floor(this.fit * (east - west));
       this.height = Math.floor(this.fit * (north - south));
