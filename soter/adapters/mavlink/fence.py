@@ -17,6 +17,7 @@ from soter.adapters.mavlink.frames import GeoPoint, geodetic_e7
 from soter.adapters.mavlink.item_lists import FENCE, Item, ItemLists
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.errors import RobotUnavailable
+from soter.geometry.site import Site
 from soter.geometry.workspace import Point, Workspace
 
 _RETRY_S: Final = 0.4
@@ -42,6 +43,9 @@ def fence_items(workspace: Workspace, origin: GeoPoint) -> list[Item]:
         origin: where on earth its origin is, on the sphere by which the vehicle reckons.
     """
     fence, keep_outs = workspace.outlines()
+    if isinstance(workspace, Site) and workspace.plan.map is not None:
+        # Outlines of a map are for the eye, and may reach into what is free.
+        keep_outs = workspace.plan.map.rings()
     rings = [] if fence is None else [(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, fence)]
     rings += [(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION, ring) for ring in keep_outs]
     return [item for command, ring in rings for item in _polygon(command, ring, origin)]

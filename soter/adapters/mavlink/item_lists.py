@@ -95,6 +95,8 @@ class ItemLists:
         Raises:
             RobotUnavailable: the vehicle does not take it.
         """
+        if len(items) > _MOST:
+            raise RobotUnavailable(f"a list of {len(items)} items is more than a vehicle can take; allowed: {_MOST}")
         vehicle, asked_s, given = self._vehicle, -math.inf, 0
         self._heard.clear()
         while True:

@@ -6,14 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.fence import fence_items
 from soter.adapters.mavlink.frames import GeoPoint, geodetic_e7, local_m
+from soter.adapters.mavlink.item_lists import FENCE, ItemLists
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.errors import RobotUnavailable
+from soter.geometry.grid import GridMap, pack
 from soter.geometry.site import Site, SitePlan
 from soter.sdk import Fleet
 from soter_sim.mavlink.kinds import Mode
@@ -151,6 +154,17 @@ def test_who_holds_it_already_is_sent_nothing() -> None:
         fleet.robots[0].init(20.0)
         assert wire.autopilot(1).fence.enabled
     assert not sent
+
+
+def test_of_a_map_exactly_what_is_occupied_is_kept_out() -> None:
+    # A chess board, of which nothing can be put together.
+    occupied = np.indices((100, 100)).sum(axis=0) % 2 == 1
+    grid = GridMap(100, 100, 0.5, 0.0, 0.0, 0.0, pack(occupied))
+    site = Site(SitePlan(fence=grid.ring(0, 0, 100, 100), around=(), areas=(), robots=ONE.robots, map=grid))
+    items = fence_items(site, HERE)
+    assert len(items) == 4 + 4 * np.count_nonzero(occupied)
+    with opened() as (fleet, _), pytest.raises(RobotUnavailable, match=r"20004 items is more than .* allowed: 10000"):
+        next(ItemLists(fleet.robots[0]._vehicle).upload(FENCE, items))  # type: ignore[attr-defined]
 
 
 def test_a_workspace_without_any_boundary_has_no_fence() -> None:
