@@ -5,224 +5,23 @@ from __future__ import annotations
 import copy
 import itertools
 import json
-import math
 import os
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
-from random import Random
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Any
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import ValidationError
 
-from soter.campaign.conditions import Requirement, StoppingRule
 from soter.campaign.job import Job
 from soter.campaign.sources import code_hash, sources_hash
+from soter.campaign.tables import DRAWN, SEED, CampaignTable, PartTable, Settings, flat
 from soter.config import MissionFile
-from soter.config.tables import Name, Table, wrong
 from soter.errors import ConfigError
 from soter.problems import config_error, parse_toml, pydantic_problems, read_limited, shown_value
 from soter.registry import load_backend
 from soter.sdk import RULES
-
-SEED: Final = "seed"
-DRAWN: Final = "random"
-"""The mission of a part whose configurations are drawn; see `soter.campaign.random`."""
-
-Settings = dict[str, Any]
-Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
-Count = Annotated[int, Field(ge=1, le=10_000_000)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class SeedsTable(Table):
-    """Seeds that follow each other.
-
-    Attributes:
-        first: the first of them.
-        count: how many.
-    """
-
-    first: Seed = 1
-    count: Count
-
-
-class RangeTable(Table):
-    """Where a number is drawn from, or searched for.
-
-    Attributes:
-        low: the least.
-        high: the greatest.
-        log: evenly over its logarithm.
-        whole: whole numbers only.
-    """
-
-    low: Number
-    high: Number
-    log: bool = False
-    whole: bool = False
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.high <= self.low:
-            raise wrong(("high",), self.high, f"above low, which is {self.low:g}")
-        if self.log and self.low <= 0.0:
-            raise wrong(("low",), self.low, "above 0 where log is true")
-        return self
-
-    def at(self, part: float) -> float:
-        """Return the number at a part of the range, from 0 to 1."""
-        if self.log:
-            value = math.exp(math.log(self.low) + part * (math.log(self.high) - math.log(self.low)))
-        else:
-            value = self.low + part * (self.high - self.low)
-        # A number that can be written is one that a command line can repeat.
-        return round(value) if self.whole else float(f"{min(max(value, self.low), self.high):.9g}")
-
-
-def _ranges(tables: object, above: str = "") -> object:
-    """Return nested tables of ranges as ranges by dotted key; for pydantic."""
-    if not isinstance(tables, dict):
-        return tables
-    found: dict[str, object] = {}
-    for key, value in tables.items():
-        name = f"{above}.{_quoted(key)}" if above else key
-        is_inner = isinstance(value, dict) and value and not {"low", "high"} & set(value)
-        inner = _ranges(value, name) if is_inner else {name: value}
-        found |= inner if isinstance(inner, dict) else {}
-    return found
-
-
-class SampleTable(Table):
-    """Settings that are drawn at random.
-
-    Attributes:
-        count: how many times.
-        seed: what is drawn from; a larger count leaves what was drawn before as it was.
-        draw: by key a range, or a list of values.
-    """
-
-    count: Count
-    seed: Seed = 0
-    draw: Annotated[dict[str, RangeTable | list[Any]], BeforeValidator(_ranges)]
-
-    def rows(self) -> Iterator[tuple[str, Settings]]:
-        """Yield a name and settings for each draw."""
-        for number in range(self.count):
-            row: Settings = {}
-            for key, values in self.draw.items():
-                rng = Random(f"sample {self.seed}, {number}, {key}")
-                row[key] = values.at(rng.random()) if isinstance(values, RangeTable) else rng.choice(values)
-            yield str(number + 1), row
-
-
-class SearchTable(Table):
-    """A search for the run with the least figure.
-
-    Attributes:
-        minimise: a figure of the result, such as "min_margin.collision".
-        runs: how many runs it may take.
-        over: the ranges that it searches, by key.
-        seed: what the optimiser draws from.
-        below: it ends at the first run in which the figure is below this; None for never.
-        by: CMA-ES; or at random, to be compared with.
-    """
-
-    minimise: Name
-    runs: Count
-    over: Annotated[dict[str, RangeTable], BeforeValidator(_ranges), Field(min_length=1)]
-    seed: Seed = 0
-    below: Number | None = None
-    by: Literal["cma", "random"] = "cma"
-
-
-class SplitTable(Table):
-    """Importance splitting: how often the least margin of a rule falls below a value; see `soter.campaign.splitting`.
-
-    Attributes:
-        rule: a safety module, or a rule of the user's own.
-        below: the value, in the margin's unit.
-        repetitions: how often all of it is done, independently; the seeds are shared out among them.
-        at_most: what is required of the share of the runs, by the upper end of its interval; None for nothing.
-    """
-
-    rule: Name
-    below: Number = 0.0
-    repetitions: Annotated[int, Field(ge=5, le=1000)] = 10
-    at_most: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
-
-
-Axis = list[Any] | dict[str, dict[str, Any]]
-"""Values of the key that the axis is named after; or by name the settings of several keys."""
-
-
-class PartTable(Table):
-    """Runs that belong together.
-
-    Attributes:
-        name: names it.
-        mission: the mission file, relative to the campaign's; or "random", which draws configurations from the seeds.
-        set: values by key, in all its runs; nested tables are read as dotted keys.
-        grid: axes, of which every combination is run.
-        sample: settings that are drawn; each draw is run with every combination of the grid.
-        seeds: each combination is run with each of them.
-        require: what is asked of its runs; see `soter.campaign.conditions`.
-        until: it is ended when this is shown; see there.
-        repeats: the part whose runs these must repeat bit by bit.
-        search: looks for the worst over declared ranges.
-        split: estimates how often what is rare happens.
-        may_refuse: runs may be refused as ill-formed or not proved.
-        accept_unproved: what cannot be proved is run, as by `soter run --accept-unproved`.
-        limit_s: host time that one run may take.
-        note: what its table says of it.
-    """
-
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
-    mission: Name
-    set: dict[str, Any] = Field(default_factory=dict)
-    grid: dict[str, Axis] = Field(default_factory=dict)
-    sample: SampleTable | None = None
-    seeds: SeedsTable | Annotated[list[Seed], Field(min_length=1)] = Field(default=[1])
-    require: Annotated[tuple[Requirement, ...], Field(strict=False)] = ()
-    until: StoppingRule | None = None
-    repeats: str = ""
-    search: SearchTable | None = None
-    split: SplitTable | None = None
-    may_refuse: bool = False
-    accept_unproved: bool = False
-    limit_s: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] | None = None
-    note: str = ""
-
-    def rows(self) -> Iterator[tuple[dict[str, str], Settings]]:
-        """Yield the names on all axes, and the settings, of every run but for its seed."""
-        axes = {name: [*_axis(name, values)] for name, values in self.grid.items()}
-        if self.sample is not None:
-            axes["sample"] = [*self.sample.rows()]
-        for combination in itertools.product(*axes.values()):
-            settings = flat(self.set)
-            for _, chosen in combination:
-                settings |= chosen
-            yield {axis: name for axis, (name, _) in zip(axes, combination, strict=True)}, settings
-
-    def all_seeds(self) -> Iterable[int]:
-        """Return the seeds."""
-        if isinstance(self.seeds, SeedsTable):
-            return range(self.seeds.first, self.seeds.first + self.seeds.count)
-        return self.seeds
-
-
-class CampaignTable(Table):
-    """A campaign file.
-
-    Attributes:
-        title: of its pages.
-        part: its parts. What stands beside them (`mission`, `set`, `seeds`, ...) are their defaults.
-    """
-
-    title: str = ""
-    part: Annotated[tuple[PartTable, ...], Field(strict=False)]
 
 
 @dataclass(frozen=True)
@@ -269,16 +68,6 @@ class Campaign:
         )  # fmt: skip
 
 
-def flat(tables: Mapping[str, Any], above: str = "") -> Settings:
-    """Return nested tables as dotted keys; a table that is empty is a value."""
-    found: Settings = {}
-    for key, value in tables.items():
-        # Keys of the outermost table may be dotted ones already.
-        name = f"{above}.{_quoted(key)}" if above else key
-        found |= flat(value, name) if isinstance(value, dict) and value else {name: value}
-    return found
-
-
 def _in_faults(settings: Settings, source: str) -> Settings:
     """Return settings in which keys such as fault.0.factor stand in the list that they mean."""
     found = {key: value for key, value in settings.items() if not key.startswith("fault.")}
@@ -291,19 +80,6 @@ def _in_faults(settings: Settings, source: str) -> Settings:
         faults[int(number)][name] = settings[key]
         found["fault"] = faults
     return found
-
-
-def _quoted(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else f'"{key}"'
-
-
-def _axis(key: str, values: Axis) -> Iterator[tuple[str, Settings]]:
-    if isinstance(values, dict):
-        for name, settings in values.items():
-            yield name, flat(settings)
-    else:
-        for value in values:
-            yield value if isinstance(value, str) else json.dumps(value), {key: value}
 
 
 def _with_defaults(part: dict[str, Any], shared: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,8 +11,9 @@ import numpy as np
 
 from soter.campaign.conditions import figure
 from soter.campaign.job import Job
-from soter.campaign.plan import SEED, Campaign, PartTable, flat
+from soter.campaign.plan import Campaign
 from soter.campaign.store import RunRow, Store
+from soter.campaign.tables import SEED, PartTable, flat
 
 _BEGIN_SPREAD: Final = 0.3
 _NOTHING: Final = 1e9

@@ -12,9 +12,10 @@ from typing import Final, Protocol
 from soter.campaign.conditions import StoppingRule, figure
 from soter.campaign.intervals import enough, rate_evidence, share_evidence
 from soter.campaign.job import Done, Job
-from soter.campaign.plan import Campaign, PartTable
+from soter.campaign.plan import Campaign
 from soter.campaign.splitting import Split
 from soter.campaign.store import RunRow, Store
+from soter.campaign.tables import PartTable
 from soter.campaign.workers import Workers
 
 MOST_DEATHS: Final = 3

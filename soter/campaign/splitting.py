@@ -18,8 +18,9 @@ from typing import Any, Final, NamedTuple
 from soter.campaign.conditions import Judged
 from soter.campaign.intervals import positive_mean, proportion
 from soter.campaign.job import FALLS, Job
-from soter.campaign.plan import Campaign, PartTable
+from soter.campaign.plan import Campaign
 from soter.campaign.store import RunRow, Store
+from soter.campaign.tables import PartTable
 
 BRANCHED: Final[Mapping[str, str]] = {"runs": "branched"}
 """The axis of runs that branch from others."""

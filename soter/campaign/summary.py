@@ -11,9 +11,10 @@ from typing import Final
 
 from soter.campaign.conditions import Condition, Judged, figure
 from soter.campaign.intervals import poisson
-from soter.campaign.plan import Campaign, PartTable
+from soter.campaign.plan import Campaign
 from soter.campaign.splitting import BRANCHED, judge_split
 from soter.campaign.store import RunRow, Store
+from soter.campaign.tables import PartTable
 from soter.sdk import RULES
 
 NO_VIOLATION: Final = Condition.parse("violations == 0")

@@ -99,8 +99,9 @@ def run(
     """Run a campaign, or what is left of it: finished runs are kept, and never made again."""
     with guard():
         needs("scipy")
-        from soter.campaign.plan import DRAWN, load_campaign
+        from soter.campaign.plan import load_campaign
         from soter.campaign.store import Store
+        from soter.campaign.tables import DRAWN
         from soter.cli.console import make_console
 
         read = load_campaign(file, merge({}, settings or []), only)

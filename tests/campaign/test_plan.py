@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from soter.campaign.plan import RangeTable, flat, load_campaign
+from soter.campaign.plan import load_campaign
+from soter.campaign.tables import RangeTable, flat
 from soter.errors import ConfigError
 from tests.campaign.here import MISSION, campaign, write
 from tests.project.markdown import blocks
