@@ -64,6 +64,6 @@ def draw_ground(axes: Axes, workspace: Workspace, inset_m: float | None) -> None
         low = charger.low_x_m, charger.low_y_m
         axes.add_patch(Rectangle(low, wide_m, deep_m, fc=CHARGER, ec=MODULES["battery"], lw=1.0))
     for outline in kept_out:
-        axes.add_patch(Polygon(outline, fc=BOX, ec="none", zorder=1.5))
+        axes.add_patch(Polygon(outline, fc=BOX, ec=BOX, lw=0.3, zorder=1.5))
     if fence is not None:
         axes.add_patch(Polygon(fence, fc="none", ec=INK, lw=1.8, zorder=1.6))

@@ -213,7 +213,7 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
             ]),
             ("given back to the AC", lambda y: [disc(18.0, y, 4, mfc="white", mec=robot, mew=0.9)]),
         ]  # fmt: skip
-    samples.append(("box", lambda y: [patch(y, fc=BOX, ec="none")]))
+    samples.append(("kept out", lambda y: [patch(y, fc=BOX, ec="none")]))
     samples.append(("charger", lambda y: [patch(y, fc=CHARGER, ec=MODULES["battery"], lw=1.0)]))
     if run.safer_inset_m is not None:
         samples.append(("from the fence to phi_safer of the geofence", lambda y: [
