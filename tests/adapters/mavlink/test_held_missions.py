@@ -115,9 +115,10 @@ def connection() -> Iterator[str]:
         yield str(address)
 
 
-def test_a_plan_is_downloaded_and_flown(connection: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("backend", ["mavlink", "mavsdk"])
+def test_a_plan_is_downloaded_and_flown(backend: str, connection: str, tmp_path: Path) -> None:
     target, record = tmp_path / "flown.toml", tmp_path / "held.json"
-    given = ["--backend", "mavlink", "--set", f"backends.mavlink.connection={connection}"]
+    given = ["--backend", backend, "--set", f"backends.{backend}.connection={connection}"]
     source = str(EXAMPLES / "surveillance.toml")
     done = CliRunner().invoke(app, ["download", source, *given, "-o", str(target), "--json", str(record)])
     assert done.exit_code == 0, done.output
