@@ -282,6 +282,12 @@ def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None
 def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
     """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
     raw, lines = parse_toml(data, source)
+    if "fence" in raw and "workspace" not in raw:
+        raise ConfigError(
+            "it is a workspace, allowed: a mission file, which names one: "
+            f"workspace = '{Path(source).name}'; `soter workspace` shows what is in this one",
+            source=source,
+        )
     return _checked(raw, source, overrides, lines)
 
 

@@ -347,6 +347,11 @@ def test_all_that_is_wrong_is_listed_in_the_order_of_the_file() -> None:
     ]
 
 
+def test_a_workspace_is_no_mission() -> None:
+    with pytest.raises(ConfigError, match=r"room\.toml: it is a workspace, .* workspace = 'room\.toml'"):
+        parse_mission(b"[fence]\npolygon = [[0, 0], [4, 0], [4, 4]]\n", "worlds/room.toml")
+
+
 def test_a_huge_value_and_a_huge_name_do_not_fill_the_screen() -> None:
     assert len(error(f'targets = "{10_000 * "x"}"\n')) < 200
     assert len(error(f"{10_000 * 'x'} = 1\n")) < 400
