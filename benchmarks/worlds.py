@@ -15,10 +15,13 @@ from contextlib import ExitStack
 from functools import partial
 from statistics import median
 
+import numpy as np
+
 from benchmarks.common import ROOT, SURVEILLANCE, Row, arguments, in_turns, show
 from benchmarks.decision import bound_modules
 from soter.config import MissionFile, load_mission
 from soter.geometry.draft import Draft, Outline, Spot, circle, site_of
+from soter.geometry.grid import GridMap, pack
 from soter.geometry.site import as_box
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import DecisionModule, Situation
@@ -54,6 +57,26 @@ def of_edges(edges: int) -> Workspace:
         draft.keep_outs.append(Outline(f"tree {len(draft.keep_outs)}", ring))
     draft.stations += [Spot("station 1", step_m / 2.0, step_m / 2.0), Spot("station 2", -step_m / 2.0, step_m / 2.0)]
     return site_of(draft, phi_safer_m=0.1, spacing_m=0.5)
+
+
+def of_map(side: int) -> Workspace:
+    """Return a map of so many cells of 5 cm a side: rooms of 10 m with doors, and furniture of any shape in them."""
+    stream, room, cell_m = np.random.default_rng(1), 200, 0.05
+    occupied = np.zeros((side, side), dtype=np.bool_)
+    for wall in [*range(0, side, room), side - 3]:
+        for lines in (occupied, occupied.T):
+            lines[wall : wall + 3] = True
+            for middle in range(room // 2, side, room):
+                lines[wall : wall + 3, middle - 20 : middle + 20] = not 0 < wall < side - 3
+    for row, column in stream.integers(0, side // 50, (side * side // 50_000, 2)) * 50 + 25:
+        wide, deep = stream.integers(2, 12, 2)
+        part = occupied[row - deep : row + deep, column - wide : column + wide]
+        part |= stream.random(part.shape) < 0.7
+    grid = GridMap(side, side, cell_m, 3.0, -4.0, 0.2, pack(occupied))
+    draft = Draft("map", [Outline("edge of the map", grid.ring(0, 0, side, side))], map=grid)
+    places = [grid.corner(room * (0.5 + each), room / 2) for each in (0, 1)]
+    draft.stations += [Spot(f"station {each}", *at) for each, at in enumerate(places, start=1)]
+    return site_of(draft, phi_safer_m=0.1, spacing_m=0.3)
 
 
 def of_boxes() -> Workspace:

@@ -38,6 +38,9 @@ _MOST: Final = 200_000
 """So many cells are kept; after that all are forgotten."""
 
 _MOST_BLOCKS: Final = 4000
+_PARTS: Final = (64, 8, 1)
+"""Lines are looked at in parts of so many cells, and those that may come too near in smaller ones."""
+
 _ENDLESS: Final = 2**60
 _HAIR: Final = 1e-9
 
@@ -106,16 +109,21 @@ class Field(Pieces):
         start, end = (np.stack(self._places(each[:, 0], each[:, 1]), axis=1) for each in (a, b))
         # Most lines that come too near do so at one of the places a cell apart.
         counts = np.ceil(np.hypot(*(end - start).T)).astype(np.intp) + 1
-        line = np.repeat(np.arange(len(a)), counts)
-        step = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
-        share = (step / np.repeat(np.maximum(counts - 1, 1), counts))[:, None]
-        at = start[line] + share * (end - start)[line]
-        low, high = self._between(at[:, 0], at[:, 1])
-        keep[line[high < needed]] = False
-        # Between two of them it is no more than half of a cell to one.
-        unsure = np.zeros(len(a), dtype=np.bool_)
-        unsure[line[low < needed + 0.5]] = True
-        for index in np.flatnonzero(keep & unsure).tolist():
+        line, first, wide = np.arange(len(a)), np.zeros(len(a), dtype=np.intp), int(counts.max())
+        for size in _PARTS:
+            # Parts of lines that are looked at in their middle: where that is far enough away all of it is.
+            parts = -(-np.minimum(wide, counts[line] - first) // size)
+            nth = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+            line, first, wide = np.repeat(line, parts), np.repeat(first, parts) + nth * size, size
+            step = np.minimum(first + size // 2, counts[line] - 1)
+            share = (step / np.maximum(counts[line] - 1, 1))[:, None]
+            at = start[line] + share * (end - start)[line]
+            low, high = self._between(at[:, 0], at[:, 1])
+            keep[line[high < needed]] = False
+            # Between two of them it is no more than half of a cell to one.
+            near = (low < needed + 0.5 + (size // 2 + 2 if size > 1 else 0)) & keep[line]
+            line, first = line[near], first[near]
+        for index in np.unique(line).tolist():
             (au, av), (bu, bv) = start[index].tolist(), end[index].tolist()
             keep[index] = self._along(au, av, bu, bv, needed, needed) >= needed
         return keep
