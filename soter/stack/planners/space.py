@@ -14,6 +14,8 @@ from soter.stack.planners.base import Point
 TOUCH_M = 1e-9
 """Depth in metres up to which a point on an edge counts as free."""
 
+_INSIDE_M: Final = 2.0 * TOUCH_M
+
 PIECE_M = 0.25
 """Paths are cut into pieces of at most this length, in metres, before corners are cut off."""
 
@@ -262,7 +264,7 @@ class SiteSpace(FreeSpace):
 
     def _is_free(self, x: float, y: float) -> bool:
         site = self._site
-        if site.fence_m(x, y) < -TOUCH_M or site.keep_outs.distance_m(x, y) < self._inflation_m - TOUCH_M:
+        if not site.outside.keeps(x, y, -TOUCH_M) or not site.keep_outs.keeps(x, y, self._inflation_m - TOUCH_M):
             return False
         return not self._discs or not self.in_disc(x, y)
 
@@ -270,8 +272,11 @@ class SiteSpace(FreeSpace):
         site, wanted_m = self._site, self._inflation_m - TOUCH_M
         if site.keep_outs.segment_m(ax, ay, bx, by, self._inflation_m) < wanted_m:
             return False
+        # Most lines stay well inside.
         return (
-            min(site.fence_m(ax, ay), site.fence_m(bx, by)) <= TOUCH_M or site.fence_along_m(ax, ay, bx, by) > -TOUCH_M
+            site.outside.segment_m(ax, ay, bx, by, _INSIDE_M) >= _INSIDE_M
+            or min(site.fence_m(ax, ay), site.fence_m(bx, by)) <= TOUCH_M
+            or site.fence_along_m(ax, ay, bx, by) > -TOUCH_M
         )
 
     def _leads_there(self, x: float, y: float, to_x: float, to_y: float) -> bool:
