@@ -91,6 +91,9 @@ class Field(Pieces):
         """
         return self._cell_m * self._away(*self.place(x_m, y_m))
 
+    def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
+        return self.distance_m(x_m, y_m) >= needed_m
+
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return the least distance from the points of a straight line, as near as `distance_m` knows it.
 
