@@ -92,15 +92,17 @@ class Field(Pieces):
         return self._cell_m * self._away(*self.place(x_m, y_m))
 
     def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
-        return self.distance_m(x_m, y_m) >= needed_m
+        return self._cell_m * self._surely(*self.place(x_m, y_m)) >= needed_m or self.distance_m(x_m, y_m) >= needed_m
 
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return the least distance from the points of a straight line, as near as `distance_m` knows it.
 
         See `Pieces.segment_m` for the arguments.
         """
-        ends = *self.place(ax_m, ay_m), *self.place(bx_m, by_m)
-        return self._cell_m * self._along(*ends, enough_m / self._cell_m, 0.0)
+        ends, enough = (*self.place(ax_m, ay_m), *self.place(bx_m, by_m)), enough_m / self._cell_m
+        found = self._along(*ends, enough, 0.0)
+        # What is enough is enough, whatever rounding says.
+        return enough_m if found >= enough else self._cell_m * found
 
     def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
         """Return which of many straight lines keep their distance; see `Pieces.lines_keep` for the arguments."""
@@ -204,6 +206,14 @@ class Field(Pieces):
             least = min(least, EXACT_CELLS) + max(0.0, between - _HALF - EXACT_CELLS) * _HALF
         return math.hypot(least, beyond) if beyond else least
 
+    def _surely(self, u: float, v: float) -> float:
+        """Return a lower bound of what `_away` says of a place, from the corner of a cell that is nearest to it."""
+        in_u, in_v = min(max(u, 0.0), self.grid.columns), min(max(v, 0.0), self.grid.rows)
+        column, row = round(in_u), round(in_v)
+        low = float(self.corners[row, column]) - math.hypot(in_u - column, in_v - row)
+        # Far away that is a bound itself: the corners that it is made of are no more than a cell's diagonal apart.
+        return low if low <= EXACT_CELLS else EXACT_CELLS + max(0.0, low - _DIAGONAL - _HALF - EXACT_CELLS - 0.1) * _HALF
+
     def _between(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Return how far many places are away at least, and at most: what the corners of their cells allow."""
         in_u, in_v = np.clip(u, 0.0, self.grid.columns), np.clip(v, 0.0, self.grid.rows)
@@ -221,7 +231,9 @@ class Field(Pieces):
 
         If it is less than `little`, 0 is returned.
         """
-        here = self._away(au, av)
+        here = self._surely(au, av)
+        if here < enough:
+            here = self._away(au, av)
         least, length, at = min(here, enough), math.hypot(bu - au, bv - av), 0.0
         if least < little or least <= 0.0:
             return min(least, 0.0)
@@ -236,6 +248,9 @@ class Field(Pieces):
                 return least
             u, v = au + at * du, av + at * dv
             if here != least:
+                here = self._surely(u, v)
+                if here > least + 1.0:
+                    continue
                 here = self._away(u, v)
             # On the edge of a cell it is the next one that counts.
             column, row = math.floor(u + math.copysign(_HAIR, du)), math.floor(v + math.copysign(_HAIR, dv))
