@@ -104,6 +104,13 @@ class Field(Pieces):
         # What is enough is enough, whatever rounding says.
         return enough_m if found >= enough else self._cell_m * found
 
+    def line_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
+        ends, needed = (*self.place(ax_m, ay_m), *self.place(bx_m, by_m)), needed_m / self._cell_m
+        if needed > EXACT_CELLS:
+            # The corners know more of what is so far than `distance_m` says.
+            return bool(self.lines_keep(np.array(((ax_m, ay_m),)), np.array(((bx_m, by_m),)), needed_m)[0])
+        return needed <= 0.0 or self._along(*ends, needed, needed) >= needed
+
     def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
         """Return which of many straight lines keep their distance; see `Pieces.lines_keep` for the arguments."""
         a, b = np.broadcast_arrays(a, b)

@@ -235,6 +235,10 @@ class Pieces:
                         return 0.0
         return least
 
+    def line_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
+        """Return whether a straight line keeps its distance from all pieces; all lines keep 0 or less."""
+        return needed_m <= 0.0 or self.segment_m(ax_m, ay_m, bx_m, by_m, needed_m) >= needed_m
+
     def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
         """Return which of many straight lines keep their distance from all pieces.
 

@@ -133,7 +133,7 @@ class SiteRoadmap:
             return False
         terrain = self._terrain
         wanted_m = min(self._clearance_m, terrain.clearance_m(ax, ay)) - _ROUNDING_M
-        if terrain.segment_clearance_m(ax, ay, bx, by, wanted_m) < wanted_m:
+        if not terrain.site.keep_outs.line_keeps(ax, ay, bx, by, wanted_m + terrain.body_radius_m):
             return False
         if self._inset_m == -math.inf:
             return True

@@ -62,6 +62,9 @@ def test_distances_and_legs_are_those_of_shapely(stream: random.Random) -> None:
         assert max(pieces.segment_m(*here, *there), 0.0) == pytest.approx(leg_m, abs=1e-8)
         for enough_m in (0.1, 3.0):
             assert max(pieces.segment_m(*here, *there, enough_m), 0.0) == pytest.approx(min(leg_m, enough_m), abs=1e-8)
+            assert pieces.line_keeps(*here, *there, enough_m) == (leg_m >= enough_m)
+            assert pieces.keeps(*here, enough_m) == (true_m >= enough_m)
+        assert pieces.keeps(*here, true_m - EXACT_M) and not pieces.keeps(*here, true_m + EXACT_M)
 
 
 def test_the_distance_is_1_lipschitz_and_falls_fastest_where_walls_say(stream: random.Random) -> None:
