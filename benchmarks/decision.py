@@ -41,8 +41,9 @@ def bound_modules(
 
     A full battery lasts for `drive_s`.
     """
-    chosen = {f"rta.{name}.model": model for name in MOVING}
-    mission = load_mission(SURVEILLANCE, {"backend": "kinematic", "battery.drive_s": drive_s, "battery.idle_s": 4.0 * drive_s, **chosen})
+    chosen: dict[str, object] = {f"rta.{name}.model": model for name in MOVING}
+    chosen |= {"backend": "kinematic", "battery.drive_s": drive_s, "battery.idle_s": 4.0 * drive_s}
+    mission = load_mission(SURVEILLANCE, chosen)
     workspace = workspace or mission.read_workspace()
     specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in workspace.robots]
     with KinematicBackend().open(KinematicConfig(workspace=workspace), specs) as fleet:

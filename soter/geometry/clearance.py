@@ -43,6 +43,7 @@ _PARTS: Final = (64, 8, 1)
 
 _ENDLESS: Final = 2**60
 _HAIR: Final = 1e-9
+_LITTLE: Final = 0.1
 
 Near = tuple[tuple[tuple[float, float, float, float], ...], tuple[float, float, float, float] | None]
 """Rectangles of which one is the nearest, and the distances at the corners where it may be farther than exact ones."""
@@ -219,7 +220,8 @@ class Field(Pieces):
         column, row = round(in_u), round(in_v)
         low = float(self.corners[row, column]) - math.hypot(in_u - column, in_v - row)
         # Far away that is a bound itself: the corners that it is made of are no more than a cell's diagonal apart.
-        return low if low <= EXACT_CELLS else EXACT_CELLS + max(0.0, low - _DIAGONAL - _HALF - EXACT_CELLS - 0.1) * _HALF
+        beyond = low - EXACT_CELLS
+        return low if beyond <= 0.0 else EXACT_CELLS + max(0.0, beyond - _DIAGONAL - _HALF - _LITTLE) * _HALF
 
     def _between(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Return how far many places are away at least, and at most: what the corners of their cells allow."""

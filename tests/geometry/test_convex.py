@@ -64,7 +64,7 @@ def test_distances_and_legs_are_those_of_shapely(stream: random.Random) -> None:
             assert max(pieces.segment_m(*here, *there, enough_m), 0.0) == pytest.approx(min(leg_m, enough_m), abs=1e-8)
             assert pieces.line_keeps(*here, *there, enough_m) == (leg_m >= enough_m)
             assert pieces.keeps(*here, enough_m) == (true_m >= enough_m)
-        assert pieces.keeps(*here, true_m - EXACT_M) and not pieces.keeps(*here, true_m + EXACT_M)
+        assert [pieces.keeps(*here, true_m + by_m) for by_m in (-EXACT_M, EXACT_M)] == [True, False]
 
 
 def test_the_distance_is_1_lipschitz_and_falls_fastest_where_walls_say(stream: random.Random) -> None:
