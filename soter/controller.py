@@ -5,10 +5,10 @@ from __future__ import annotations
 from enum import Enum
 from typing import TypeVar
 
-E = TypeVar("E", bound=type[Enum])
+_E = TypeVar("_E", bound=type[Enum])
 
 
-def direct(kind: E) -> E:
+def direct(kind: _E) -> _E:
     """Make the members of an enumeration plain attributes of it, as they are from Python 3.12 on.
 
     Python 3.11 finds them through a property that is written in Python: ten times as slow, many times a tick.

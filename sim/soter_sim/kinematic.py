@@ -24,6 +24,10 @@ from soter_sim.judge import Judge
 STEP_S: Final = 0.05
 """Control period and integration step, unless another is asked for; 1/STEP_S is 20 Hz."""
 
+_Constants = tuple[
+    int, float, float, float, float, float, float, bool, float, float, float, float, float, float
+]  # fmt: skip
+
 
 class KinematicEngine:
     """Closed-form motion of differential-drive robots; implements `soter_sim.engine.Engine`.
@@ -173,8 +177,7 @@ class KinematicEngine:
         """Nothing is held."""
 
 
-def _constants(bodies: Bodies, i: int, step_s: float) -> tuple[int, float, float, float, float, float, float, bool,
-                                                               float, float, float, float, float, float]:  # fmt: skip
+def _constants(bodies: Bodies, i: int, step_s: float) -> _Constants:
     """Return what does not change of a robot: its index, what it can do, and what that costs.
 
     What it can do are top speeds, and by how much speeds change in a step. While a speed changes by d at the rate a,

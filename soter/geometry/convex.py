@@ -217,19 +217,22 @@ class Pieces:
             least = min(here_m, least)
             if least <= 0.0 or here_m - length >= least:
                 return least
-        if length > _LONG * self._cell_m and len(self.all) > _SEVERAL:
+        few = len(self.all) <= _SEVERAL
+        if length > _LONG * self._cell_m and not few:
             _, away = self._near_lines(np.array(((ax_m, ay_m),)), np.array(((bx_m, by_m),)), least)
             return min(least, float(away.min(initial=math.inf)))
-        parts, per_square = math.ceil(length / part_m), 1.0 / max(length * length, 1e-300)
+        parts, per_square = 1 if few else math.ceil(length / part_m), 1.0 / max(length * length, 1e-300)
         for part in range(parts):
             share = (part + 0.5) / parts
-            for piece in self.within(ax_m + share * dx, ay_m + share * dy, least + 0.5 * length / parts):
+            reach_m = least + 0.5 * length / parts
+            for piece in self.all if few else self.within(ax_m + share * dx, ay_m + share * dy, reach_m):
                 # By the discs that hold the pieces first: of most that is all that need be known.
                 x_m, y_m = piece.middle
                 x_m, y_m = x_m - ax_m, y_m - ay_m
                 along = min(max((x_m * dx + y_m * dy) * per_square, 0.0), 1.0)
-                x_m, y_m, reach_m = x_m - along * dx, y_m - along * dy, least + piece.radius_m
-                if x_m * x_m + y_m * y_m < reach_m * reach_m:
+                x_m, y_m, off_m = x_m - along * dx, y_m - along * dy, least + piece.radius_m
+                # Written so that what is not a number is looked at.
+                if not x_m * x_m + y_m * y_m >= off_m * off_m:
                     least = min(least, piece.segment_m(ax_m, ay_m, bx_m, by_m))
                     if least <= 0.0:
                         return 0.0
