@@ -216,9 +216,11 @@ class Field(Pieces):
 
     def _surely(self, u: float, v: float) -> float:
         """Return a lower bound of what `_away` says of a place, from the corner of a cell that is nearest to it."""
-        in_u, in_v = min(max(u, 0.0), self.grid.columns), min(max(v, 0.0), self.grid.rows)
-        column, row = round(in_u), round(in_v)
-        low = float(self.corners[row, column]) - math.hypot(in_u - column, in_v - row)
+        columns, rows = self.grid.columns, self.grid.rows
+        u = 0.0 if u < 0.0 else min(u, columns)
+        v = 0.0 if v < 0.0 else min(v, rows)
+        column, row = round(u), round(v)
+        low = self.corners.item(row, column) - math.hypot(u - column, v - row)
         # Far away that is a bound itself: the corners that it is made of are no more than a cell's diagonal apart.
         beyond = low - EXACT_CELLS
         return low if beyond <= 0.0 else EXACT_CELLS + max(0.0, beyond - _DIAGONAL - _HALF - _LITTLE) * _HALF
