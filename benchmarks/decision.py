@@ -35,11 +35,15 @@ TUBES: tuple[MotionModel, ...] = ("speed-acceleration", "unicycle")
 
 @contextmanager
 def bound_modules(
-    model: MotionModel = "speed", workspace: Workspace | None = None
+    model: MotionModel = "speed", workspace: Workspace | None = None, drive_s: float = 1800.0
 ) -> Iterator[tuple[Workspace, Sequence[DecisionModule]]]:
-    """Yield the workspace and the decision modules of robot 1, bound as in a run, with one reach model for all."""
-    chosen = {f"rta.{name}.model": model for name in MOVING}
-    mission = load_mission(SURVEILLANCE, {"backend": "kinematic", **chosen})
+    """Yield the workspace and the decision modules of robot 1, bound as in a run, with one reach model for all.
+
+    A full battery lasts for `drive_s`.
+    """
+    chosen: dict[str, object] = {f"rta.{name}.model": model for name in MOVING}
+    chosen |= {"backend": "kinematic", "battery.drive_s": drive_s, "battery.idle_s": 4.0 * drive_s}
+    mission = load_mission(SURVEILLANCE, chosen)
     workspace = workspace or mission.read_workspace()
     specs = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad) for place in workspace.robots]
     with KinematicBackend().open(KinematicConfig(workspace=workspace), specs) as fleet:

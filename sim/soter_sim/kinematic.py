@@ -24,6 +24,10 @@ from soter_sim.judge import Judge
 STEP_S: Final = 0.05
 """Control period and integration step, unless another is asked for; 1/STEP_S is 20 Hz."""
 
+_Constants = tuple[
+    int, float, float, float, float, float, float, bool, float, float, float, float, float, float
+]  # fmt: skip
+
 
 class KinematicEngine:
     """Closed-form motion of differential-drive robots; implements `soter_sim.engine.Engine`.
@@ -51,6 +55,7 @@ class KinematicEngine:
         self._to_x = [*self.bodies.x]
         self._to_y = [*self.bodies.y]
         self._contacts = Contacts(self._judge, self.bodies, self._to_x, self._to_y, self.period_s)
+        self._each: Final = tuple(_constants(self.bodies, index, step_s) for index in range(len(specs)))
 
     def run(self, until_period: int) -> None:
         judge, bodies, contacts = self._judge, self.bodies, self._contacts
@@ -61,26 +66,13 @@ class KinematicEngine:
 
         step_s = self.period_s
         half_s = 0.5 * step_s
-        idle = [per_s * step_s for per_s in bodies.idle_per_s]
-        busy = [drive - rest for drive, rest in zip(bodies.drive_per_s, bodies.idle_per_s, strict=True)]
-        busy_v = [per_s / own.v_max_m_s for per_s, own in zip(busy, bodies.limits, strict=True)]
-        busy_w = [per_s / own.yaw_rate_max_rad_s for per_s, own in zip(busy, bodies.limits, strict=True)]
-        # What each robot can do: top speeds, and by how much speeds change in a step. While a speed changes by d at the
-        # rate a, the robot falls behind its new speed by d |d| / 2a.
-        each = [
-            (
-                i, own.v_max_m_s, own.yaw_rate_max_rad_s, own.accel_m_s2 * step_s, 0.5 / own.accel_m_s2,
-                own.brake_m_s2 * step_s, 0.5 / own.brake_m_s2, own.brake_m_s2 != own.accel_m_s2,
-                own.yaw_accel_rad_s2 * step_s, 0.5 / own.yaw_accel_rad_s2,
-            )
-            for i, own in enumerate(bodies.limits)
-        ]  # fmt: skip
-        gain = [per_s * step_s for per_s in bodies.charge_per_s]
         two_pi = 2.0 * pi
 
         for step in range(self._done, until_period):
             now_s = step * step_s
-            for i, v_max, w_max, dv_up, ramp_up, dv_down, ramp_down, uneven, dw_max, ramp_w in each:
+            for (
+                i, v_max, w_max, dv_up, ramp_up, dv_down, ramp_down, uneven, dw_max, ramp_w, idle, busy_v, busy_w, gain,
+            ) in self._each:  # fmt: skip
                 v_is = v[i]
                 w_is = yaw_rate[i]
                 angle = heading[i]
@@ -151,14 +143,14 @@ class KinematicEngine:
                 if on_charger[i] and length == 0.0 and turn == 0.0:
                     if left <= 0.0:
                         judge.charged(i, now_s)
-                    left += gain[i]
+                    left += gain
                     charge[i] = min(left, 1.0)
                 elif left > 0.0:
-                    use = (length if length > 0.0 else -length) * busy_v[i]
-                    use_turning = (turn if turn > 0.0 else -turn) * busy_w[i]
+                    use = (length if length > 0.0 else -length) * busy_v
+                    use_turning = (turn if turn > 0.0 else -turn) * busy_w
                     if use_turning > use:
                         use = use_turning
-                    use += idle[i]
+                    use += idle
                     if left <= use:
                         if not on_charger[i]:
                             judge.flat(i, now_s + left / use * step_s)
@@ -183,3 +175,19 @@ class KinematicEngine:
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+def _constants(bodies: Bodies, i: int, step_s: float) -> _Constants:
+    """Return what does not change of a robot: its index, what it can do, and what that costs.
+
+    What it can do are top speeds, and by how much speeds change in a step. While a speed changes by d at the rate a,
+    the robot falls behind its new speed by d |d| / 2a.
+    """
+    own, idle_per_s = bodies.limits[i], bodies.idle_per_s[i]
+    busy_per_s = bodies.drive_per_s[i] - idle_per_s
+    return (
+        i, own.v_max_m_s, own.yaw_rate_max_rad_s, own.accel_m_s2 * step_s, 0.5 / own.accel_m_s2,
+        own.brake_m_s2 * step_s, 0.5 / own.brake_m_s2, own.brake_m_s2 != own.accel_m_s2,
+        own.yaw_accel_rad_s2 * step_s, 0.5 / own.yaw_accel_rad_s2, idle_per_s * step_s, busy_per_s / own.v_max_m_s,
+        busy_per_s / own.yaw_rate_max_rad_s, bodies.charge_per_s[i] * step_s,
+    )  # fmt: skip

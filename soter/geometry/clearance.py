@@ -38,8 +38,12 @@ _MOST: Final = 200_000
 """So many cells are kept; after that all are forgotten."""
 
 _MOST_BLOCKS: Final = 4000
+_PARTS: Final = (64, 8, 1)
+"""Lines are looked at in parts of so many cells, and those that may come too near in smaller ones."""
+
 _ENDLESS: Final = 2**60
 _HAIR: Final = 1e-9
+_LITTLE: Final = 0.1
 
 Near = tuple[tuple[tuple[float, float, float, float], ...], tuple[float, float, float, float] | None]
 """Rectangles of which one is the nearest, and the distances at the corners where it may be farther than exact ones."""
@@ -88,13 +92,25 @@ class Field(Pieces):
         """
         return self._cell_m * self._away(*self.place(x_m, y_m))
 
+    def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
+        return self._cell_m * self._surely(*self.place(x_m, y_m)) >= needed_m or self.distance_m(x_m, y_m) >= needed_m
+
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return the least distance from the points of a straight line, as near as `distance_m` knows it.
 
         See `Pieces.segment_m` for the arguments.
         """
-        ends = *self.place(ax_m, ay_m), *self.place(bx_m, by_m)
-        return self._cell_m * self._along(*ends, enough_m / self._cell_m, 0.0)
+        ends, enough = (*self.place(ax_m, ay_m), *self.place(bx_m, by_m)), enough_m / self._cell_m
+        found = self._along(*ends, enough, 0.0)
+        # What is enough is enough, whatever rounding says.
+        return enough_m if found >= enough else self._cell_m * found
+
+    def line_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
+        ends, needed = (*self.place(ax_m, ay_m), *self.place(bx_m, by_m)), needed_m / self._cell_m
+        if needed > EXACT_CELLS:
+            # The corners know more of what is so far than `distance_m` says.
+            return bool(self.lines_keep(np.array(((ax_m, ay_m),)), np.array(((bx_m, by_m),)), needed_m)[0])
+        return needed <= 0.0 or self._along(*ends, needed, needed) >= needed
 
     def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
         """Return which of many straight lines keep their distance; see `Pieces.lines_keep` for the arguments."""
@@ -106,16 +122,21 @@ class Field(Pieces):
         start, end = (np.stack(self._places(each[:, 0], each[:, 1]), axis=1) for each in (a, b))
         # Most lines that come too near do so at one of the places a cell apart.
         counts = np.ceil(np.hypot(*(end - start).T)).astype(np.intp) + 1
-        line = np.repeat(np.arange(len(a)), counts)
-        step = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
-        share = (step / np.repeat(np.maximum(counts - 1, 1), counts))[:, None]
-        at = start[line] + share * (end - start)[line]
-        low, high = self._between(at[:, 0], at[:, 1])
-        keep[line[high < needed]] = False
-        # Between two of them it is no more than half of a cell to one.
-        unsure = np.zeros(len(a), dtype=np.bool_)
-        unsure[line[low < needed + 0.5]] = True
-        for index in np.flatnonzero(keep & unsure).tolist():
+        line, first, wide = np.arange(len(a)), np.zeros(len(a), dtype=np.intp), int(counts.max())
+        for size in _PARTS:
+            # Parts of lines that are looked at in their middle: where that is far enough away all of it is.
+            parts = -(-np.minimum(wide, counts[line] - first) // size)
+            nth = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+            line, first, wide = np.repeat(line, parts), np.repeat(first, parts) + nth * size, size
+            step = np.minimum(first + size // 2, counts[line] - 1)
+            share = (step / np.maximum(counts[line] - 1, 1))[:, None]
+            at = start[line] + share * (end - start)[line]
+            low, high = self._between(at[:, 0], at[:, 1])
+            keep[line[high < needed]] = False
+            # Between two of them it is no more than half of a cell to one.
+            near = (low < needed + 0.5 + (size // 2 + 2 if size > 1 else 0)) & keep[line]
+            line, first = line[near], first[near]
+        for index in np.unique(line).tolist():
             (au, av), (bu, bv) = start[index].tolist(), end[index].tolist()
             keep[index] = self._along(au, av, bu, bv, needed, needed) >= needed
         return keep
@@ -193,6 +214,17 @@ class Field(Pieces):
             least = min(least, EXACT_CELLS) + max(0.0, between - _HALF - EXACT_CELLS) * _HALF
         return math.hypot(least, beyond) if beyond else least
 
+    def _surely(self, u: float, v: float) -> float:
+        """Return a lower bound of what `_away` says of a place, from the corner of a cell that is nearest to it."""
+        columns, rows = self.grid.columns, self.grid.rows
+        u = 0.0 if u < 0.0 else min(u, columns)
+        v = 0.0 if v < 0.0 else min(v, rows)
+        column, row = round(u), round(v)
+        low = self.corners.item(row, column) - math.hypot(u - column, v - row)
+        # Far away that is a bound itself: the corners that it is made of are no more than a cell's diagonal apart.
+        beyond = low - EXACT_CELLS
+        return low if beyond <= 0.0 else EXACT_CELLS + max(0.0, beyond - _DIAGONAL - _HALF - _LITTLE) * _HALF
+
     def _between(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Return how far many places are away at least, and at most: what the corners of their cells allow."""
         in_u, in_v = np.clip(u, 0.0, self.grid.columns), np.clip(v, 0.0, self.grid.rows)
@@ -210,7 +242,9 @@ class Field(Pieces):
 
         If it is less than `little`, 0 is returned.
         """
-        here = self._away(au, av)
+        here = self._surely(au, av)
+        if here < enough:
+            here = self._away(au, av)
         least, length, at = min(here, enough), math.hypot(bu - au, bv - av), 0.0
         if least < little or least <= 0.0:
             return min(least, 0.0)
@@ -225,6 +259,9 @@ class Field(Pieces):
                 return least
             u, v = au + at * du, av + at * dv
             if here != least:
+                here = self._surely(u, v)
+                if here > least + 1.0:
+                    continue
                 here = self._away(u, v)
             # On the edge of a cell it is the next one that counts.
             column, row = math.floor(u + math.copysign(_HAIR, du)), math.floor(v + math.copysign(_HAIR, dv))

@@ -23,6 +23,10 @@ Ring = tuple[Point, ...]
 _FEW: Final = 3
 _floor, _sqrt = math.floor, math.sqrt
 _SEVERAL: Final = 16
+_PART: Final = 8.0
+_LONG: Final = 64.0
+"""Lines are looked at in parts of so many cells, and longer lines than this at once where there are many pieces."""
+
 _LINES: Final = 64
 """Of many lines so many are looked at at once: those next to each other are near the same pieces."""
 
@@ -169,6 +173,13 @@ class Pieces:
                 least = distance
         return least
 
+    def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
+        """Return whether a point keeps its distance from all pieces; cheaper than that where no other is near."""
+        return all(
+            math.dist((x_m, y_m), piece.middle) - piece.radius_m >= needed_m or piece.distance_m(x_m, y_m) >= needed_m
+            for piece in self.within(x_m, y_m, max(needed_m, _PART * self._cell_m))
+        )
+
     def within(self, x_m: float, y_m: float, reach_m: float) -> tuple[Piece, ...]:
         """Return all pieces that are no farther from a point, and maybe others."""
         if len(self.all) <= _FEW:
@@ -198,37 +209,38 @@ class Pieces:
 
         Of what is farther than `enough_m`, that is returned.
         """
-        here_m = self.distance_m(ax_m, ay_m)
-        least, length, at_m = min(here_m, enough_m), math.hypot(bx_m - ax_m, by_m - ay_m), 0.0
-        if least <= 0.0 or least == math.inf:
-            return least
-        if length > 8.0 * self._cell_m and len(self.all) > _SEVERAL:
-            # Cells that are looked at once would be worked out in vain.
+        dx, dy, least = bx_m - ax_m, by_m - ay_m, enough_m
+        length, part_m = math.hypot(dx, dy), _PART * self._cell_m
+        if length <= part_m or least == math.inf:
+            # The distance changes by a metre a metre at most.
+            here_m = self.distance_m(ax_m, ay_m)
+            least = min(here_m, least)
+            if least <= 0.0 or here_m - length >= least:
+                return least
+        few = len(self.all) <= _SEVERAL
+        if length > _LONG * self._cell_m and not few:
             _, away = self._near_lines(np.array(((ax_m, ay_m),)), np.array(((bx_m, by_m),)), least)
             return min(least, float(away.min(initial=math.inf)))
-        ux, uy = ((bx_m - ax_m) / length, (by_m - ay_m) / length) if length > 0.0 else (0.0, 0.0)
-        while True:
-            # The distance changes by a metre a metre at most: until there nothing is nearer than what was found.
-            at_m += here_m - least
-            if at_m >= length:
-                return least
-            fx, fy = ax_m + ux * at_m, ay_m + uy * at_m
-            here_m = self.distance_m(fx, fy)
-            if here_m - least > self._cell_m:
-                continue
-            # What counts is nearer than `least`; longer pieces of the line where that is much.
-            part_m = max(2.0 * self._cell_m, 0.5 * least)
-            at_m += part_m
-            tx, ty = (bx_m, by_m) if at_m >= length else (ax_m + ux * at_m, ay_m + uy * at_m)
-            for piece in self.within((fx + tx) / 2.0, (fy + ty) / 2.0, least + 0.5 * part_m):
-                away_m = math.hypot((fx + tx) / 2.0 - piece.middle[0], (fy + ty) / 2.0 - piece.middle[1])
-                if away_m < least + 0.5 * part_m + piece.radius_m:
-                    least = min(least, piece.segment_m(fx, fy, tx, ty))
+        parts, per_square = 1 if few else math.ceil(length / part_m), 1.0 / max(length * length, 1e-300)
+        for part in range(parts):
+            share = (part + 0.5) / parts
+            reach_m = least + 0.5 * length / parts
+            for piece in self.all if few else self.within(ax_m + share * dx, ay_m + share * dy, reach_m):
+                # By the discs that hold the pieces first: of most that is all that need be known.
+                x_m, y_m = piece.middle
+                x_m, y_m = x_m - ax_m, y_m - ay_m
+                along = min(max((x_m * dx + y_m * dy) * per_square, 0.0), 1.0)
+                x_m, y_m, off_m = x_m - along * dx, y_m - along * dy, least + piece.radius_m
+                # Written so that what is not a number is looked at.
+                if not x_m * x_m + y_m * y_m >= off_m * off_m:
+                    least = min(least, piece.segment_m(ax_m, ay_m, bx_m, by_m))
                     if least <= 0.0:
                         return 0.0
-            if at_m >= length:
-                return least
-            here_m = max(self.distance_m(tx, ty), least)
+        return least
+
+    def line_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
+        """Return whether a straight line keeps its distance from all pieces; all lines keep 0 or less."""
+        return needed_m <= 0.0 or self.segment_m(ax_m, ay_m, bx_m, by_m, needed_m) >= needed_m
 
     def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
         """Return which of many straight lines keep their distance from all pieces.

@@ -47,8 +47,9 @@ class EdgesSeen(NamedTuple):
         wide = half_m * (np.abs(rows[:, 2]) + np.abs(rows[:, 3])) + 1e-9
         # A point is nearest to the inside of an edge straight across from it, and to a corner where it is past the
         # edge that ends there and before the one that starts: each edge stands for its first corner, too.
-        before = np.arange(len(rows)) - 1
-        before[self.starts] = np.append(self.starts[1:], len(rows)) - 1
+        before = np.arange(-1, len(rows) - 1)
+        before[self.starts[:-1]] = self.starts[1:] - 1
+        before[self.starts[-1]] = len(rows) - 1
         across = (self.off + wide >= 0.0) & (self.along + wide >= 0.0) & (self.along - wide <= length)
         past = (self.along + wide >= length)[before]
         kept = beside[self.piece] & (self.away <= reach_m) & (across | (past & (self.along - wide <= 0.0)))
@@ -76,7 +77,7 @@ class Edges:
         rows, starts, piece = self.rows(pieces)
         dx, dy = x_m - rows[:, 0], y_m - rows[:, 1]
         along, off = rows[:, 2] * dx + rows[:, 3] * dy, rows[:, 3] * dx - rows[:, 2] * dy
-        aside = along - np.clip(along, 0.0, rows[:, 4])
+        aside = along - np.minimum(np.maximum(along, 0.0), rows[:, 4])
         away = np.hypot(aside, off)
         most = np.maximum.reduceat(off, starts)
         signed: Floats = np.where(most <= 0.0, most, np.minimum.reduceat(away, starts))
@@ -98,10 +99,10 @@ class Edges:
         meets = np.maximum(np.maximum.reduceat(comes, starts), 0.0) < np.minimum(np.minimum.reduceat(goes, starts), 1.0)
         # Apart, the least distance is from an end of the line to an edge, or from a corner to the line.
         on_a, on_b = ux * ax + uy * ay, ux * bx + uy * by
-        from_a = np.hypot(on_a - np.clip(on_a, 0.0, length), off_a)
-        from_b = np.hypot(on_b - np.clip(on_b, 0.0, length), off_b)
+        from_a = np.hypot(on_a - np.minimum(np.maximum(on_a, 0.0), length), off_a)
+        from_b = np.hypot(on_b - np.minimum(np.maximum(on_b, 0.0), length), off_b)
         dx, dy = bx - ax, by - ay
-        along = np.clip(-(ax * dx + ay * dy) / np.maximum(dx * dx + dy * dy, 1e-300), 0.0, 1.0)
+        along = np.minimum(np.maximum(-(ax * dx + ay * dy) / np.maximum(dx * dx + dy * dy, 1e-300), 0.0), 1.0)
         corner = np.hypot(ax + along * dx, ay + along * dy)
         least = np.minimum.reduceat(np.minimum(np.minimum(from_a, from_b), corner), starts)
         found: Floats = np.where(meets, 0.0, least)

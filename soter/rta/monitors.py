@@ -206,6 +206,8 @@ class StopMonitor:
 
     def look(self, now_s: float, sample: Sample) -> BrokenAssumption | None:
         """Return what is wrong with a robot that ran on, or None."""
+        if self._lease.start is None and self._told.start is None:
+            return None
         overrun = self._lease.overrun(now_s, sample, self._noise_m)
         if overrun is not None:
             cause, too_far_m = overrun

@@ -231,7 +231,8 @@ class RobotSupervisor:
                 if module.mode is Controller.AC:
                     fired.append(module)
                 module.force(now_s, cause)
-            self._look_at(module)
+            if module.monitor.found is not None:
+                self._look_at(module, module.monitor.found)
             if driver is None and module.mode is Controller.SC:
                 driver = module
         if driver is None and (now_s < self._alarmed_until_s or self.ac_failure):
@@ -246,11 +247,8 @@ class RobotSupervisor:
         # What fails from here on, in acting, is the cause of what is decided at the next tick.
         self._alarm = ""
 
-    def _look_at(self, module: DecisionModule) -> None:
+    def _look_at(self, module: DecisionModule, found: BrokenAssumption) -> None:
         """Take note of what a module's own monitor has found."""
-        found = module.monitor.found
-        if found is None:
-            return
         module.monitor.found = None
         if found.assumption is Assumption.WORKSPACE and self.situation.now_s < self._alarmed_until_s:
             # A sample that was wrong itself says nothing about the world.

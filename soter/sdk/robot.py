@@ -177,11 +177,11 @@ class Robot(ABC):
             self.__require_ready("read_state")
         sample = self._sample()
         state = self.__state
+        now_s = self.__clock.now()
         if sample is not None and sample is not state:
-            state = self.__admit(sample)
+            state = self.__admit(sample, now_s)
         if state is None:
             raise RobotUnavailable(f"robot {self.__id}: no valid sample has arrived yet")
-        now_s = self.__clock.now()
         age_s = now_s - state.stamp_s
         if age_s > self.stale_after_s:
             link = Link.DOWN if age_s > self.down_after_s else Link.STALE
@@ -293,7 +293,7 @@ class Robot(ABC):
         if self.__capabilities is None:
             raise LifecycleError(f"robot {self.__id}: {call}() before init()")
 
-    def __admit(self, sample: RobotState) -> RobotState | None:
+    def __admit(self, sample: RobotState, now_s: float) -> RobotState | None:
         previous = self.__state
         finite = math.isfinite(
             sample.x_m
@@ -311,7 +311,7 @@ class Robot(ABC):
             or sample.robot_id != self.__id
             or (battery is not None and not 0.0 <= battery <= 1.0)
             or (previous is not None and sample.stamp_s < previous.stamp_s)
-            or sample.stamp_s > self.__clock.now() + FUTURE_S
+            or sample.stamp_s > now_s + FUTURE_S
         ):
             self.__discarded += 1
             return previous

@@ -10,6 +10,7 @@ from numbers import Real
 from typing import Final, NamedTuple
 
 from soter.controller import Controller as Controller
+from soter.controller import direct
 
 MAX_COORDINATE_M = 10_000.0
 """A coordinate beyond this is a mistake, not a place."""
@@ -20,6 +21,7 @@ MAX_HEADING_RAD = 1e6
 """A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
 
 
+@direct
 class Link(Enum):
     """How alive the robot's link is, judged by the age of its latest sample."""
 
@@ -28,6 +30,7 @@ class Link(Enum):
     DOWN = "DOWN"
 
 
+@direct
 class GoalStatus(Enum):
     """A goal leaves ACTIVE once, for one of the others, and stays there."""
 

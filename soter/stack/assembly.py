@@ -201,12 +201,13 @@ def assemble(
     docks = {robot_id: each.declared.dock for robot_id, each in safe.items()}
     contracts = ContractMonitor({robot.id: robot.capabilities.moving_m_s for robot in robots})
     charges = ChargeMonitor()
+    batteries = {each.robot_id: module for each in supervisors for module in each.modules if module.name == BATTERY}
 
     def before_decisions(now_s: float, bound: Mapping[int, RobotSupervisor]) -> None:
         for robot_id, supervisor in bound.items():
             dock, own = docks[robot_id], supervisor.situation.own
             dock.path.track(own.x_m, own.y_m)
-            battery = next((module for module in supervisor.modules if module.name == BATTERY), None)
+            battery = batteries.get(robot_id)
             if battery is not None:
                 in_sc = battery.mode is Controller.SC
                 # All modules begin in SC; for a while that does not mean that the battery's has fired.

@@ -25,11 +25,15 @@ class ContractMonitor:
     def look(self, now_s: float, robots: Mapping[int, RobotSupervisor], docks: Mapping[int, Dock]) -> None:
         """Take note of every safe controller that has stood on its robot for longer than its contract allows."""
         for robot_id, robot in robots.items():
-            driver, dock, situation = robot.driver, docks[robot_id], robot.situation
-            lets_go_s = math.inf if driver is None else driver.module.lets_go_s
-            starves = driver is not None and driver.name != BATTERY and dock.wants_charge and not math.isinf(lets_go_s)
-            moves = math.hypot(situation.own.vx_m_s, situation.own.vy_m_s) > self._moving_m_s[robot_id]
-            if driver is None or not starves or moves or dock.docked(situation):
+            driver, dock, own = robot.driver, docks[robot_id], robot.situation.own
+            lets_go_s = math.inf if driver is None or driver.name == BATTERY else driver.module.lets_go_s
+            if (
+                driver is None
+                or not dock.wants_charge
+                or math.isinf(lets_go_s)
+                or math.hypot(own.vx_m_s, own.vy_m_s) > self._moving_m_s[robot_id]
+                or dock.docked(robot.situation)
+            ):
                 self._since_s[robot_id] = now_s
                 continue
             kept_s = now_s - self._since_s.setdefault(robot_id, now_s)

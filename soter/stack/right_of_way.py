@@ -245,8 +245,9 @@ class RightOfWay:
 
         Who has waited for longest comes first: one that is held itself holds nobody.
         """
+        since_s = {robot_id: self._waits_since_s(now_s, robot) for robot_id, robot in robots.items()}
         held: dict[int, str] = {}
-        for robot_id in sorted(robots, key=lambda each: self._waits_since_s(now_s, robots[each])):
+        for robot_id in sorted(robots, key=since_s.__getitem__) if self._waits else ():
             wait = self._waits.get(robot_id)
             if wait is None or robot_id in held or int((now_s - wait.since_s) / WAIT_S) % 4 == 0:
                 continue
@@ -267,7 +268,8 @@ class RightOfWay:
 
     def _waits_since_s(self, now_s: float, robot: RobotSupervisor) -> float:
         """Return since when modules other than the battery's have kept a robot from its AC; now if they do not."""
-        kept_by = [each for each in robot.modules if each.mode is Controller.SC]
+        sc = Controller.SC
+        kept_by = [each for each in robot.modules if each.mode is sc]
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
             return now_s

@@ -100,14 +100,9 @@ class SiteRoadmap:
         else:
             order = np.arange(len(lengths))
         order = order[np.argsort(lengths[order], kind="stable")]
-        order = order[lengths[order] < math.inf]
-        done = 0
-        for most in (6, 18, len(order)):
-            chosen = order[done : done + most]
-            seen = chosen[self._seen(x, y, last, chosen)]
-            if seen.size:
-                return int(seen[0])
-            done += most
+        for index in order[lengths[order] < math.inf].tolist():
+            if self.sees(x, y, *(self.corners[index - 1] if index else last)):
+                return int(index)
         return None
 
     def looks(self, last: Point) -> list[tuple[Point, Indices, Floats]]:
@@ -138,29 +133,12 @@ class SiteRoadmap:
             return False
         terrain = self._terrain
         wanted_m = min(self._clearance_m, terrain.clearance_m(ax, ay)) - _ROUNDING_M
-        if terrain.segment_clearance_m(ax, ay, bx, by, wanted_m) < wanted_m:
+        if not terrain.site.keep_outs.line_keeps(ax, ay, bx, by, wanted_m + terrain.body_radius_m):
             return False
         if self._inset_m == -math.inf:
             return True
         inset_m = min(self._inset_m, terrain.fence_m(ax, ay), terrain.fence_m(bx, by)) - _ROUNDING_M
         return inset_m < 0.0 or terrain.fence_along_m(ax, ay, bx, by, inset_m) >= inset_m
-
-    def _seen(self, x: float, y: float, last: Point, chosen: Indices) -> NDArray[np.bool_]:
-        """Return to which ends a leg leads from a place: 0 is the last of a way, corner i is i + 1."""
-        terrain = self._terrain
-        clear_m, fence_m = terrain.clearance_m(x, y), terrain.fence_m(x, y)
-        # There may be no corner at all.
-        here, ends, home = np.array((x, y)), np.vstack([last, self.places])[chosen], np.flatnonzero(chosen == 0)
-        seen = self._open(here, ends, min(self._clearance_m, clear_m), fence_m)
-        if len(self._extra):
-            # From inside a peer's room a leg may only lead outwards.
-            low, high = self._extra[:, :2], self._extra[:, 2:]
-            depth = np.maximum(np.minimum(here - low, high - here).min(axis=1), 0.0)[:, None]
-            seen &= ~crossing(here, ends, np.hstack([low + depth, high - depth])).any(axis=1)
-        if home.size and terrain.fence_m(*last) < self._inset_m:
-            # Corners keep what ways do; the last place may be nearer to the fence.
-            seen[home] = self.sees(x, y, *last)
-        return seen
 
     def _open(self, a: Floats, b: Floats, clearance_m: float, inset_m: float) -> NDArray[np.bool_]:
         """Return which of many legs keep so much from what is kept out, and from the fence, or what ways keep."""

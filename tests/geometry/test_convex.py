@@ -62,6 +62,21 @@ def test_distances_and_legs_are_those_of_shapely(stream: random.Random) -> None:
         assert max(pieces.segment_m(*here, *there), 0.0) == pytest.approx(leg_m, abs=1e-8)
         for enough_m in (0.1, 3.0):
             assert max(pieces.segment_m(*here, *there, enough_m), 0.0) == pytest.approx(min(leg_m, enough_m), abs=1e-8)
+            assert pieces.line_keeps(*here, *there, enough_m) == (leg_m >= enough_m)
+            assert pieces.keeps(*here, enough_m) == (true_m >= enough_m)
+        assert [pieces.keeps(*here, true_m + by_m) for by_m in (-EXACT_M, EXACT_M)] == [True, False]
+
+
+def test_lines_may_be_as_long_as_they_like(stream: random.Random) -> None:
+    for kept_out in (rings(stream)[:1], [ring for _ in range(12) for ring in rings(stream)]):
+        pieces = Pieces([piece for ring in kept_out for piece in pieces_of(ring)])
+        union = shapely.union_all([shapely.Polygon(ring) for ring in kept_out])
+        for far_m in (30.0, 300.0, 1e4, 1e8):
+            here = (stream.uniform(-340.0, -260.0), stream.uniform(1160.0, 1240.0))
+            there = (-300.0 + stream.uniform(-far_m, far_m), 1200.0 + far_m)
+            line_m = union.distance(shapely.LineString([here, there]))
+            slack_m = 1e-8 + 1e-15 * far_m
+            assert max(pieces.segment_m(*here, *there, 2.0), 0.0) == pytest.approx(min(line_m, 2.0), abs=slack_m)
 
 
 def test_the_distance_is_1_lipschitz_and_falls_fastest_where_walls_say(stream: random.Random) -> None:

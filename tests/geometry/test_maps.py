@@ -69,12 +69,26 @@ def test_distances_are_exact_near_and_lower_bounds_far(seed: int) -> None:
         true_m, enough_m = kept.distance(shapely.LineString([a, b])), stream.uniform(0.05, 1.0)
         assert max(field.segment_m(*a, *b, enough_m), 0.0) == pytest.approx(min(true_m, enough_m), abs=1e-8)
         assert field.segment_m(*a, *b) <= true_m + 1e-9
+        # A line that keeps its distance is not nearer by rounding: who asks compares with the same number.
+        assert (field.segment_m(*a, *b, enough_m) >= enough_m) == (true_m >= enough_m)
+        assert field.line_keeps(*a, *b, enough_m) == (true_m >= enough_m)
+        assert field.keeps(*a, enough_m) == (kept.distance(shapely.Point(a)) >= enough_m)
         if abs(true_m - 0.2) > 1e-6:
             lines.append((a, b, true_m > 0.2))
         walls = field.walls(*a, 0.5)
         assert min((away for away, _, _ in walls), default=0.5) <= max(field.distance_m(*a), 0.0) + 1e-8 or not walls
     starts, ends = (np.array([line[end] for line in lines]) for end in (0, 1))
     assert field.lines_keep(starts, ends, 0.2).tolist() == [line[2] for line in lines]
+
+
+@pytest.mark.parametrize("needed_m", [0.07, 0.3, 1.0, 2.5])
+def test_many_lines_across_a_large_map_keep_what_each_of_them_does(needed_m: float) -> None:
+    made, stream = grid(5, side=400, share=0.0002), random.Random(5)
+    field = Field(made)
+    places = [made.corner(stream.uniform(-40.0, 450.0), stream.uniform(-40.0, 440.0)) for _ in range(300)]
+    kept = [field.line_keeps(*a, *b, needed_m) for a, b in pairwise(places)]
+    assert field.lines_keep(np.array(places[:-1]), np.array(places[1:]), needed_m).tolist() == kept
+    assert 0 < sum(kept) < len(kept)
 
 
 def test_beside_the_map_nothing_is_nearer_than_what_is_in_it() -> None:

@@ -140,8 +140,15 @@ def test_planners_get_out_of_where_they_may_not_be() -> None:
     made = as_site(0.5)
     space = SiteSpace(made, 0.2)
     for place in (turned(0.5, -0.5, 3.0), turned(0.5, 1.5, 1.2), turned(0.5, 4.0, 3.0)):
-        found = space.nearest_free(*place)
+        space.begin(())
+        found, checks = space.nearest_free(*place), space.checks
         assert found is not None
+        # What is known already costs the same virtual time.
+        space.begin(())
+        assert (space.nearest_free(*place), space.checks) == (found, checks)
+        space.begin([(*found, 0.3)])
+        assert space.nearest_free(*place) != found
+        space.begin(())
         assert space.is_free(*found)
         assert math.dist(found, place) < 1.0
     assert not space.is_open(*turned(0.5, 2.5, 3.0), *turned(0.5, 4.5, 3.0))

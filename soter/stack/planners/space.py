@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
@@ -13,6 +14,8 @@ from soter.stack.planners.base import Point
 
 TOUCH_M = 1e-9
 """Depth in metres up to which a point on an edge counts as free."""
+
+_INSIDE_M: Final = 2.0 * TOUCH_M
 
 PIECE_M = 0.25
 """Paths are cut into pieces of at most this length, in metres, before corners are cut off."""
@@ -242,6 +245,19 @@ class SiteSpace(FreeSpace):
 
         Points that a straight line leads to without getting any nearer to what holds the first come before others.
         """
+        found, checks = self._repaired(x, y, self._discs)
+        self.checks += checks
+        return found
+
+    @lru_cache(maxsize=64)  # noqa: B019 - spaces are few, and kept as long
+    def _repaired(self, x: float, y: float, discs: tuple[tuple[float, float, float], ...]) -> tuple[Point | None, int]:
+        """Return the same among some discs, and the checks that it takes: who gets no plan asks for one again."""
+        before = self.checks
+        found = self._nearest(x, y)
+        checks, self.checks = self.checks - before, before
+        return found, checks
+
+    def _nearest(self, x: float, y: float) -> Point | None:
         low_x, low_y, high_x, high_y = self.bounds
         far_m = 2.0 * (math.hypot(high_x - low_x, high_y - low_y) + math.dist((x, y), (low_x, low_y)))
         fallback: Point | None = None
@@ -262,16 +278,19 @@ class SiteSpace(FreeSpace):
 
     def _is_free(self, x: float, y: float) -> bool:
         site = self._site
-        if site.fence_m(x, y) < -TOUCH_M or site.keep_outs.distance_m(x, y) < self._inflation_m - TOUCH_M:
+        if not site.outside.keeps(x, y, -TOUCH_M) or not site.keep_outs.keeps(x, y, self._inflation_m - TOUCH_M):
             return False
         return not self._discs or not self.in_disc(x, y)
 
     def _keeps(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        site, wanted_m = self._site, self._inflation_m - TOUCH_M
-        if site.keep_outs.segment_m(ax, ay, bx, by, self._inflation_m) < wanted_m:
+        site = self._site
+        if not site.keep_outs.line_keeps(ax, ay, bx, by, self._inflation_m - TOUCH_M):
             return False
+        # Most lines stay well inside.
         return (
-            min(site.fence_m(ax, ay), site.fence_m(bx, by)) <= TOUCH_M or site.fence_along_m(ax, ay, bx, by) > -TOUCH_M
+            site.outside.line_keeps(ax, ay, bx, by, _INSIDE_M)
+            or min(site.fence_m(ax, ay), site.fence_m(bx, by)) <= TOUCH_M
+            or site.fence_along_m(ax, ay, bx, by) > -TOUCH_M
         )
 
     def _leads_there(self, x: float, y: float, to_x: float, to_y: float) -> bool:
