@@ -125,16 +125,32 @@ def test_a_document_gets_tables_with_the_commands_that_repeat_them(store: Path, 
     assert soter("campaign", "report", store, "--into", document).exit_code == 2
 
 
-def test_the_store_is_read_as_the_manual_says(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def read(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the manual reads from a store with pandas."""
     pytest.importorskip("pandas")
     (tmp_path / "runs").mkdir()
     shutil.copy(store, tmp_path / "runs" / "thesis.sqlite")
     monkeypatch.chdir(tmp_path)
-    (code,) = [each.code for each in blocks(ROOT / "docs" / "campaigns.md") if "pandas.read_sql" in each.code]
-    found: dict[str, Any] = {}
-    exec(compile(code, "campaigns.md", "exec"), found)  # noqa: S102 - a block of the manual
-    assert found["runs"].groupby("part")["violations"].sum().to_dict() == {"p0": 0, "p1": 0}
-    assert found["results"]["min_margin.collision"].count() == 12, "a robot alone has no such margin"
+    return from_the_manual("pandas.read_sql", {})
+
+
+def from_the_manual(words: str, known: dict[str, Any]) -> dict[str, Any]:
+    (code,) = [each.code for each in blocks(ROOT / "docs" / "campaigns.md") if words in each.code]
+    exec(compile(code, "campaigns.md", "exec"), known)  # noqa: S102 - a block of the manual
+    return known
+
+
+def test_pandas_reads_the_store_as_the_manual_says(read: dict[str, Any]) -> None:
+    assert read["runs"].groupby("part")["violations"].sum().to_dict() == {"p0": 0, "p1": 0}
+    assert read["results"]["min_margin.collision"].count() == 12, "a robot alone has no such margin"
+
+
+def test_duckdb_reads_the_store_as_the_manual_says(read: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    duckdb = pytest.importorskip("duckdb")
+    from_the_manual("COPY runs", read)
+    assert f"{read['results']['min_margin.collision'].min()}" in capsys.readouterr().out
+    assert duckdb.sql("SELECT count(*) FROM 'runs.parquet'").fetchall() == [(len(read["runs"]),)]
 
 
 def test_settings_are_compared_by_seed(store: Path, tmp_path: Path) -> None:

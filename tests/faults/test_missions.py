@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,8 +13,9 @@ from soter.campaign.plan import load_campaign
 from soter.clock import VirtualClock
 from soter.config import load_mission
 from soter.errors import ConfigError, IllFormedModule, Unsupported
+from soter.faults import Fault, FaultOptions, Passage, SentCommand
 from soter.runner import RunResult, run_mission
-from soter.sdk import Fleet, Robot, RobotSpec
+from soter.sdk import Fleet, Robot, RobotSpec, RobotState
 from soter_sim import World
 
 ROOT = Path(__file__).parents[2]
@@ -92,6 +94,42 @@ def test_faults_that_draw_anew_from_a_time_on_are_what_they_were_up_to_then() ->
     assert all(before == ways[0][0] for before, _ in ways)
     assert len({tuple(after) for _, after in ways}) == 4
     assert ways[3] == ways[4]
+
+
+class Drawn(Fault[FaultOptions]):
+    """Draws at every sample and command, by a source that keeps every second number of a pair, and spoils nothing."""
+
+    options_model = FaultOptions
+    all: ClassVar[list[tuple[int, float, float]]]
+
+    def command(self, time_s: float, command: SentCommand) -> Sequence[Passage]:
+        self._draw(time_s)
+        return super().command(time_s, command)
+
+    def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
+        self._draw(time_s)
+        return sample
+
+    def _draw(self, time_s: float) -> None:
+        self.all.append((self.context.robot_id, time_s, self.context.random.gauss(0.0, 1.0)))
+
+
+@pytest.mark.parametrize("at_s", [1.0, 1.05, 1.1])
+def test_nothing_that_is_drawn_from_a_time_on_is_what_it_was(at_s: float) -> None:
+    """A number that were the same in two branches would make their futures alike, and an estimate from them wrong."""
+
+    def drawn(*seeds: int) -> list[tuple[int, float, float]]:
+        Drawn.all = []
+        reseed = [{"at_s": at_s, "seed": seed} for seed in seeds]
+        run(*[{"kind": "tests.faults.test_missions:Drawn"}] * 2, duration_s=2.0, reseed=reseed)
+        return Drawn.all
+
+    plain, one, other = drawn(), drawn(1), drawn(2)
+    before = [each for each in plain if each[1] < at_s - 1e-6]
+    since = len(before)
+    assert plain[:since] == one[:since] == other[:since] == before
+    after = [each[2] for draws in (plain, one, other) for each in draws[since:]]
+    assert len({*after}) == len(after) > 300, "faults of all robots, each from numbers of its own"
 
 
 def test_a_mission_without_faults_is_what_it_was() -> None:
