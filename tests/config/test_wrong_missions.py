@@ -1,0 +1,215 @@
+"""Each way in which a mission file can be wrong is refused, with line, key, value and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from soter.config import parse_mission
+from soter.errors import ConfigError
+from tests.config.text import CHEAP, error
+
+ALL_KEYS = (
+    "mission, workspace, station, start, backend, duration_s, seed, targets, robots, ac, planner, "
+    "target_timeout_s, base_tick_s, battery, rta, isolation, backends, planners, adversaries, controllers, fault, "
+    "reseed, distribution"
+)
+WRONG: list[tuple[str, str]] = [
+    # syntax
+    ("seed = \n", "m.toml:2: not valid TOML: Invalid value (column 8)"),
+    ("seed = 1\nseed = 2\n", "m.toml:3: not valid TOML: Cannot overwrite a value (column 9)"),
+    ("x = [\n", "m.toml: not valid TOML: Invalid value (at end of document)"),
+    ("x = " + 5000 * "[", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
+    (
+        '[isolation]\nread = ["a", "\\u0000"]',
+        "m.toml:3: isolation.read.1: it has the character U+0000, allowed: what a file can be called",
+    ),
+    (30 * "a." + "b = 1", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
+    # names
+    ("duration = 5\n", "m.toml:2: duration: unknown key, did you mean 'duration_s'?; allowed: " + ALL_KEYS),
+    (
+        "[rta]\nenable = true\n",
+        (
+            "m.toml:3: rta.enable: unknown key, did you mean 'enabled'?; allowed: enabled, modules, "
+            "collision, obstacle, "
+            "geofence, battery, path, module"
+        ),
+    ),
+    (
+        "[rta.colision]\ndelta_s = 0.1\n",
+        (
+            "m.toml:2: rta.colision: unknown key, did you mean 'collision'?; allowed: enabled, modules, "
+            "collision, obstacle, "
+            "geofence, battery, path, module"
+        ),
+    ),
+    (
+        "[rta.geofence]\nphi_safe_m = 0.0\n",
+        (
+            "m.toml:3: rta.geofence.phi_safe_m: unknown key, did you mean 'phi_safer_inset_m'?; allowed: "
+            "delta_s, dwell_s, model, phi_safer_inset_m"
+        ),
+    ),
+    (
+        "[rta.collision]\nphi_saver_m = 1.0\n",
+        (
+            "m.toml:3: rta.collision.phi_saver_m: unknown key, did you mean 'phi_safer_m'?; allowed: delta_s, dwell_s, "
+            "phi_safe_m, phi_safer_m, model"
+        ),
+    ),
+    # kinds
+    ('duration_s = "600"\n', "m.toml:2: duration_s: it is '600', allowed: a number"),
+    ("seed = 1.5\n", "m.toml:2: seed: it is 1.5, allowed: a whole number"),
+    ("seed = true\n", "m.toml:2: seed: it is True, allowed: a whole number"),
+    ("backend = 3\n", "m.toml:2: backend: it is 3, allowed: a text in quotes"),
+    ('planner = ""\n', "m.toml:2: planner: it is '', allowed: a text that is not empty"),
+    ("rta = 3\n", "m.toml:2: rta: it is 3, allowed: a table"),
+    ("rta.enabled = 1\n", "m.toml:2: rta.enabled: it is 1, allowed: true or false"),
+    ('rta.modules = "battery"\n', "m.toml:2: rta.modules: it is 'battery', allowed: a list"),
+    ("backends = 3\n", "m.toml:2: backends: it is 3, allowed: a table"),
+    ("[planners]\nx = 3\n", "m.toml:3: planners.x: it is 3, allowed: a table"),
+    ("fault = 3\n", "m.toml:2: fault: it is 3, allowed: a list"),
+    ("fault = [{}, 3]\n", "m.toml:2: fault.1: it is 3, allowed: a table"),
+    # choices
+    (
+        'targets = "gird"\n',
+        "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
+    ),
+    (
+        "mission = 3\n",
+        "m.toml:2: mission: it is 3, allowed: a table",
+    ),
+    (
+        '[rta]\nmodules = ["battery", "batery"]\n',
+        (
+            "m.toml:3: rta.modules.1: it is 'batery', allowed: 'collision', 'obstacle', 'geofence' or "
+            "'battery', did you "
+            "mean 'battery'?"
+        ),
+    ),
+    (
+        '[rta]\nmodules = ["battery", "battery"]\n',
+        "m.toml:3: rta.modules: it is ['battery', 'battery'], allowed: each module once, 'battery' is there twice",
+    ),
+    # ranges
+    ("duration_s = 0\n", "m.toml:2: duration_s: it is 0, allowed: at least 0.001"),
+    ("duration_s = -1.0\n", "m.toml:2: duration_s: it is -1.0, allowed: at least 0.001"),
+    ("duration_s = nan\n", "m.toml:2: duration_s: it is nan, allowed: a finite number"),
+    ("duration_s = inf\n", "m.toml:2: duration_s: it is inf, allowed: a finite number"),
+    ("duration_s = 1e8\n", "m.toml:2: duration_s: it is 100000000.0, allowed: at most 1e+07"),
+    ("seed = -1\n", "m.toml:2: seed: it is -1, allowed: at least 0"),
+    (
+        "seed = 9223372036854775808\n",
+        "m.toml:2: seed: it is 9223372036854775808, allowed: at most 9223372036854775807",
+    ),
+    ("robots = 0\n", "m.toml:2: robots: it is 0, allowed: at least 1"),
+    ("robots = 255\n", "m.toml:2: robots: it is 255, allowed: at most 254"),
+    ("target_timeout_s = 0\n", "m.toml:2: target_timeout_s: it is 0, allowed: at least 0.1"),
+    ("[isolation]\nsilent_s = 0.1\n", "m.toml:3: isolation.silent_s: it is 0.1, allowed: at least 0.5"),
+    ("[isolation]\nmemory_mib = 1\n", "m.toml:3: isolation.memory_mib: it is 1, allowed: at least 64"),
+    (
+        "[isolation]\nreal_time = 1\n",
+        "m.toml:3: isolation.real_time: it is 1, allowed: 'auto', 'always' or 'never'",
+    ),
+    ("base_tick_s = 0.0\n", "m.toml:2: base_tick_s: it is 0.0, allowed: at least 0.001"),
+    ("[battery]\ndrive_s = 0\n", "m.toml:3: battery.drive_s: it is 0, allowed: at least 0.1"),
+    ("[battery]\nidle_s = 1799.0\n", CHEAP),
+    ("[battery]\nidle_s = -2\n", "m.toml:3: battery.idle_s: it is -2, allowed: at least 0.1"),
+    ("[battery]\ncharge_s = nan\n", "m.toml:3: battery.charge_s: it is nan, allowed: a finite number"),
+    ("[battery.initial]\n2 = 0\n", "m.toml:3: battery.initial.2: it is 0, allowed: at least 0.001"),
+    ("[battery]\ninitial = [0.5, 1.5]\n", "m.toml:3: battery.initial.2: it is 1.5, allowed: at most 1"),
+    ("[battery]\ninitial = 0.5\n", "m.toml:3: battery.initial: it is 0.5, allowed: a table"),
+    (
+        "[battery.initial]\ntwo = 0.5\n",
+        "m.toml:3: battery.initial.two: of its name: it is 'two', allowed: a whole number",
+    ),
+    ("[battery.initial]\n0 = 0.5\n", "m.toml:3: battery.initial.0: of its name: it is 0, allowed: at least 1"),
+    ("[battery.initial]\n255 = 0.5\n", "m.toml:3: battery.initial.255: of its name: it is 255, allowed: at most 254"),
+    ("[rta.collision]\nphi_safe_m = -0.1\n", "m.toml:3: rta.collision.phi_safe_m: it is -0.1, allowed: at least 0"),
+    (
+        "[rta.collision]\nphi_safer_m = 0.3\n",
+        "m.toml:3: rta.collision.phi_safer_m: it is 0.3, allowed: above phi_safe_m, which is 0.3",
+    ),
+    (
+        "[rta.obstacle]\nphi_safe_m = 0.2\n",
+        "m.toml:2: rta.obstacle.phi_safer_m: it is 0.1, allowed: above phi_safe_m, which is 0.2",
+    ),
+    ("[rta.obstacle]\ndwell_s = -0.1\n", "m.toml:3: rta.obstacle.dwell_s: it is -0.1, allowed: at least 0"),
+    (
+        "[rta.geofence]\nphi_safer_inset_m = 0.0\n",
+        "m.toml:3: rta.geofence.phi_safer_inset_m: it is 0.0, allowed: at least 0.001",
+    ),
+    ("[rta.battery]\nphi_safer = 85\n", "m.toml:3: rta.battery.phi_safer: it is 85, allowed: at most 1"),
+    ("[rta.battery]\nreserve_factor = 0.5\n", "m.toml:3: rta.battery.reserve_factor: it is 0.5, allowed: at least 1"),
+    ("[rta.battery]\ndelta_s = 0\n", "m.toml:3: rta.battery.delta_s: it is 0, allowed: at least 0.001"),
+    (
+        "[rta.geofence]\ndelta_s = 0.52\n",
+        (
+            "m.toml:3: rta.geofence.delta_s: it is 0.52, allowed: a multiple of base_tick_s, which is "
+            "0.05; the nearest is "
+            "0.5"
+        ),
+    ),
+    (
+        "[rta.collision]\ndelta_s = 0.01\n",
+        (
+            "m.toml:3: rta.collision.delta_s: it is 0.01, allowed: a multiple of base_tick_s, which is "
+            "0.05; the nearest is "
+            "0.05"
+        ),
+    ),
+    (
+        "base_tick_s = 0.1\n",
+        (
+            "m.toml: rta.collision.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.1; the "
+            "nearest is 0.1"
+        ),
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), WRONG, ids=[text[:40].strip() for text, _ in WRONG])
+def test_what_is_wrong_is_named(text: str, expected: str) -> None:
+    assert error(text) == expected
+
+
+def test_the_workspace_must_be_given() -> None:
+    with pytest.raises(ConfigError, match=r"^m\.toml: workspace: it is missing, and has no default$"):
+        parse_mission(b"seed = 1\n", "m.toml")
+
+
+def test_a_byte_order_mark_is_ignored() -> None:
+    assert parse_mission(b'\xef\xbb\xbfworkspace = "room.xml"\n', "m.toml").workspace == Path("room.xml")
+    with pytest.raises(ConfigError, match=r"^m\.toml:2: seed: it is -1, allowed: at least 0$"):
+        parse_mission(b'\xef\xbb\xbfworkspace = "room.xml"\nseed = -1\n', "m.toml")
+
+
+def test_not_utf_8() -> None:
+    with pytest.raises(ConfigError, match=r"^m\.toml:2: not UTF-8, as TOML must be; save it as UTF-8$"):
+        parse_mission(b'seed = 1\nbackend = "\xff"\n', "m.toml")
+
+
+def test_all_that_is_wrong_is_listed_in_the_order_of_the_file() -> None:
+    text = 'seed = -1\ntargets = "gird"\n[rta.collision]\ndelta_s = "fast"\n[battery]\ndrives_s = 1\n'
+    assert error(text, {"robots": 0}).splitlines() == [
+        "m.toml: 5 things are wrong",
+        "  m.toml:2: seed: it is -1, allowed: at least 0",
+        "  m.toml:3: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
+        "  m.toml:5: rta.collision.delta_s: it is 'fast', allowed: a number",
+        (
+            "  m.toml:7: battery.drives_s: unknown key, did you mean 'drive_s'?; allowed: drive_s, idle_s, charge_s, "
+            "initial"
+        ),
+        "  command line: robots: it is 0, allowed: at least 1",
+    ]
+
+
+def test_a_workspace_is_no_mission() -> None:
+    with pytest.raises(ConfigError, match=r"room\.toml: it is a workspace, .* workspace = 'room\.toml'"):
+        parse_mission(b"[fence]\npolygon = [[0, 0], [4, 0], [4, 4]]\n", "worlds/room.toml")
+
+
+def test_a_huge_value_and_a_huge_name_do_not_fill_the_screen() -> None:
+    assert len(error(f'targets = "{10_000 * "x"}"\n')) < 200
+    assert len(error(f"{10_000 * 'x'} = 1\n")) < 400
