@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if given.quick:
         given.only, given.tries = "brake*", 1
     campaign = load_campaign(CAMPAIGN, {"duration_s": 1.0} if given.quick else None)
-    print(f"{'set-up':30} {'CMA-ES, runs':>24} {'at random, runs':>30}   medians       runs a find")
+    print(f"{'set-up':30} {'CMA-ES, runs':>24} {'at random, runs':>30}   ratios: of medians, of runs a find")
     for name in campaign.parts:
         if not fnmatch(name, given.only):
             continue
@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         words = [" ".join(f"{'' if hit else '>'}{runs}" for runs, hit in each) for each in found.values()]
         medians = " : ".join(f"{statistics.median(runs for runs, _ in each):g}" for each in found.values())
         each_find = " : ".join(f"{runs_a_find(each):.1f}" for each in found.values())
-        print(f"{name:30} {words[0]:>24} {words[1]:>30}   {medians:13} {each_find}", flush=True)
+        print(f"{name:30} {words[0]:>24} {words[1]:>30}   {medians}, {each_find}", flush=True)
 
 
 if __name__ == "__main__":
