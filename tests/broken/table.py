@@ -13,6 +13,7 @@ from tests.broken.corners import CORNERS, CORNERS_ON_WIRE
 from tests.broken.drivers import DRIVERS, DRIVERS_ON_WIRE
 from tests.broken.duties import DUTIES
 from tests.broken.goals import TARGETS
+from tests.broken.habits import HABITS, HABITS_ON_WIRE
 from tests.broken.promised import PROMISES
 from tests.broken.samples import SAMPLES
 from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
@@ -33,8 +34,8 @@ def _written(base: Kind, *modules: ModuleType) -> tuple[Kind, ...]:
 
 BROKEN: Final[tuple[Kind, ...]] = (
     *_written(in_process.Broken, samples, goals, lives), *SAMPLES, *TARGETS, *PROMISES, *DUTIES, *SELDOM, *CORNERS,
-    *DRIVERS, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
-    *DRIVERS_ON_WIRE,
+    *DRIVERS, *HABITS, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
+    *DRIVERS_ON_WIRE, *HABITS_ON_WIRE,
 )  # fmt: skip
 
 
