@@ -7,10 +7,10 @@ import socket
 from typing import Any, Final
 
 from soter.sdk import Goal, RobotState, Waypoint
-from tests.broken.edits import edited, sampled, wired
+from tests.broken.edits import edited, sampled, targeted, wired
 from tests.broken.in_process import Broken, not_cancelled
 from tests.broken.on_wire import BrokenWire
-from tests.broken.parts import memory
+from tests.broken.parts import memory, with_control
 from tests.conformance.wire import WireRobot
 
 _FLAT: Final = 0.02
@@ -103,6 +103,32 @@ def _closes_at_last(self: Any, timeout_s: float) -> None:
         each.close()
 
 
+def _uncapped(robot: Any, target: Waypoint) -> Waypoint:
+    """Keep the cap for `_capped_forwards`, which alone heeds it."""
+    memory(robot, "cap", lambda: [None])[0] = target.speed_m_s
+    return target._replace(speed_m_s=None)
+
+
+def _capped_forwards(robot: Any, _: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    cap = memory(robot, "cap", lambda: [None])[0]
+    return (speed if cap is None else min(speed, cap)), rate
+
+
+def _same_place(robot: Any, target: Waypoint) -> Waypoint:
+    """Go on to the target of before where the new one is at its place."""
+    kept = memory(robot, "target", lambda: [target])
+    under_way = robot._mux.command is not None
+    if not under_way or target[:2] != kept[0][:2]:
+        kept[0] = target
+    return kept[0]  # type: ignore[no-any-return]
+
+
+def _near_is_there(robot: Any, target: Waypoint) -> Waypoint:
+    at = robot._honest()
+    near = math.hypot(target.x_m - at.x_m, target.y_m - at.y_m) < 0.05
+    return target._replace(heading_rad=None) if near else target
+
+
 HABITS: Final = (
     sampled("TurnDifferenced", "Takes differences of headings for turn rates, and does not mind pi.", "state.yaw_rate",
             "leaps at pi", _differenced),
@@ -118,6 +144,12 @@ HABITS: Final = (
            "drive back", _halt=_holds),
     edited("GoesWithRenewal", "Sends a goto with the next renewal, in the name of the controller in charge then.",
            "authority.at_once", "leaves in force", _send_goto=_waits, _renew_lease=_renews_and_sends),
+    targeted("CappedForwards", "Compares speeds with a cap as they are, backwards ones too.", "goto.speed_cap",
+             "backwards", _uncapped, _connect=with_control(_capped_forwards)),
+    targeted("SamePlace", "Takes a goto to the place that it drives to for the same.", "goto.speed_cap",
+             "taken for the same", _same_place),
+    targeted("NearIsThere", "Takes a goal near the robot for reached, whatever its heading.", "goto.heading",
+             "taken for reached", _near_is_there),
     edited("OpensItsTable", "Opens all robots whose addresses it knows.", "several.chosen", "whose addresses",
            opens_all=True),
 )  # fmt: skip
