@@ -129,6 +129,11 @@ def _near_is_there(robot: Any, target: Waypoint) -> Waypoint:
     return target._replace(heading_rad=None) if near else target
 
 
+def _named_after_robot(self: Any, *arguments: Any) -> None:
+    WireRobot.__init__(self, *arguments)
+    self.wanted = self.wanted._replace(session=self.id)
+
+
 HABITS: Final = (
     sampled("TurnDifferenced", "Takes differences of headings for turn rates, and does not mind pi.", "state.yaw_rate",
             "leaps at pi", _differenced),
@@ -157,6 +162,8 @@ HABITS: Final = (
 HABITS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     wired("SparesMessages", "Drops what is sent within 0.03 s of something else, since the next says it all again.",
           "bounds.latency", "some are dropped", want=_spared),
+    wired("NamedAfterRobot", "Has every program say the name of the robot for its own.", "authority.one_program",
+          "took the robot away", __init__=_named_after_robot),
     wired("NeverStale", "Calls a link good on which nothing was heard for 5 s.", "link.age", "stale_after_s",
           stale_after_s=5.0, down_after_s=30.0),
     wired("HealsAndKeeps", "Opens a socket anew while nothing is heard, and keeps the old ones.", "resources.outages",
