@@ -9,7 +9,7 @@ from typing import Final
 from soter.conformance.driver import ROUNDING, TICK_S, drive_until
 from soter.conformance.figure import NotTested
 from soter.conformance.judging import Judging
-from soter.conformance.track import TrackSample, rates, turn
+from soter.conformance.track import TURNING_RAD_S, TrackSample, rates, turn
 from soter.sdk import Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 STILL_RAD: Final = 0.03
@@ -36,10 +36,12 @@ class Bench(Judging):
         """Open a fresh fleet whose robots are not initialised."""
         if robots > self.harness.robots_most:
             raise NotTested(f"it needs {robots} robots, and the harness has {self.harness.robots_most}")
-        fleet = self.harness.open(robots) if self.promised is None else self.harness.promising(self.promised)
+        fleet = self.harness.open(robots) if self.opener is None else self.opener()
         self.fleets.append(fleet)
         self.require(
-            len(fleet.robots) == robots, f"the harness's open({robots}) gave {len(fleet.robots)} robots: correct it"
+            len(fleet.robots) == robots,
+            f"{robots} robots were asked for, and {len(fleet.robots)} opened: the adapter opens those whose addresses "
+            "it knows, or the harness's open() is to be corrected",
         )
         if self.truth and fleet.truth is None and not self.harness.gives("observe"):
             raise NotTested("no truth: neither Fleet.truth nor the hook 'observe' is given")
@@ -248,8 +250,8 @@ class Bench(Judging):
         by: Controller = Controller.AC,
         *,
         closely: bool = False,
-        cause: str = "the target did not get through, the lease is not renewed by renew_lease(), or v_max_m_s is "
-        "declared too high",
+        cause: str = "the target did not get through, the lease is not renewed by renew_lease(), the cap of an earlier "
+        "goal is kept, or v_max_m_s is declared too high",
     ) -> Goal:
         """Send a robot somewhere far and see it come up to speed."""
         began_s = self.now_s
@@ -260,9 +262,11 @@ class Bench(Judging):
             return self.tracks[robot.id][-1].speed_m_s > fast
 
         self.run(self.way_s(), lambda: moves() or not goal.active or self.stands(robot, began_s), closely=closely)
+        most_m_s = max((each.speed_m_s for each in self.since(robot, began_s)), default=0.0)
         self.require(
             moves() and goal.active,
-            f"it did not come up to {fast:.2f} m/s on a straight leg within {self.now_s - began_s:.1f} s: {cause}",
+            f"it did not come up to {fast:.2f} m/s, but to {most_m_s:.2f} m/s, on a straight leg within "
+            f"{self.now_s - began_s:.1f} s: {cause}",
         )
         return goal
 
@@ -286,10 +290,14 @@ class Bench(Judging):
         rest = self.look(robot)
         self.run(1.0, renew=renew)
         later = self.look(robot)
-        slipped = later.distance_m(rest.x_m, rest.y_m)
+        slipped, turned = later.distance_m(rest.x_m, rest.y_m), abs(turn(rest.heading_rad, later.heading_rad))
+        if slipped <= self.still_m and turned > STILL_RAD and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
+            # It drove straight, and turns in place now: it is to drive somewhere again.
+            cause = f"it turns to drive back to where it was when it was told, as if that were its goal; or {cause}"
         self.require(
-            slipped <= self.still_m and abs(turn(rest.heading_rad, later.heading_rad)) <= STILL_RAD,
-            f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m within another second: {cause}",
+            slipped <= self.still_m and turned <= STILL_RAD,
+            f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m and {turned:.2f} rad within "
+            f"another second: {cause}",
         )
         allowed_m = caps.v_max_m_s * (begin_s + caps.sample_age_s) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
         run_m = rest.distance_m(before.x_m, before.y_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from typing import Any, Final
 
 from soter.conformance.given import Given, GivenHarness
@@ -10,7 +11,7 @@ from soter.conformance.harness import LIMITS, Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
-from soter.sdk import Backend, Capabilities, Fleet
+from soter.sdk import Backend, Capabilities, Fleet, RobotSpec
 
 # Rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
 # from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices.
@@ -42,19 +43,32 @@ class InProcessHarness(Harness):
 
     def open(self, robots: int) -> Fleet:
         """Return a fleet in a fresh world."""
-        return self._opened(robots)
+        return self._opened(specs_at(_places(robots)))
 
     def promising(self, promised: Capabilities) -> Fleet:
         """Return a robot of its own kind in a fresh world."""
-        return self._opened(1, promised)
+        return self._opened(specs_at(_places(1), promised))
+
+    def charged(self, charge: float) -> Fleet:
+        """Return a robot with a charge of its own in a fresh world."""
+        return self._opened(specs_at(_places(1), charge=charge))
+
+    def choosing(self, order: Sequence[int]) -> Fleet:
+        """Return some robots of a workspace that has places for all, in a fresh world."""
+        specs = specs_at(_places(self.robots_most))
+        return self._opened([specs[each] for each in order], self.robots_most)
 
     def close(self) -> None:
         """Do nothing: the world ends with its fleet."""
 
-    def _opened(self, robots: int, promised: Capabilities | None = None) -> Fleet:
-        floor = open_floor().with_robots(robots)
+    def _opened(self, specs: Sequence[RobotSpec], places: int | None = None) -> Fleet:
+        floor = open_floor().with_robots(places or len(specs))
         config = self.backend.config_model(workspace=floor, limits=self.limits, **self.options)
-        return self.backend().open(config, specs_at(floor.robots, promised))
+        return self.backend().open(config, specs)
+
+
+def _places(robots: int) -> Sequence[RobotPlace]:
+    return open_floor().robots[:robots]
 
 
 def named(target: str | Given) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import subprocess
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final
 
 from soter.geometry.workspace import RobotPlace
@@ -13,7 +14,7 @@ from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
-EXTRA_HOOKS: Final = ("second", "step_clock", "restart", "promising")
+EXTRA_HOOKS: Final = ("second", "step_clock", "restart", "promising", "charged", "choosing")
 """More of them, for what not every harness can do; an adapter may conform without."""
 
 
@@ -23,15 +24,30 @@ LOW_CHARGE: Final = 0.1
 _IDLE_S: Final = 2400.0
 """How long a full battery of theirs lasts at rest: what that takes shows within half a minute."""
 
+_FOR_EVER_S: Final = 1e6
+"""How long it takes to empty, or to charge, a battery whose charge is to stay."""
 
 LIMITS: Final = RuleLimits(separation_m=0.45)
 """What truth judges simulated robots by, which no world does by itself."""
 
 
-def specs_at(places: Iterable[RobotPlace], promised: Capabilities | None = None) -> list[RobotSpec]:
-    """Return simulated robots at these places, for the kit to judge, and what they are asked to promise."""
-    return [
+def specs_at(
+    places: Iterable[RobotPlace], promised: Capabilities | None = None, charge: float | None = None
+) -> list[RobotSpec]:
+    """Return simulated robots at these places, for the kit to judge.
+
+    Args:
+        places: where they start.
+        promised: what they are asked to promise.
+        charge: what is left in their batteries, and stays; None for a low charge that changes as they drive.
+    """
+    specs = [
         RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S, promised=promised) for at in places
+    ]
+    if charge is None:
+        return specs
+    return [
+        replace(each, battery=charge, drive_s=_FOR_EVER_S, idle_s=_FOR_EVER_S, charge_s=_FOR_EVER_S) for each in specs
     ]
 
 
@@ -156,6 +172,20 @@ class Harness(ABC):
 
     def promising(self, promised: Capabilities) -> Fleet:
         """Return a fleet of one fresh robot, as `open` does, that was asked to promise this (`RobotSpec.promised`)."""
+        raise NotImplementedError
+
+    def charged(self, charge: float) -> Fleet:
+        """Return a fleet of one fresh robot, as `open` does, that has this charge, and has it still minutes later."""
+        raise NotImplementedError
+
+    def choosing(self, order: Sequence[int]) -> Fleet:
+        """Return a fleet of some robots of those that are there, which are as many as `robots_most` and all fresh.
+
+        The backend knows of all of them, and is asked for these.
+
+        Args:
+            order: which, and in which order, as places in what `open(robots_most)` opens.
+        """
         raise NotImplementedError
 
     # --- for the kit ------------------------------------------------------------------------------------------

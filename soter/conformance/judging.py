@@ -42,7 +42,7 @@ class Judging:
         fleets: all that were opened, the one that is open last.
         capabilities: what the robots declare, once one is ready.
         judged: how many robots clauses about one open, of which they judge the last.
-        promised: what the robots are asked to promise; None for what they declare.
+        opener: opens robots in place of the harness's `open`; None for that.
         faulty: the clause has broken the link, so that silence is no surprise.
     """
 
@@ -58,7 +58,7 @@ class Judging:
         self.capabilities: Capabilities | None = None
         self.faulty = False
         self.judged = 1
-        self.promised: Capabilities | None = None
+        self.opener: Callable[[], Fleet] | None = None
 
     @property
     def fleet(self) -> Fleet:

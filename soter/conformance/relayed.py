@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Sequence
 from typing import Final, Protocol
 
 from soter.conformance import driver
@@ -63,15 +64,16 @@ Ids are neither 1 and 2 nor in order: they are no indices.
 """
 
 
-def in_wide_rooms(robots: int, promised: Capabilities | None = None) -> list[RobotSpec]:
-    """Return the first robots of `WIDE_ROOMS`, with a battery that is not full, and what they are asked to promise."""
-    return specs_at(WIDE_ROOMS.robots[:robots], promised)
+def in_wide_rooms(robots: int, promised: Capabilities | None = None, charge: float | None = None) -> list[RobotSpec]:
+    """Return the first robots of `WIDE_ROOMS`, see `soter.conformance.harness.specs_at`."""
+    return specs_at(WIDE_ROOMS.robots[:robots], promised, charge)
 
 
 class RelayedHarness(Harness):
     """Gives every optional hook by a relay and a witness; `open` and `start_driver` are the adapter's.
 
     `open` sets `simulator`, `relay` and `fleet`; `start_driver` sets `simulator` and `witness`, and returns `driven`.
+    What is simulated is `specs`; what the adapter is asked for is `asked`.
     """
 
     charges_at_start = True
@@ -85,15 +87,29 @@ class RelayedHarness(Harness):
         self.witness: Witness | None = None
         self._drivers: list[subprocess.Popen[bytes]] = []
         self._promised: Capabilities | None = None
+        self._charge: float | None = None
+        self._order: Sequence[int] | None = None
 
     def specs(self, robots: int) -> list[RobotSpec]:
-        """Return the first robots of `WIDE_ROOMS`, with what they are asked to promise in `open_promising`."""
-        return in_wide_rooms(robots, self._promised)
+        """Return the first robots of `WIDE_ROOMS`, with what they are asked to promise, and their charge."""
+        return in_wide_rooms(robots, self._promised, self._charge)
 
-    def open_promising(self, promised: Capabilities) -> Fleet:
-        """Open one robot that is asked to promise this; what `promising` is where `open` opens `specs`."""
+    def asked(self, robots: int) -> list[RobotSpec]:
+        """Return which of so many robots the adapter is asked for: all, unless some were chosen."""
+        there = self.specs(robots)
+        return there if self._order is None else [there[each] for each in self._order]
+
+    def promising(self, promised: Capabilities) -> Fleet:
         self._promised = promised
         return self.open(1)
+
+    def charged(self, charge: float) -> Fleet:
+        self._charge = charge
+        return self.open(1)
+
+    def choosing(self, order: Sequence[int]) -> Fleet:
+        self._order = order
+        return self.open(self.robots_most)
 
     def close(self) -> None:
         for process in self._drivers:
@@ -107,7 +123,8 @@ class RelayedHarness(Harness):
         for each in (self.relay, self.witness, self.simulator):
             if each is not None:
                 each.close()
-        self.fleet = self.relay = self.witness = self.simulator = self._promised = None
+        self.fleet = self.relay = self.witness = self.simulator = None
+        self._promised = self._charge = self._order = None
 
     def driven(self, opener: str, argument: str, target: Waypoint) -> subprocess.Popen[bytes]:
         """Start a driver as `soter.conformance.driver.spawn` does; it is ended by `close`."""

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 from soter.clock import VehicleClock
 from soter.conformance.harness import LIMITS
 from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
-from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
+from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
 from soter.sdk.wire import Simulator, WireBackend
 
@@ -43,10 +43,6 @@ class WireHarness(RelayedHarness):
         self.fleet = self._connect()
         return self.fleet
 
-    def promising(self, promised: Capabilities) -> Fleet:
-        """Return a fleet of one fresh robot that was asked to promise this."""
-        return self.open_promising(promised)
-
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator, backend = self._start(1), self.backend
         given = {"robots": simulator.robots, "truth": simulator.truth}
@@ -68,7 +64,7 @@ class WireHarness(RelayedHarness):
     def _connect(self) -> Fleet:
         simulator, relay = self._simulated(), self.relay
         assert isinstance(relay, WireRelay)
-        return _open(self.backend, relay.addresses, simulator.truth, self.specs(len(simulator.robots)))
+        return _open(self.backend, relay.addresses, simulator.truth, self.asked(len(simulator.robots)))
 
     def _simulated(self) -> Simulator:
         assert isinstance(self.simulator, Simulator)

@@ -11,8 +11,8 @@ from soter.onboard.mux import Mux
 from soter.sdk import Controller, Goal, RobotState, RuleLimits, Waypoint
 from tests.broken.edits import edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
-from tests.broken.mutants import THIRD, _leased, _of, _with_control
 from tests.broken.on_wire import BrokenWire
+from tests.broken.parts import THIRD, leased, memory, with_control
 from tests.broken.seldom import State
 from tests.conformance.wire import Intent, Vehicle, WireRobot
 
@@ -66,7 +66,7 @@ def _halts_ac(robot: Any) -> None:
 def _once_a_period(robot: Any, to: Controller) -> None:
     """Look at who is in charge once a period: to and fro in between is no change."""
     mux, now_s = robot._mux, robot._world.now_s
-    before = _of(robot, "before", lambda: [now_s, mux.in_charge, mux.command])
+    before = memory(robot, "before", lambda: [now_s, mux.in_charge, mux.command])
     if before[0] != now_s:
         before[:] = now_s, mux.in_charge, mux.command
     Broken._hand_over(robot, to)
@@ -175,9 +175,9 @@ CORNERS: Final[tuple[type[Broken], ...]] = (
     edited("MinuteLease", "Counts its lease by the seconds of a minute.", "deadman.wraps", "seconds of a minute",
            __init__=_by_the_minute),
     edited("ThirdUnwatched", "Watches the leases of two robots, and not the third's.", "several.last", "behind them",
-           __init__=_leased(1e6, robot_id=THIRD)),
+           __init__=leased(1e6, robot_id=THIRD)),
     edited("Docks", "Ends its way once it is near its target, whatever its lease says.", "deadman.arriving", "near its",
-           _connect=_with_control(_docks)),
+           _connect=with_control(_docks)),
     edited("KeepsItsGoal", "Goes on, when opened anew, to where the SC was on its way when it was closed.",
            "lifecycle.reopen", "once more", __init__=_takes_up, _disconnect=_keeps),
     edited("CancelsOfAcOnly", "Cancels goals of the AC, and none of the SC.", "goal.of_sc", "AC only",
@@ -203,7 +203,7 @@ CORNERS: Final[tuple[type[Broken], ...]] = (
     edited("LimitsLost", "Lets the truth judge by other limits than the mission's.", "truth.bounds.body",
            "does not reach", judged_by=RuleLimits()),
     edited("BesideLongWays", "Drives beside the straight segment while its target is more than 2.5 m away.",
-           "bounds.long_tube", "far away", _connect=_with_control(_beside)),
+           "bounds.long_tube", "far away", _connect=with_control(_beside)),
     sampled("HeadingOfFirst", "Turns every robot's velocity by the heading of the first.", "several.second",
             "velocit", _with_heading_of_first),
     edited("UnreadyKept", "Keeps the socket of a robot that never got ready.", "resources.unready",

@@ -10,13 +10,13 @@ from typing import Any, Final
 from soter.sdk import Controller, Goal, RobotSpec, RobotState, Waypoint
 from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
-from tests.broken.mutants import Exact, _braking_at, _of, _with_control
 from tests.broken.on_wire import BrokenWire
+from tests.broken.parts import Exact, braking_at, memory, with_control
 from tests.broken.seldom import State
 from tests.conformance.wire import Faults, Intent, Vehicle, WireRobot
 
 _NEAR_M: Final = 0.15
-_SOFTLY: Final = _braking_at(0.5)
+_SOFTLY: Final = braking_at(0.5)
 
 
 def _already_there(robot: Any, goal: Goal) -> None:
@@ -26,7 +26,7 @@ def _already_there(robot: Any, goal: Goal) -> None:
 
 
 def _once(robot: Any, goal: Goal) -> None:
-    last = _of(robot, "last place", lambda: [None])
+    last = memory(robot, "last place", lambda: [None])
     if goal.target != last[0]:
         last[0] = goal.target
         Broken._send_goto(robot, goal)
@@ -37,24 +37,24 @@ def _tenths(_: Any, to: Waypoint) -> Waypoint:
 
 
 def _a_goal_late(robot: Any, to: Waypoint) -> Waypoint:
-    caps = _of(robot, "caps", lambda: [None])
+    caps = memory(robot, "caps", lambda: [None])
     caps.append(to.speed_m_s)
     return to._replace(speed_m_s=caps.pop(0))
 
 
 def _ramps_down(robot: Any, to: Controller) -> None:
-    _of(robot, "soft", lambda: [False])[0] = to is not robot._mux.in_charge
+    memory(robot, "soft", lambda: [False])[0] = to is not robot._mux.in_charge
     Broken._hand_over(robot, to)
 
 
 def _softly(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
-    soft = _of(robot, "soft", lambda: [False])
+    soft = memory(robot, "soft", lambda: [False])
     soft[0] = soft[0] and robot._mux.alive(state[0]) and abs(speed) < abs(state[4])
     return _SOFTLY(robot, state, speed, rate) if soft[0] else (speed, rate)
 
 
 def _logs(robot: Any, goal: Goal) -> None:
-    _of(robot, "logs", list).append(Path("/dev/null").open("rb"))  # noqa: SIM115 - that is what is wrong
+    memory(robot, "logs", list).append(Path("/dev/null").open("rb"))  # noqa: SIM115 - that is what is wrong
     Broken._send_goto(robot, goal)
 
 
@@ -66,19 +66,19 @@ def _closes_logs(robot: Any, timeout_s: float) -> None:
 
 
 def _averages(robot: Any, state: RobotState) -> RobotState:
-    _of(robot, "all heard", list).append(state._replace())
+    memory(robot, "all heard", list).append(state._replace())
     return state
 
 
 def _last_good(robot: Any, state: RobotState) -> RobotState:
-    good = _of(robot, "good", lambda: [1.0])
+    good = memory(robot, "good", lambda: [1.0])
     if (state.battery or 0.0) >= 0.1:
         good[0] = state.battery
     return state._replace(battery=good[0])
 
 
 def _filtered(robot: Any, state: RobotState) -> RobotState:
-    kept = _of(robot, "filtered", lambda: [state.stamp_s, state.vx_m_s, state.vy_m_s])
+    kept = memory(robot, "filtered", lambda: [state.stamp_s, state.vx_m_s, state.vy_m_s])
     if state.stamp_s > kept[0]:
         kept[:] = state.stamp_s, 0.5 * (kept[1] + state.vx_m_s), 0.5 * (kept[2] + state.vy_m_s)
     return state._replace(vx_m_s=kept[1], vy_m_s=kept[2])
@@ -127,7 +127,7 @@ def _in_turn(robot: Any) -> RobotState | None:
     """Wait 0.3 s for a robot that is silent before another one is heard."""
     now_s = robot.clock.now()
     waits = any(each.cut for each in _LINKS[id(robot.clock)] if each is not robot.faults)
-    looked = _of(robot, "looked", lambda: [now_s])
+    looked = memory(robot, "looked", lambda: [now_s])
     if waits and now_s - looked[0] < 0.3:
         return robot.latest  # type: ignore[no-any-return]
     looked[0] = now_s
@@ -140,19 +140,19 @@ def _of_a_fleet(robot: Any, *arguments: Any) -> None:
 
 
 def _from_where_it_was_set_up(self: Any, clock_s: float, x_m: float, y_m: float, *rest: float) -> RobotState:
-    off = _of(self, "odometry", lambda: [0.0, 0.0])
+    off = memory(self, "odometry", lambda: [0.0, 0.0])
     return Vehicle.sample(self, clock_s, x_m + off[0], y_m + off[1], *rest)
 
 
 def _odometry_anew(self: Any) -> None:
-    bodies, start = self.world.bodies, _of(self, "set up", lambda: [0.0, 0.0])
-    _of(self, "odometry", lambda: [0.0, 0.0])[:] = start[0] - bodies.x[self.index], start[1] - bodies.y[self.index]
+    bodies, start = self.world.bodies, memory(self, "set up", lambda: [0.0, 0.0])
+    memory(self, "odometry", lambda: [0.0, 0.0])[:] = start[0] - bodies.x[self.index], start[1] - bodies.y[self.index]
     Vehicle.restart(self)
 
 
 def _set_up(self: Any, spec: RobotSpec, world: Any) -> None:
     Vehicle.__init__(self, spec, world)
-    _of(self, "set up", lambda: [spec.x_m, spec.y_m])
+    memory(self, "set up", lambda: [spec.x_m, spec.y_m])
 
 
 def _no_sooner(robot: Any, *arguments: Any) -> None:
@@ -188,7 +188,7 @@ DRIVERS: Final[tuple[type[Broken], ...]] = (
     targeted("CapTooLate", "Keeps the speed cap of a goal for the next one.", "goto.speed_cap", "later goal",
              _a_goal_late),
     edited("SoftSwitch", "Brakes at half of what it promises at a switch, and well at all else.",
-           "authority.effective", "after a switch", _hand_over=_ramps_down, _connect=_with_control(_softly)),
+           "authority.effective", "after a switch", _hand_over=_ramps_down, _connect=with_control(_softly)),
     edited("LogsGoals", "Opens a file at each goal, and closes it with the robot.", "endurance.minute",
            "not closed", _send_goto=_logs, _disconnect=_closes_logs),
     sampled("AveragesAll", "Keeps every sample to average over.", "endurance.minute", "ever longer", _averages),

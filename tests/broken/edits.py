@@ -33,7 +33,7 @@ def sampled(
 
 
 def targeted(
-    name: str, says: str, caught_by: str, blames: str, edit: Callable[[Any, Waypoint], Waypoint]
+    name: str, says: str, caught_by: str, blames: str, edit: Callable[[Any, Waypoint], Waypoint], **parts: object
 ) -> type[Broken]:
     """Return the reference adapter with the targets edited that it sends to the vehicle; goals are judged rightly."""
 
@@ -41,7 +41,7 @@ def targeted(
         sent = Goal(self, goal.id, edit(self, goal.target), goal.by, goal.sent_s)
         self._mux.give(goal.by, sent, self._world.now_s)
 
-    return edited(name, says, caught_by, blames, _send_goto=send)
+    return edited(name, says, caught_by, blames, _send_goto=send, **parts)
 
 
 def promising(base: type[Broken], name: str, says: str, caught_by: str, blames: str, **promise: object) -> type[Broken]:

@@ -69,8 +69,9 @@ SURVIVORS: Final = (
         "What the clauses are about, such as a lease that nobody watches. Let the harness open as many as you drive.",
     ),
     Survivor(
-        "Does otherwise once its charge is lower than that of the trials.",
-        "They begin with a tenth, and end before that is used up.",
+        "Does otherwise once its charge is low, behind a harness without the hook `charged`, or between the charges of "
+        "the trials.",
+        "They begin with a tenth, and `state.nearly_flat` with half a hundredth; real batteries are what they are.",
         "A robot that goes home by itself then heeds no lease: the battery's module ends most runs before. Try it "
         "with a battery that is nearly flat.",
     ),
@@ -86,9 +87,11 @@ SURVIVORS: Final = (
         "is decided by a wrong place. Let one of the harness's rooms lie across both axes.",
     ),
     Survivor(
-        "Follows two programs, or keeps its lease over a restart or a step of its clock, behind a harness without the "
-        "hooks `second`, `restart` and `step_clock`.",
-        "The clauses `authority.one_program`, `deadman.restart` and `deadman.clock_back` are NOT TESTED then.",
-        "A second program drives the robot, or a dead one's target lives on. Give the hooks.",
+        "Follows two programs, opens robots that nobody asked for, or keeps its lease over a restart or a step of its "
+        "clock, behind a harness without the hooks `second`, `choosing`, `restart` and `step_clock`.",
+        "The clauses `authority.one_program`, `several.chosen`, `deadman.restart` and `deadman.clock_back` are NOT "
+        "TESTED then.",
+        "A second program drives the robot, one that is not of the mission is armed, or a dead program's target lives "
+        "on. Give the hooks.",
     ),
 )  # fmt: skip

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from types import ModuleType
 from typing import Final
 
 from soter.conformance import CLAUSES, Outcome, try_clause
 from soter.conformance.promises import MEASURED_BY
-from tests.broken import in_process, on_wire
+from tests.broken import goals, in_process, lives, on_wire, samples
 from tests.broken.corners import CORNERS, CORNERS_ON_WIRE
 from tests.broken.drivers import DRIVERS, DRIVERS_ON_WIRE
-from tests.broken.mutants import MUTANTS
+from tests.broken.duties import DUTIES
+from tests.broken.goals import TARGETS
+from tests.broken.habits import HABITS, HABITS_ON_WIRE
+from tests.broken.promised import PROMISES
+from tests.broken.samples import SAMPLES
 from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.survivors import SURVIVORS
 from tests.broken.wire_mutants import WIRE_MUTANTS
@@ -22,13 +27,15 @@ PAGE: Final = ROOT / "docs" / "conformance.md"
 Kind = type[in_process.Broken] | type[on_wire.BrokenWire]
 
 
-def _written(base: Kind) -> tuple[Kind, ...]:
-    return tuple(each for each in base.__subclasses__() if each.__module__ == base.__module__)
+def _written(base: Kind, *modules: ModuleType) -> tuple[Kind, ...]:
+    """Return the broken adapters that have a class of their own in these modules, in the order of those."""
+    return tuple(each for module in modules for each in base.__subclasses__() if each.__module__ == module.__name__)
 
 
 BROKEN: Final[tuple[Kind, ...]] = (
-    *_written(in_process.Broken), *MUTANTS, *SELDOM, *CORNERS, *DRIVERS, *_written(on_wire.BrokenWire), *WIRE_MUTANTS,
-    *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE,
+    *_written(in_process.Broken, samples, goals, lives), *SAMPLES, *TARGETS, *PROMISES, *DUTIES, *SELDOM, *CORNERS,
+    *DRIVERS, *HABITS, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
+    *DRIVERS_ON_WIRE, *HABITS_ON_WIRE,
 )  # fmt: skip
 
 

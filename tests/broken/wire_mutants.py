@@ -11,8 +11,8 @@ from soter.clock import VirtualClock
 from soter.onboard.mux import Mux
 from soter.sdk import Controller, RobotState
 from tests.broken.edits import driven, wired
-from tests.broken.mutants import FIRST, SECOND, _ago, _count, _of, _once_in
 from tests.broken.on_wire import BrokenWire
+from tests.broken.parts import FIRST, SECOND, ago, counted, memory, once_in
 from tests.conformance.wire import Intent, Vehicle, WireClock, WireRobot
 
 
@@ -36,7 +36,7 @@ def _ahead(self: Any, intent: Intent, clock_s: float) -> None:
 
 
 def _newest(self: Any, intent: Intent, clock_s: float) -> None:
-    newest = _of(self, "newest", lambda: [-math.inf])
+    newest = memory(self, "newest", lambda: [-math.inf])
     if intent.renewed_s is not None and intent.renewed_s >= newest[0]:
         newest[0] = intent.renewed_s
         self.mux.renew(intent.renewed_s)
@@ -65,8 +65,8 @@ def _late(periods: int, every: int = 1) -> Callable[..., None]:
     """Return a `take` that acts so many control periods after a message has come."""
 
     def take(self: Any, intent: Intent, clock_s: float) -> None:
-        waiting = _of(self, "waiting", list)
-        if _count(self, "taken") % every == 0:
+        waiting = memory(self, "waiting", list)
+        if counted(self, "taken") % every == 0:
             waiting.append((self.periods + periods, intent))
         else:
             Vehicle.take(self, intent, clock_s)
@@ -75,7 +75,7 @@ def _late(periods: int, every: int = 1) -> Callable[..., None]:
 
 
 def _acting(self: Any, *state: float) -> tuple[float, float]:
-    waiting = _of(self, "waiting", list)
+    waiting = memory(self, "waiting", list)
     while waiting and waiting[0][0] <= self.periods:
         Vehicle.take(self, waiting.pop(0)[1], state[0] + self.offset_s)
     return Vehicle.control(self, *state)
@@ -85,14 +85,14 @@ def _seldom(periods: int) -> Callable[..., None]:
     """Return a `take` by which the vehicle looks at its commands at every so many control periods only."""
 
     def take(self: Any, intent: Intent, clock_s: float) -> None:
-        _of(self, "waiting", list).append((math.ceil(self.periods / periods) * periods, intent))
+        memory(self, "waiting", list).append((math.ceil(self.periods / periods) * periods, intent))
 
     return take
 
 
 def _said_early(self: Any, *arguments: float) -> RobotState:
     """Report the controller of the newest message, before it is acted upon."""
-    waiting = _of(self, "waiting", list)
+    waiting = memory(self, "waiting", list)
     honest = Vehicle.sample(self, *arguments)
     return honest._replace(controller=waiting[-1][1].in_charge) if waiting else honest
 
@@ -121,7 +121,7 @@ _FIRST: Final[dict[int, Any]] = {}
 def _one_sample_in(many: int) -> Callable[..., RobotState | None]:
     def sample(self: Any) -> RobotState | None:
         found = WireRobot._sample(self)
-        kept = _of(self, "kept sample", lambda: [found])
+        kept = memory(self, "kept sample", lambda: [found])
         if kept[0] is None or (found is not None and found.stamp_s - kept[0].stamp_s >= 0.02 * many - 1e-6):
             kept[0] = found
         return kept[0]  # type: ignore[no-any-return]
@@ -147,7 +147,7 @@ def _sample_edit(edit: Callable[[Any, RobotState], RobotState]) -> Callable[...,
 
 def _stale_clock(self: Any, sample: RobotState) -> float:
     """Learn the vehicle's clock once, from the first sample."""
-    offset_s = _of(self, "offset", lambda: [WireRobot.arrived_s(self, sample) - sample.vehicle_stamp_s])[0]
+    offset_s = memory(self, "offset", lambda: [WireRobot.arrived_s(self, sample) - sample.vehicle_stamp_s])[0]
     return float(sample.vehicle_stamp_s + offset_s)
 
 
@@ -242,8 +242,8 @@ WIRED: Final = (
             "position_noise_m",
           _sample=_sample_edit(lambda _, s: s._replace(stamp_s=s.stamp_s + 0.02))),
     wired("NaNOnce", "Hands out NaN once in five hundred samples.", "state.ranges", "not finite",
-          _sample=_sample_edit(_once_in(500, y_m=math.nan))),
-    wired("QueuedSamples", "Queues samples.", "state.age", "queue", _sample=_sample_edit(lambda r, s: _ago(r, s, 5))),
+          _sample=_sample_edit(once_in(500, y_m=math.nan))),
+    wired("QueuedSamples", "Queues samples.", "state.age", "queue", _sample=_sample_edit(lambda r, s: ago(r, s, 5))),
     wired("AgeTenPercent", "Has samples a little older than promised.", "state.age", "sample_age_s",
           declared=replace(_REAL, sample_age_s=0.018)),
     wired("LatencyTooSmall", "Promises less latency than it has.", "bounds.latency", "latency_s",

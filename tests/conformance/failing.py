@@ -16,7 +16,7 @@ from soter.adapters.pybullet import KinematicBackend
 from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Fleet
-from tests.broken.in_process import NoOpStop
+from tests.broken.goals import NoOpStop
 from tests.conformance.wire import SimulatedHarness, WireRobot
 
 

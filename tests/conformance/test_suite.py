@@ -11,7 +11,7 @@ import pytest
 from soter.conformance import CLAUSES, HOOKS, Harness, find_harness
 from soter.conformance.testing import AdapterSuite
 from soter.sdk import Fleet
-from tests.broken.in_process import NoOpStop
+from tests.broken.goals import NoOpStop
 from tests.conformance.failing import Dead
 from tests.conformance.wire import SimulatedHarness, WireHarness, WireRobot
 from tests.project.source import ROOT

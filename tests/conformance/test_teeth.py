@@ -12,7 +12,8 @@ from soter.conformance import CLAUSES, HOOKS, Harness, Overall, Tier, Verdict, f
 from soter.conformance.harness import EXTRA_HOOKS
 from soter.conformance.promises import MEASURED_BY
 from soter.sdk import Capabilities, RobotState
-from tests.broken.in_process import Broken, NoOpStop
+from tests.broken.goals import NoOpStop
+from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.table import BROKEN, PAGE, TABLES, Kind, outcome_of
 from tests.conformance.wire import SimulatedHarness, WireHarness, WireRobot

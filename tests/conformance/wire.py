@@ -286,12 +286,21 @@ class SimulatedHarness(Harness):
     def promising(self, promised: Capabilities) -> Fleet:
         return SimulatedFleet(self.kind, specs_of(1, promised), self.engine)
 
+    def charged(self, charge: float) -> Fleet:
+        return SimulatedFleet(self.kind, specs_of(1, charge=charge), self.engine)
+
+    def choosing(self, order: Sequence[int]) -> Fleet:
+        there = specs_of(self.robots_most)
+        # What is wrong with some is that they open those whose addresses they know.
+        opened = there if getattr(self.kind, "opens_all", False) else [there[each] for each in order]
+        return SimulatedFleet(self.kind, opened, self.engine)
+
     def close(self) -> None:
         pass
 
 
-def specs_of(robots: int, promised: Capabilities | None = None) -> list[RobotSpec]:
-    return specs_at(open_floor().robots[:robots], promised)
+def specs_of(robots: int, promised: Capabilities | None = None, charge: float | None = None) -> list[RobotSpec]:
+    return specs_at(open_floor().robots[:robots], promised, charge)
 
 
 class Moving:
@@ -334,6 +343,7 @@ class WireHarness(Harness):
         self.name = kind.__name__
         self.kind = kind
         self.world: World | None = None
+        self.specs: list[RobotSpec] = []
         self.vehicles: dict[int, Vehicle] = {}
 
     def open(self, robots: int) -> Fleet:
@@ -341,6 +351,14 @@ class WireHarness(Harness):
 
     def promising(self, promised: Capabilities) -> Fleet:
         return self._opened(specs_of(1, promised))
+
+    def charged(self, charge: float) -> Fleet:
+        return self._opened(specs_of(1, charge=charge))
+
+    def choosing(self, order: Sequence[int]) -> Fleet:
+        self._opened(specs_of(self.robots_most))
+        self.specs = [self.specs[each] for each in order]
+        return self.second()
 
     def _opened(self, specs: list[RobotSpec]) -> Fleet:
         engine = partial(KinematicEngine, step_s=PERIOD_S)

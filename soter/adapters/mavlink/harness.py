@@ -25,7 +25,7 @@ from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS
 from soter.errors import RobotUnavailable
-from soter.sdk import Capabilities, Fleet, Waypoint
+from soter.sdk import Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
 
 _HOST: Final = "127.0.0.1"
@@ -130,10 +130,6 @@ class MavlinkHarness(RelayedHarness):
         self.fleet = self._opened(port, simulator.truth, robots)
         return self.fleet
 
-    def promising(self, promised: Capabilities) -> Fleet:
-        """Return a fleet of one fresh robot that was asked to promise this."""
-        return self.open_promising(promised)
-
     @staticmethod
     def between(config: MavlinkConfig) -> tuple[MavlinkRelay, MavlinkConfig] | None:
         """Return a relay to given vehicles that send to a UDP port, and options that lead to it.
@@ -169,7 +165,7 @@ class MavlinkHarness(RelayedHarness):
         config = MavlinkConfig.model_validate(
             {"workspace": WIDE_ROOMS, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
         )
-        return self.backend().open(config, self.specs(robots))
+        return self.backend().open(config, self.asked(robots))
 
 
 class CopterHarness(MavlinkHarness):

@@ -22,7 +22,7 @@ from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
-from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
+from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
 
 FAR: Final = "/far"
@@ -91,11 +91,7 @@ class Ros2Harness(RelayedHarness):
         return self.fleet
 
     def second(self) -> Fleet:
-        return _fleet(*self._seen_by_soter, self.specs(len(self._seen_by_soter[-1])))
-
-    def promising(self, promised: Capabilities) -> Fleet:
-        """Return a fleet of one fresh robot that was asked to promise this."""
-        return self.open_promising(promised)
+        return _fleet(*self._seen_by_soter, self.asked(len(self._seen_by_soter[-1])))
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

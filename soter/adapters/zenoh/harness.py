@@ -20,7 +20,7 @@ from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS
 from soter.conformance.impaired import ImpairedRelay, Line
-from soter.sdk import Capabilities, Fleet, Waypoint, program
+from soter.sdk import Fleet, Waypoint, program
 from soter.sdk.truth import StreamedTruth
 
 _TO_ROBOT: Final = ("order", "cmd_vel_ac", "cmd_vel_sc")
@@ -86,11 +86,7 @@ class ZenohHarness(RelayedHarness):
         return self.fleet
 
     def second(self) -> Fleet:
-        return ZenohBackend().open(self._seen_by_soter, self.specs(len(self._seen_by_soter.robots)))
-
-    def promising(self, promised: Capabilities) -> Fleet:
-        """Return a fleet of one fresh robot that was asked to promise this."""
-        return self.open_promising(promised)
+        return ZenohBackend().open(self._seen_by_soter, self.asked(len(self._seen_by_soter.robots)))
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

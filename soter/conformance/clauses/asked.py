@@ -18,8 +18,9 @@ def asked(bench: Bench) -> None:
     """A robot that is asked to promise less speed, less of a turn and a shorter lease declares that and keeps it."""
     bench.require_hook("promising")
     bench.open_one()
-    bench.promised = wanted = replace(bench.caps, **{name: _SHARE * getattr(bench.caps, name) for name in _NARROWER})
+    wanted = replace(bench.caps, **{name: _SHARE * getattr(bench.caps, name) for name in _NARROWER})
     bench.close()
+    bench.opener = lambda: bench.harness.promising(wanted)
     for check in (goto.v_max, bounds.yaw_rate, deadman.lease):
         robot = bench.open_one()
         wider = robot.capabilities.widened_beyond(wanted)

@@ -15,6 +15,7 @@ from soter.sdk import Robot, RobotState, Truth
 _PERCENT = 0.01
 _DRIVES_S = 10.0
 _RESTS_S = 30.0
+_FLAT = 0.005
 
 
 @clause("state.charge", needs=("reports_battery",))
@@ -36,8 +37,8 @@ def charge(bench: Bench) -> None:
     driven_s = bench.now_s - began.stamp_s
     bench.require(
         fell,
-        f"after {driven_s:.0f} s of driving the charge is still {_charge(began):.3f}: it is frozen, or made up; a "
-        f"robot goes from full to empty in {full_s:.0f} s",
+        f"after {driven_s:.0f} s of driving the charge is still {_charge(began):.3f}: it is frozen, read seldom, or "
+        f"made up; a robot goes from full to empty in {full_s:.0f} s",
     )
     fallen_by = _charge(began) - _charge(robot.read_state())
     bench.measure(
@@ -85,6 +86,27 @@ def true_charge(bench: Bench) -> None:
     bench.go(robot, bench.place(robot, 0.8))
     bench.run(min(2.5 * _PERCENT * robot.spec.idle_s, _RESTS_S))
     _compare_charges(bench, robot, truth, "rested")
+
+
+@clause("state.nearly_flat", needs=("reports_battery",))
+def nearly_flat(bench: Bench) -> None:
+    """With next to no charge left a robot says that, and stops as before: at a cancel, and when its lease ends."""
+    bench.require_hook("charged")
+    bench.opener = lambda: bench.harness.charged(_FLAT)
+    robot = bench.open_one()
+    bench.measure(
+        "charge_off", abs(_charge(robot.read_state()) - _FLAT), _PERCENT, 1e-3,
+        f"of a charge of {_FLAT:g} it says {_charge(robot.read_state()):.3f}: a small number is taken for another unit",
+    )  # fmt: skip
+    low = "once its battery is nearly flat it does otherwise, such as going home by itself"
+    goal = bench.get_going(robot, bench.place(robot, 0.9), cause=f"{low}, or not at all")
+    called_s = bench.now_s
+    goal.cancel()
+    bench.expect_stop(robot, called_s, f"a cancel does not count: {low}")
+    bench.get_going(robot, bench.place(robot, -0.9), cause=f"{low}, or not at all")
+    bench.expect_stop(
+        robot, bench.now_s, f"its lease does not count: {low}", extra_s=bench.caps.lease_s, renew=False
+    )  # fmt: skip
 
 
 def _compare_charges(bench: Bench, robot: Robot, truth: Truth, done: str) -> None:

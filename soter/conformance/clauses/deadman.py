@@ -71,7 +71,7 @@ def _middle(seen: Sequence[float]) -> float:
 def lease(bench: Bench) -> None:
     """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
     robot, caps = bench.open_one(), bench.caps
-    shuttle, many = Shuttle(bench, robot), _FEW if bench.judged > 1 or bench.promised else bench.trials(_TRIALS)
+    shuttle, many = Shuttle(bench, robot), _FEW if bench.judged > 1 or bench.opener else bench.trials(_TRIALS)
     told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
     stops = [
         *shuttle.trials(

@@ -206,6 +206,20 @@ def heading(bench: Bench) -> None:
         bench.require(
             off <= 0.1, f"asked for {wanted:.2f} rad, it stands with a heading {off:.2f} rad off that: {cause}"
         )
+    if bench.caps.pivots_first:
+        at = bench.look(robot)
+        wanted = turn(0.0, at.heading_rad + 1.5)
+        robot.goto(Waypoint(at.x_m, at.y_m, heading_rad=wanted), Controller.SC)
+        bench.run(
+            2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s,
+            lambda: abs(turn(wanted, bench.tracks[robot.id][-1].heading_rad)) <= 0.1,
+        )
+        off = abs(turn(wanted, bench.look(robot).heading_rad))
+        bench.require(
+            off <= 0.1,
+            f"asked for {wanted:.2f} rad where it stands, it has a heading {off:.2f} rad off that: a goal so near is "
+            "taken for reached, whatever its heading",
+        )
 
 
 @clause("goto.speed_cap", truth=True)
@@ -241,9 +255,30 @@ def speed_cap(bench: Bench) -> None:
         "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
         "the speed_m_s of a goal of the SC, or of one with a heading, is not passed on to the vehicle",
     )  # fmt: skip
+    if bench.caps.reverses:
+        with suppress(Unsupported):
+            bench.run(SETTLE_S)
+            bench.tracks[robot.id].clear()
+            back = bench.place(robot, -0.1, speed_m_s=cap, heading_rad=bench.home(robot)[2])
+            bench.go(robot, back, Controller.SC)
+            seen, off = bench.fastest(robot)
+            bench.measure(
+                "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
+                "backwards a goal's speed_m_s does not count: speeds are compared with their signs",
+            )  # fmt: skip
     robot.switch_ac_sc(Controller.AC, "conformance")
-    # A cap is the goal's own: the next one comes up to speed again.
-    bench.get_going(robot, bench.place(robot, -0.8), cause="the cap of an earlier goal is kept")
+    # A cap is the goal's own: the next one comes up to speed again, and one more slows down.
+    fast = bench.place(robot, -0.8)
+    bench.get_going(robot, fast, cause="the cap of an earlier goal is kept")
+    goal = robot.goto(fast._replace(speed_m_s=cap), Controller.AC)
+    bench.run(bench.orphaned_s())
+    bench.tracks[robot.id].clear()
+    bench.arrive(goal, "a goal to the place that is driven to already is not driven to")
+    seen, off = bench.fastest(robot)
+    bench.measure(
+        "slowed_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
+        "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out",
+    )  # fmt: skip
 
 
 @clause("goto.v_max", truth=True)

@@ -10,12 +10,12 @@ from contextlib import suppress
 from typing import Final
 
 from soter.conformance.bench import Bench
-from soter.conformance.clause import clause
+from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.usage import Usage, usage
 from soter.errors import SoterError
-from soter.sdk import Controller
+from soter.sdk import Controller, Link
 
 _WARM_UPS: Final = 2
 """Opens before anything is counted: libraries start threads and fill caches at the first one."""
@@ -30,6 +30,13 @@ _BOUND: Final = 0.5
 _SETTLE_S: Final = 0.5
 _SHOWN: Final = 3
 _IN_VAIN_S: Final = 0.3
+
+_OUT_S: Final = 2.5
+_BACK_S: Final = 5.0
+
+_CLOSING: Final = (
+    "the adapter's _disconnect() and Fleet._close(), or the harness's close(), must end and close what was started"
+)
 
 _NAMES: Final = {
     "threads": "threads", "descriptors": "file descriptors", "processes": "processes", "memory_mib": "MiB of memory",
@@ -49,15 +56,34 @@ def unready(bench: Bench) -> None:
     _see_it_given_back(bench, _open_in_vain, "open of a robot that never got ready")
 
 
-def _see_it_given_back(bench: Bench, open_and_close: Callable[[Bench], None], what: str) -> None:
+@clause("resources.outages", tier=Tier.WIRE, hooks=("cut",))
+def outages(bench: Bench) -> None:
+    """However often its link is cut and comes back, an adapter holds no more than before."""
+    robot = bench.open_one()
+    bench.faulty = True
+
+    def cut_and_restore(bench: Bench) -> None:
+        bench.harness.cut(robot.id)
+        bench.run(_OUT_S)
+        bench.harness.restore(robot.id)
+        bench.run(_BACK_S, lambda: robot.read_state().link is Link.UP)
+        del bench.tracks[robot.id][:-1]
+
+    _see_it_given_back(
+        bench, cut_and_restore, "outage", "what is opened anew while nothing is heard must take the place of what was "
+        "open, which is to be closed",
+    )  # fmt: skip
+
+
+def _see_it_given_back(bench: Bench, do: Callable[[Bench], None], what: str, cause: str = _CLOSING) -> None:
     for _ in range(_WARM_UPS):
-        open_and_close(bench)
+        do(bench)
     before, opens = _settled(None), 0
     least = dict.fromkeys(_NAMES, math.inf)
     left: dict[str, Sequence[str]] = {}
     while opens < _ROUNDS * _OPENS and max(least.values()) > _BOUND:
         for _ in range(_OPENS):
-            open_and_close(bench)
+            do(bench)
         opens += _OPENS
         after = _settled(before)
         for name in _COUNTED:
@@ -74,9 +100,8 @@ def _see_it_given_back(bench: Bench, open_and_close: Callable[[Bench], None], wh
     # What grows most comes last: the figures of the others are there when it fails.
     for name, grown in sorted(least.items(), key=lambda each: each[1]):
         bench.measure(
-            f"{name}_per_open", max(grown, 0.0), _BOUND, 0.0,
-            f"every {what} adds {' and '.join(leaks)}, {opens} opens in a row; the adapter's _disconnect() and "
-            "Fleet._close(), or the harness's close(), must end and close what was started",
+            f"{name}_per_{what.split()[0]}", max(grown, 0.0), _BOUND, 0.0,
+            f"every {what} adds {' and '.join(leaks)}, {opens} in a row; {cause}",
         )  # fmt: skip
 
 

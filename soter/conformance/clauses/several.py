@@ -42,6 +42,29 @@ def ids(bench: Bench) -> None:
     bench.require(apart >= bench.harness.room_m - 1e-6, "the rooms of the two robots overlap: correct the harness")
 
 
+@clause("several.chosen")
+def chosen(bench: Bench) -> None:
+    """Of the robots that are there those are opened that were asked for, and no other, in the order asked for."""
+    bench.require_hook("choosing")
+    most = bench.harness.robots_most
+    specs = [robot.spec for robot in bench.open_raw(most).robots]
+    bench.close()
+    bench.opener = lambda: bench.harness.choosing((most - 1, 0))
+    robots, wanted = bench.open(2), [specs[-1], specs[0]]
+    bench.require(
+        [robot.id for robot in robots] == [spec.id for spec in wanted],
+        f"the robots {[spec.id for spec in wanted]} were asked for, and {[robot.id for robot in robots]} opened: those "
+        "of a table of addresses, or in its order",
+    )
+    for robot, spec in zip(robots, wanted, strict=True):
+        off_m = bench.look(robot).distance_m(spec.x_m, spec.y_m)
+        bench.require(
+            off_m <= bench.caps.position_noise_m + 0.02,
+            f"robot {robot.id} stands {off_m:.2f} m from its start: it has the address of another one",
+        )
+        bench.go(robot, bench.place(robot, 0.4), cause="its targets go to the address of another robot")
+
+
 @clause("several.goto", truth=True)
 def goto(bench: Bench) -> None:
     """A goto to one robot moves that one and no other."""
