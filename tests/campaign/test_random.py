@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import typing
+from array import array
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -12,6 +13,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from pkgutil import resolve_name
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,7 @@ from soter.campaign.random.drawing import MOST_ROBOTS, draw
 from soter.campaign.random.floor import LEAST_M, MOST_M, STYLES
 from soter.campaign.random.judge import PromisedLimits, Ways, judge
 from soter.campaign.random.room import DrawnRoom, Patch, Start
-from soter.campaign.random.running import Judgement
+from soter.campaign.random.running import Judgement, in_sc_s
 from soter.campaign.random.shrinking import shrunk
 from soter.campaign.random.witness import WATCHED, witnesses
 from soter.campaign.session import run_campaign
@@ -325,6 +327,19 @@ def test_a_robot_that_is_never_let_go_is_stuck(tmp_path: Path) -> None:
     assert dead.findings == []
     assert dead.result is not None
     assert (dead.result[JUDGED]["in_sc_s"], dead.result[JUDGED]["never_moved"]) == ({}, [])
+
+
+def test_a_robot_that_is_flat_is_not_stuck() -> None:
+    times = np.arange(0.0, 400.0)
+    charge = np.maximum(1.0 - times / 100.0, 0.0)[:, None]
+    aside = np.full((400, 1), 2.0)
+    # A safe controller has it all along.
+    track = SimpleNamespace(time_s=array("d", times), driver=array("b", [1] * 400))
+    run: Any = SimpleNamespace(
+        result=SimpleNamespace(failed_robots={}), tracks=SimpleNamespace(tracks={1: track})
+    )  # fmt: skip
+    assert in_sc_s(ROOM, run, Ways((1,), times, aside, aside, charge)) == {"1": 99.0}
+    assert in_sc_s(ROOM, run, Ways((1,), times, aside, aside, 0.5 + 0.5 * charge)) == {"1": 399.0}
 
 
 def test_judges_that_disagree_are_a_finding() -> None:

@@ -22,7 +22,7 @@ from soter.scratch import Scratch
 from soter.specs import read_options
 
 STUCK_S: Final = 300.0
-"""A robot in SC for longer than this, without charging, is stuck."""
+"""A robot in SC for longer than this, without charging, is stuck; one whose battery is empty is another matter."""
 
 _MOVED_M: Final = 0.05
 _FULL: Final = 1.0 - 1e-9
@@ -36,7 +36,8 @@ class Judgement:
         truth: violations by the simulator's judge, of the rules that are promised.
         judged: by the independent judge.
         breaches: the first of them.
-        in_sc_s: longest time in SC without charging, by robot; robots whose AC failed for good are left out.
+        in_sc_s: longest time in SC without charging, by robot, before its battery was empty; robots whose AC failed for
+            good are left out.
         never_moved: robots that stayed where they started although their AC did not fail.
     """
 
@@ -114,7 +115,7 @@ def _judged(room: DrawnRoom, mission: MissionFile, run: Run) -> Judgement:
         truth={rule: (result.violations or {}).get(rule, 0) for rule in limits.rules},
         judged={rule: sum(breach.rule == rule for breach in breaches) for rule in limits.rules},
         breaches=tuple(asdict(breach) for breach in _first(breaches)),
-        in_sc_s=_in_sc_s(room, run, ways),
+        in_sc_s=in_sc_s(room, run, ways),
         never_moved=tuple(
             robot_id
             for index, robot_id in enumerate(ways.ids)
@@ -132,8 +133,11 @@ def _first(breaches: list[RuleBreach]) -> list[RuleBreach]:
     return [*found.values()]
 
 
-def _in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
-    """Return by robot the longest time in SC in which it was not charging; only while its AC lives."""
+def in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
+    """Return by robot the longest time in SC in which it was not charging; only while its AC and its battery live.
+
+    A robot that is flat stands, whoever has it. Where that is against a rule it is a finding of its own.
+    """
     on_station = ways.on_station(room.stations)
     period_s = ways.times[1] - ways.times[0] if len(ways.times) > 1 else 1.0
     found = {}
@@ -146,7 +150,7 @@ def _in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
         before = np.maximum(at - 1, 0)
         charge = ways.charge[:, index]
         charging = on_station[at, index] & (charge[at] >= charge[before]) & (charge[before] < _FULL)
-        waits = (np.frombuffer(track.driver, dtype=np.int8) != 0) & ~charging
+        waits = (np.frombuffer(track.driver, dtype=np.int8) != 0) & ~charging & (charge[at] > 0.0)
         longest_s = since_s = 0.0
         going_on = False
         for time_s, waiting in zip(times, waits, strict=True):
