@@ -2,8 +2,8 @@
 
 import gc
 
-# Reading the commands makes much that stays and no garbage; looking through it, now and while the help is made, would be
-# a fifth of what `--help` takes.
+# Reading the commands makes much that stays and no garbage; looking through it, now and while the help is made, would
+# be a fifth of what `--help` takes.
 gc.disable()
 try:
     from soter.cli.app import app, main
