@@ -15,7 +15,7 @@ COPY sim sim
 # ROS's own packages are the system's, and this environment sees them. The versions are those that the tests have run with.
 RUN python3 -m venv --system-site-packages /opt/soter \
     && /opt/soter/bin/pip install --no-cache-dir --disable-pip-version-check \
-       -c requirements/check.txt ".[ompl,report,zenoh,sign,campaign]"
+       -c requirements/check.txt ".[ompl,report,zenoh,sign,campaign,worlds]"
 COPY ros ros
 SHELL ["/bin/bash", "-c"]
 RUN source "/opt/ros/$ROS_DISTRO/setup.bash" && colcon build --base-paths ros --install-base /opt/soter-ros

@@ -8,6 +8,7 @@ packaged, or an import of a library that only an extra brings, shows up.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -23,7 +24,9 @@ SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".
 
 def run(*command: str | Path, cwd: Path) -> str:
     """Runs a command to its end and returns what it printed; ends this program if it fails."""
-    done = subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True)
+    # What is tried is what was built, and not a work tree that the caller has on Python's path.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True, env=environment)
     if done.returncode != 0:
         shown = " ".join(str(part) for part in command)
         sys.exit(f"dist: `{shown}` failed with {done.returncode}:\n{done.stdout}{done.stderr}")

@@ -52,22 +52,4 @@ for name in core demo docs test ros2; do
     compile "$name" pyproject.toml --constraints requirements/check.txt "${arguments[@]}"
 done
 
-# What is new, what is gone, and what has another version: what a change of locks has to be judged by.
-"$scratch/venv/bin/python" - "$scratch/before/check.txt" requirements/check.txt <<'PYTHON'
-import re
-import sys
-
-LINE = re.compile(r"([a-z0-9._-]+)==([^ ;]+)(.*)")
-
-
-def versions(path):
-    with open(path) as file:
-        return {name + marker: version for name, version, marker in LINE.findall(file.read())}
-
-
-before, after = map(versions, sys.argv[1:])
-changed = [name for name in sorted(before.keys() | after.keys()) if before.get(name) != after.get(name)]
-for name in changed:
-    print(f"{name}: {before.get(name, 'not there')} -> {after.get(name, 'gone')}")
-print(f"{len(changed)} of {len(after)} packages changed")
-PYTHON
+"$scratch/venv/bin/python" tools/lock_report.py "$scratch/before" requirements

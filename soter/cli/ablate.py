@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shlex
 import sys
+import textwrap
 from contextlib import ExitStack
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
     from soter.ablation.ablate import Plan, Variant, VariantRun
     from soter.ablation.tables import VariantRow
+
+_LABEL: Final = 19
+"""What 80 columns leave of a line for a variant's name; the rest of it stands beside the next rule."""
 
 EXAMPLES = """Examples:
   soter ablate examples/surveillance.toml --only 'without*' --duration 600
@@ -166,14 +170,16 @@ def _show(found: Sequence[VariantRow], console: Console) -> None:
             remarks.append(f"{group}/{name}: {remark}")
         counts, least = violations.split(" / "), margins.split(" / ")
         own = counts[len(RULES) :]
+        label = textwrap.wrap(name, _LABEL, initial_indent=" ", subsequent_indent=" ")
         if not row.results:
-            lines.append((f"  {name}", "-", "", "", "", "", ""))
+            lines.append(("\n".join(label), "-", "", "", "", "", ""))
         for index, rule in enumerate(RULES if row.results else ()):
             figures = (share, rate, of_ac) if index == 0 else ("", "", "")
             style = "" if counts[index] == "0" else "bold red"
-            lines.append((f"  {name}" if index == 0 else "", rule, Text(counts[index], style), least[index], *figures))
+            said = label[index] if index < len(label) else ""
+            lines.append((said, rule, Text(counts[index], style), least[index], *figures))
         lines += [("", each.rpartition(" ")[0], each.rpartition(" ")[2], "", "", "", "") for each in own]
-    head = ("variant", "rule", "violated", "least\nmargin", "AC\nshare", "diseng.\nper h", "reached,\nof AC")
+    head = ("variant", "rule", "vio-\nlated", "least\nmargin", "AC\nshare", "diseng.\nper h", "reached,\nof AC")
     print_table(console, head, lines)
     for remark in remarks:
         console.print(remark, soft_wrap=True)

@@ -54,7 +54,7 @@ def _bare_group(group: Any) -> Any:
     return bare
 
 
-def tidy(command: Any, columns: int | None = None) -> None:
+def tidy(command: Any, columns: int | None = None, above: typer.Context | None = None) -> None:
     """Have the help of a command, and of all below it, fit.
 
     Arguments and options that take no value name no type, and epilogs are broken where a reader would break them.
@@ -62,10 +62,12 @@ def tidy(command: Any, columns: int | None = None) -> None:
     Args:
         command: made by typer.
         columns: of the terminal; None for those that there are.
+        above: the context of the command that this one is below, which says what options ask for help.
     """
+    context = typer.Context(command, above, **command.context_settings)
     width = max(_LEAST_COLUMNS, (columns or shutil.get_terminal_size().columns) - 2)
     # With the option for the help itself.
-    for option in command.get_params(typer.Context(command)):
+    for option in command.get_params(context):
         if getattr(option, "is_flag", False):
             option.metavar = ""
         if option.param_type_name == "argument":
@@ -74,7 +76,7 @@ def tidy(command: Any, columns: int | None = None) -> None:
     if command.epilog:
         command.epilog = fit(command.epilog, width)
     for each in getattr(command, "commands", {}).values():
-        tidy(each, columns)
+        tidy(each, columns, context)
 
 
 def fit(epilog: str, width: int) -> str:

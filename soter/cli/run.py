@@ -140,7 +140,8 @@ def run(
         ),
     ] = False,
     compare: Annotated[
-        Other | None, typer.Option(help="Show the figures of the thesis that SOTER follows beside the run's.")
+        Other | None,
+        typer.Option(metavar="thesis", help="Show the figures of the thesis that SOTER follows beside the run's."),
     ] = None,
     force: Force = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary, only errors.")] = False,
@@ -154,6 +155,7 @@ def run(
         from soter.cli.live import pace_of, shown, wanted_views
         from soter.cli.outputs import json_output, picture_output, refuse_clashes
         from soter.cli.recordings import recording_path, unless_recorded
+        from soter.config.tables import SURVEILLANCE
         from soter.record.signing import read_private_key
 
         if no_rta and modules is not None:
@@ -189,10 +191,9 @@ def run(
         )
         result_file = None if json is None else json_output(json)
         picture_file = None if picture is None else picture_output(picture)
-        if compare is not None and loaded.ac != "mission":
-            raise option_error(
-                "--compare", f"the figures are those of the surveillance mission, but the ACs are {loaded.ac}"
-            )
+        if compare is not None and (loaded.ac != "mission" or loaded.mission.use != SURVEILLANCE):
+            driven = f"the mission is {loaded.mission.use}" if loaded.ac == "mission" else f"the ACs are {loaded.ac}"
+            raise option_error("--compare", f"the figures are those of the surveillance mission, but {driven}")
         views = wanted_views(live, live_port, foxglove, foxglove_port, opened=open_it, leave=leave)
         if sign is not None:
             read_private_key(sign, "--sign")

@@ -198,11 +198,8 @@ class Spec:
     run is finished, something that had to happen has not. It only watches: it may not send, create, receive,
     defer or choose, and its handlers are plain functions.
 
-    Args:
-        observes: The event classes it is told of, each with its subclasses, but `Halt` only if it is named
-            itself. By default those of the base
-            class.
-        abstract: The class lacks a start state and cannot be used itself.
+    ``observes`` names the event classes it is told of, each with its subclasses, but `Halt` only if it is named itself;
+    by default those of the base class. A class with ``abstract=True`` lacks a start state and cannot be used itself.
     """
 
     __table__: ClassVar[ClassTable] = ClassTable("Spec", None, {}, {})

@@ -29,6 +29,7 @@ from soter.controllers import ADVERSARIES
 from soter.errors import ConfigError, RunFailed
 from soter.registry import load_backend
 from soter.runner import RunResult, Study, run_mission
+from soter.sdk import RULES
 from tests.cli.conftest import MISSION
 from tests.project.source import ROOT
 
@@ -80,8 +81,16 @@ def test_it_runs_shows_and_writes(tmp_path: Path) -> None:
     assert "| as declared |" in page.read_text()
 
 
-def test_its_table_has_a_line_for_each_rule_and_fits_80_columns() -> None:
-    variant = named("mission", "AC only (no RTA)")
+@pytest.mark.parametrize(
+    "variant",
+    [
+        named("mission", "AC only (no RTA)"),
+        named("adversary", "fastest-to-boundary"),
+        named("Delta of obstacle", "0.05 s, adversary:fastest-to-boundary"),
+    ],
+    ids=lambda variant: variant.name,
+)
+def test_its_table_has_a_line_for_each_rule_and_fits_80_columns(variant: Variant) -> None:
     outcome = plan().run(variant, 1)
     file = io.StringIO()
     _show(rows([outcome], [variant]), Console(file=file, width=80))
@@ -90,6 +99,9 @@ def test_its_table_has_a_line_for_each_rule_and_fits_80_columns() -> None:
     assert outcome.result is not None
     for rule, margin in (outcome.result.min_margin or {}).items():
         assert any(rule in line and f"{margin:.3f}" in line for line in lines)
+    # Its name goes on beside the next rule, and is broken where a reader would.
+    shown = " ".join(re.findall(rf"^(.*) (?:{'|'.join(RULES)}) +\d", file.getvalue(), re.MULTILINE))
+    assert re.findall(r"[^\s-]+", shown) == re.findall(r"[^\s-]+", variant.name)
 
 
 def test_an_ill_formed_variant_is_refused_or_forced_and_marked() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import threading
@@ -61,7 +62,34 @@ def test_help_names_no_type_for_arguments_and_for_options_that_take_no_value(
         main()
     text = capsys.readouterr().out
     assert "--help" in text
-    assert not [word for word in ("bool", "<path>", "list[", "<str>", "[[") if word in text]
+    assert re.findall(r"bool|<\w+>|list\[|\[\[", text) == []
+
+
+@pytest.mark.parametrize("command", [[], ["run"], ["campaign"], ["campaign", "draw"]])
+def test_help_has_a_short_name_too(
+    command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["soter", *command, "-h"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    assert "Usage: soter" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [("soter rep", {"report", "replay"}), ("soter run --ba", {"--backend"}), ("soter campaign dr", {"draw"})],
+)
+def test_the_shell_completes_commands_and_options(
+    typed: str, completed: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["soter"])
+    monkeypatch.setenv("_SOTER_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", typed)
+    monkeypatch.setenv("COMP_CWORD", str(typed.count(" ")))
+    with pytest.raises(SystemExit):
+        main()
+    assert {*capsys.readouterr().out.split()} == completed
 
 
 @pytest.mark.parametrize("width", [60, 80, 100])

@@ -116,6 +116,7 @@ CALLS: dict[str, list[list[str]]] = {
     "replay": [["spoilt.mcap"], ["plain.mcap"], ["bad.mcap"]],
     "tune": [["bad.toml"], ["good.toml", "--set", f"{HOSTILE}={HOSTILE}"]],
     "measure": [["bad.toml", "--room", "2"], ["good.toml", "--room", "2", "--set", f"{HOSTILE}={HOSTILE}"]],
+    "download": [["bad.toml"], ["good.toml", "--backend", "kinematic"], ["good.toml", "--set", f"{HOSTILE}={HOSTILE}"]],
     "workspace": [["bad.xml"], [HOSTILE], ["bad.xml", "--to", f"{HOSTILE}.toml"]],
     "verify": [["spoilt.mcap"], ["plain.mcap"], ["bad.mcap"]],
     "report": [["bad.mcap"], ["plain.mcap", "-o", f"{HOSTILE}.html"]],

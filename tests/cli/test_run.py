@@ -60,9 +60,16 @@ def test_the_thesiss_figures_stand_beside_a_runs_on_request() -> None:
     done = ran(*QUICK, "--compare", "thesis")
     assert done.exit_code == 0
     assert "80.2 %" in done.stdout
-    refused = ran(*QUICK, "--ac", "adversary:ram", "--compare", "thesis")
+
+
+@pytest.mark.parametrize(
+    ("another", "said"), [(("--ac", "adversary:ram"), "adversary:ram"), (("--mission", "waypoints"), "waypoints")]
+)
+def test_the_thesiss_figures_stand_beside_no_other_mission(another: tuple[str, str], said: str) -> None:
+    refused = ran(*QUICK, *another, "--compare", "thesis")
     assert refused.exit_code == 2
     assert "--compare" in refused.stderr
+    assert said in refused.stderr
 
 
 def test_an_adversary_takes_the_missions_place() -> None:

@@ -59,3 +59,19 @@ def test_launch_files_start_programs_that_there_are(path: Path) -> None:
     program = command.elts[0]
     assert isinstance(program, ast.Constant)
     assert program.value in PROJECT["scripts"]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docker").glob("*Dockerfile")), ids=lambda path: path.name)
+def test_images_are_made_of_what_there_is(path: Path) -> None:
+    text = path.read_text().replace("\\\n", " ")
+    copied = [words.split()[:-1] for words in re.findall(r"^COPY (?!--from)(.+)$", text, re.MULTILINE)]
+    assert copied
+    let_in = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    for source in (name for names in copied for name in names):
+        assert (ROOT / source).exists()
+        assert source.split("/")[0] in let_in
+    assert all((ROOT / name).is_file() for name in re.findall(r"-c (\S+)", text))
+    [extras] = re.findall(r"\"\.\[(.+)\]\"", text)
+    assert {*extras.split(",")} <= {*PROJECT["optional-dependencies"]}
+    # Every example that stands in the image has what it needs.
+    assert {"ompl", "worlds", "campaign"} <= {*extras.split(",")}

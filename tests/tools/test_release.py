@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 import soter
 from tests.project.source import ROOT
-from tools.dist import tag_problem
+from tools.dist import run, tag_problem
 from tools.release import PLACES, set_version
 
 
@@ -50,3 +51,8 @@ def test_a_tag_has_to_say_what_is_built() -> None:
     assert tag_problem([], "7.8.9") is None
     assert tag_problem(["nightly"], "7.8.9") is None
     assert "v7.8.8" in str(tag_problem(["v7.8.8"], "7.8.9"))
+
+
+def test_what_was_built_is_tried_and_not_the_work_tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    assert run(sys.executable, "-c", "import os; print('PYTHONPATH' in os.environ)", cwd=tmp_path) == "False\n"
