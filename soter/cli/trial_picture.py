@@ -25,7 +25,7 @@ _CELLS: Final = 160
 def draw_trial(workspace: Workspace, trial: Attempt, module: RTAModule, title: str) -> bytes:
     """Return a trial of a module as the content of a PNG file: who drove where, and what was broken where."""
     drivers = (AC, *dict.fromkeys(row.driver for row in trial.rows if row.driver != AC))
-    run = RunTracks(workspace, drivers, *_tracks(trial, drivers))
+    run = RunTracks(workspace, drivers, *tracks_of(trial, drivers))
     breach = trial.breaches[0] if trial.breaches else None
     if breach is None:
         return draw_png(run, Caption(title=title, alarming=True))
@@ -37,14 +37,16 @@ def draw_trial(workspace: Workspace, trial: Attempt, module: RTAModule, title: s
     return draw_png(run, caption)
 
 
-def _tracks(trial: Attempt, drivers: Sequence[str]) -> tuple[dict[int, Track], list[SwitchRecord]]:
+def tracks_of(trial: Attempt, drivers: Sequence[str]) -> tuple[dict[int, Track], list[SwitchRecord]]:
+    """Return the ways of a trial's robots by id, and who was given one when; a driver counts by its place."""
     tracks: dict[int, Track] = {}
     switches = []
     for row in trial.rows:
         track = tracks.setdefault(row.robot_id, Track(row.robot_id))
         if track.driver and drivers[track.driver[-1]] != row.driver:
             before, after = (None if name == AC else name for name in (drivers[track.driver[-1]], row.driver))
-            switches.append(SwitchRecord(row.time_s, row.robot_id, before, after, after or before or "", "", ()))
+            # A row says who has driven the robot there: since the one before.
+            switches.append(SwitchRecord(track.time_s[-1], row.robot_id, before, after, after or before or "", "", ()))
         track.time_s.append(row.time_s)
         track.x_m.append(row.x_m)
         track.y_m.append(row.y_m)
