@@ -93,10 +93,10 @@ def tried(kind: type[SimulatedRobot]) -> tuple[Verdict, str, dict[str, Figure]]:
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        (LeakyThreads, "every open adds 1 to threads (link-reader, link-reader, link-reader), 12 opens in a row; "),
+        (LeakyThreads, "every open adds 1 to threads (link-reader, link-reader, link-reader), 12 in a row; "),
         (LeakySockets, "every open adds 2 to file descriptors (socket:["),
         (LeakyProcesses, " and 1 to processes ("),
-        (LeakyMemory, " to MiB of memory, 12 opens"),
+        (LeakyMemory, " to MiB of memory, 12 in a row; "),
     ],
 )
 def test_what_every_open_leaves_behind_is_named(kind: type[SimulatedRobot], message: str) -> None:
