@@ -46,7 +46,7 @@ def download(
 
     Places to visit are kept, in metres in the mission's workspace; what else a plan says is shown, and left out.
     """
-    with guard(), StopSignals():
+    with guard(), StopSignals() as stop:
         from soter.cli.console import make_console
         from soter.cli.mission_text import mission_text
         from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
@@ -62,7 +62,9 @@ def download(
         console = make_console(stderr=str(json) == "-")
         kind = load_backend(loaded.backend)
         ids = [place.id for place in workspace.robots]
-        held = kind().read_missions(read_options(kind, loaded, workspace), ids, timeout)
+        options = read_options(kind, loaded, workspace)
+        with stop.raising():
+            held = kind().read_missions(options, ids, timeout)
         _show(console, held, workspace)
         found = {str(robot_id): [*map(list, each.points)] for robot_id, each in held.items() if each.points}
         with unwritten("what was read"):

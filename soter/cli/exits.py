@@ -63,7 +63,8 @@ def guard() -> Iterator[None]:
         raise typer.Exit(ExitCode.RUN_FAILED) from failure
     except KeyboardInterrupt as failure:
         complain("interrupted")
-        raise typer.Exit(ExitCode.INTERRUPTED) from failure
+        # `StopSignals.raising` says by which signal.
+        raise typer.Exit(128 + failure.args[0] if failure.args else ExitCode.INTERRUPTED) from failure
     except typer.Exit:
         raise
     except Exception as failure:
@@ -104,7 +105,7 @@ class StopSignals:
         self._raises = True
         try:
             if self.received is not None:
-                raise KeyboardInterrupt
+                raise KeyboardInterrupt(self.received)
             yield
         finally:
             self._raises = False
@@ -130,7 +131,7 @@ class StopSignals:
         if number == signal.SIGHUP:
             _let_go_of_terminal()
         if self._raises:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(number)
 
     def _restore(self) -> None:
         while self._before:

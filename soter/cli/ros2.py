@@ -75,8 +75,9 @@ def ros2_monitor(
         options = {"backend": "ros2", "duration_s": duration, "rta.enabled": False if no_rta else None}
         loaded = load_with_engine(mission, merge(options, settings or []), None)
         with _open(loaded) as fleet:
-            for robot in fleet.robots:
-                robot.init(_INIT_TIMEOUT_S)
+            with stop.raising():
+                for robot in fleet.robots:
+                    robot.init(_INIT_TIMEOUT_S)
             watcher = Watcher(loaded, loaded.read_workspace(), fleet, Telemetry(fleet.robots, loaded.rta.order))
             names = ", ".join(robot.node.get_namespace() for robot in fleet.robots)
             domain = fleet.robots[0].node.context.get_domain_id()

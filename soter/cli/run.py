@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from enum import StrEnum
@@ -242,23 +241,19 @@ def _run(
         stack.enter_context(stop)
         display = None if quiet else make_display(console, mission.source or "")
         stack.enter_context(display or nullcontext())
-        try:
-            done = run_mission(
-                mission,
-                on_progress=display.update if display else None,
-                stop=stop,
-                pace=pace,
-                connecting=stop.raising(),
-                record=seen.recording,
-                sign=sign,
-                on_recording=seen.begin,
-                process=process,
-                accept_unproved=accept_unproved,
-                say=lambda words: console.print(words, soft_wrap=True, highlight=False),
-            )
-        except KeyboardInterrupt as interrupt:
-            complain("interrupted")
-            raise typer.Exit(128 + (stop.received or signal.SIGINT)) from interrupt
+        done = run_mission(
+            mission,
+            on_progress=display.update if display else None,
+            stop=stop,
+            pace=pace,
+            connecting=stop.raising(),
+            record=seen.recording,
+            sign=sign,
+            on_recording=seen.begin,
+            process=process,
+            accept_unproved=accept_unproved,
+            say=lambda words: console.print(words, soft_wrap=True, highlight=False),
+        )
     if not quiet:
         print_summary(console, done.result, compared=compared)
         if recorded and done.recording is not None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from soter.missions.mission import Mission
 from soter.missions.script import Robot
+from soter.sdk import MAX_COORDINATE_M
 
-Places = list[tuple[float, float]]
+Metres = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
+Places = list[tuple[Metres, Metres]]
 
 
 class Waypoints(Mission):

@@ -339,13 +339,14 @@ def test_a_signal_stops_the_run_and_keeps_its_result(tmp_path: Path, number: sig
     assert result.duration_s < 1e6
 
 
-def test_a_signal_ends_the_wait_for_robots_that_are_not_there() -> None:
+@pytest.mark.parametrize("what", [("run", "--no-record"), ("download", "--timeout", "60")], ids=lambda what: what[0])
+def test_a_signal_ends_the_wait_for_robots_that_are_not_there(what: tuple[str, ...]) -> None:
     pytest.importorskip("pymavlink")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
         nobody.bind(("127.0.0.1", 0))
         nobody.settimeout(60.0)
         connection = f"backends.mavlink.connection=udpout:127.0.0.1:{nobody.getsockname()[1]}"
-        command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), "--no-record", "--set", connection]
+        command = [sys.executable, "-m", "soter.cli", *what, str(MISSION), "--set", connection]
         with subprocess.Popen(
             [*command, "--backend", "mavlink"], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         ) as process:

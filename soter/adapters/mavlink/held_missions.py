@@ -14,7 +14,7 @@ from soter.adapters.mavlink.item_lists import MISSION, Item, ItemLists
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.vehicle import Vehicle, place_of
 from soter.errors import RobotUnavailable
-from soter.sdk import HeldMission
+from soter.sdk import MAX_COORDINATE_M, HeldMission
 
 _PLACES: Final = (
     mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_SPLINE_WAYPOINT, mav.MAV_CMD_NAV_LOITER_TIME,
@@ -83,9 +83,14 @@ def _asked(vehicle: Vehicle, origin: GeoPoint | None) -> Generator[str, None, He
 def _mission(items: Sequence[tuple[int, Item]], origin: GeoPoint) -> HeldMission:
     points, left_out = [], []
     for number, item in items:
-        if item.command in _PLACES and item.frame in _ON_EARTH and (item.lat_e7 or item.lon_e7):
-            points.append(local_m(origin, item.lat_e7, item.lon_e7))
+        known = mav.enums["MAV_CMD"].get(item.command)
+        said = f"{number}: {item.command if known is None else known.name}"
+        if item.command not in _PLACES or item.frame not in _ON_EARTH or not (item.lat_e7 or item.lon_e7):
+            left_out.append(said)
+            continue
+        point = local_m(origin, item.lat_e7, item.lon_e7)
+        if max(map(abs, point)) <= MAX_COORDINATE_M:
+            points.append(point)
         else:
-            name = mav.enums["MAV_CMD"][item.command].name if item.command in mav.enums["MAV_CMD"] else item.command
-            left_out.append(f"{number}: {name}")
+            left_out.append(f"{said}, {math.hypot(*point) / 1000.0:.0f} km away")
     return HeldMission(tuple(points), tuple(left_out))

@@ -81,6 +81,15 @@ def test_places_are_seen_from_the_workspace() -> None:
     assert [*held[1].points] == [pytest.approx(point, abs=0.01) for point in [(-0.5, 0.5), (-2.5, 2.0)]]
 
 
+def test_a_place_that_is_farther_than_anything_is_left_out() -> None:
+    # A plan of another site, or of another origin.
+    with virtual() as (_, link):
+        held = read_missions(link, [1], ORIGIN._replace(lat_deg=-33.9, lon_deg=151.2), 10.0)
+    assert held[1].points == ()
+    assert held[1].left_out[0].startswith("1: MAV_CMD_NAV_WAYPOINT, 1")
+    assert held[1].left_out[0].endswith(" km away")
+
+
 def test_a_vehicle_that_holds_nothing_holds_nothing() -> None:
     with virtual() as (wire, link):
         wire.autopilot(1).mission.replace(())

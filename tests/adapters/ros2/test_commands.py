@@ -9,6 +9,7 @@ import tomllib
 import pytest
 
 from tests.adapters.velocity_controlled.processes import EXAMPLES, ctrl_c_ends_a_run, soter
+from tests.waiting import wait_until
 
 pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
 
@@ -59,6 +60,28 @@ def test_a_monitor_without_robots_says_what_is_missing_and_moves_nothing() -> No
     domain.close()
     assert process.returncode == 2
     assert "robot 1 at /robot1: within 0.5 s: nobody publishes odom" in err
+
+
+def test_a_signal_ends_the_monitors_wait_for_robots_that_are_not_there() -> None:
+    from soter.adapters.ros2.graph import Graph
+    from soter.adapters.ros2.simulator import Domain
+
+    domain = Domain()
+    graph = Graph(domain.id, use_sim_time=False, on_loopback=True)
+    looking = graph.node("/looking")
+    settings = ["loopback=true", f"domain_id={domain.id}", "discovery_s=120"]
+    with soter(
+        "ros2-monitor", str(EXAMPLES / "surveillance.toml"),
+        *(part for each in settings for part in ("--set", f"backends.ros2.{each}")),
+    ) as process:  # fmt: skip
+        # It has begun to look for its robots.
+        wait_until(lambda: ("soter", "/robot1") in looking.get_node_names_and_namespaces())
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=20)
+    graph.close()
+    domain.close()
+    assert process.returncode == 143
+    assert err.endswith("error: interrupted\n")
 
 
 def test_the_mux_takes_ros_own_arguments() -> None:
