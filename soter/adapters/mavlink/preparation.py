@@ -83,6 +83,7 @@ class Preparation:
         self._authority: Final = authority
         self._setpoints: Final = setpoints
         self._lists: Final = ItemLists(vehicle)
+        self._fenced = -1
         self._config: Final = config
         self._promised: Final = promised
         self._lease_ms: Final = round(promised.lease_s * 1e3)
@@ -183,10 +184,13 @@ class Preparation:
             if not kind.is_px4:
                 # Where it goes, whoever sent it there.
                 yield from self._granted("POSITION_TARGET_GLOBAL_INT", mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
-        if self._config.upload_fence:
+        reboots = self._time_sync.reboots
+        if self._config.upload_fence and self._fenced != reboots:
+            # Once in each of its lives: it is long to read back, and who was only silent holds it still.
             assert self.origin is not None
             items = fence_items(self._config.workspace, self._config.geo_origin or self.origin)
             yield from put_up(vehicle, self._lists, items, self._parameter)
+            self._fenced = reboots
         yield from self._until(lambda: self.may_arm, "its turn to arm")
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         # After a silence it may be flying already, at whatever height it was sent to.

@@ -156,6 +156,39 @@ def test_who_holds_it_already_is_sent_nothing() -> None:
     assert not sent
 
 
+def test_it_is_read_back_once_in_each_life_of_the_vehicle() -> None:
+    with opened() as (fleet, wire):
+        robot, asked = fleet.robots[0], list[Any]()
+        robot.init(20.0)
+        handlers = wire._stations[0]._handlers
+        read = handlers["MISSION_REQUEST_LIST"]
+
+        def counted(*given: Any) -> None:
+            asked.append(given)
+            read(*given)
+
+        handlers["MISSION_REQUEST_LIST"] = counted
+
+        def live(seconds: float) -> None:
+            for _ in range(round(seconds / 0.05)):
+                robot.read_state()
+                wire.sleep(0.05)
+
+        wire.cut.add(1)
+        live(5.0)
+        wire.cut.clear()
+        live(10.0)
+        assert (robot._preparation.ready, asked) == (True, [])  # type: ignore[attr-defined]
+        autopilot = wire.autopilot(1)
+        autopilot.armed, autopilot.fence.items = False, ()
+        assert autopilot.reboot() is None
+        live(20.0)
+        assert robot._preparation.ready  # type: ignore[attr-defined]
+        assert asked
+        assert len(autopilot.fence.items) == len(CORNERS)
+        assert autopilot.fence.enabled
+
+
 def test_of_a_map_exactly_what_is_occupied_is_kept_out() -> None:
     # A chess board, of which nothing can be put together.
     occupied = np.indices((100, 100)).sum(axis=0) % 2 == 1
