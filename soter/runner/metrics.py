@@ -150,7 +150,7 @@ class Metrics:
         safer_inset_m: float | None,
     ) -> None:
         self.tracks: Final = RunTracks(
-            workspace, (AC, *modules), {robot_id: Track(robot_id) for robot_id in robot_ids},
+            workspace, (AC, *modules), {robot_id: Track() for robot_id in robot_ids},
             safer_inset_m=safer_inset_m,
         )  # fmt: skip
         self.judge: Callable[[SwitchRecord], bool] | None = None
@@ -239,12 +239,8 @@ class Metrics:
         for robot in robots:
             own = robot.situation.own
             robot_id = robot.robot_id
-            track = self.tracks.tracks[robot_id]
-            track.time_s.append(now_s)
-            track.x_m.append(own.x_m)
-            track.y_m.append(own.y_m)
-            track.battery.append(math.nan if own.battery is None else own.battery)
-            track.driver.append(self._driver_index[None if robot.driver is None else robot.driver.name])
+            driver = self._driver_index[None if robot.driver is None else robot.driver.name]
+            self.tracks.tracks[robot_id].add(now_s, own.x_m, own.y_m, own.battery, driver)
             charges = charging(robot_id)
             self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charges)
             self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
