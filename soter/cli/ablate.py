@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import sys
 import textwrap
-from contextlib import ExitStack
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -134,9 +133,7 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
     outcomes: list[VariantRun] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                TextColumn("left"), TimeRemainingColumn())  # fmt: skip
-    with ExitStack() as stack:
-        stop = stack.enter_context(StopSignals())
-        progress = stack.enter_context(Progress(*columns, console=console))
+    with StopSignals() as stop, Progress(*columns, console=console) as progress:
         task = progress.add_task("runs", total=len(chosen) * len(plan.seeds))
         for outcome in run_all(plan, chosen, jobs, stop):
             outcomes.append(outcome)

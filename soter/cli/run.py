@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,9 +15,6 @@ from soter.cli.overrides import MaybeMission, Settings, from_here, load_with_eng
 from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from soter.cli.live import Shown
     from soter.cli.outputs import Outputs
     from soter.config import MissionFile
     from soter.runner import Run, RunResult
@@ -119,9 +116,12 @@ def run(
         from soter.cli.console import make_console
         from soter.cli.live import pace_of, shown, wanted_views
         from soter.cli.outputs import Outputs
-        from soter.cli.recordings import recording_path, unless_recorded
+        from soter.cli.progress import make_display
+        from soter.cli.recordings import recording_path, show_recording, unless_recorded
+        from soter.cli.summary import print_summary
         from soter.config.tables import SURVEILLANCE
         from soter.record.signing import read_private_key
+        from soter.runner import run_mission
 
         if no_rta and modules is not None:
             raise option_error("--modules", "it contradicts --no-rta; give one of them")
@@ -165,10 +165,25 @@ def run(
         stop = StopSignals()
         held = pace_of(1.0 if gui and pace is None else pace, loaded, stop)
         with unless_recorded(recording), shown(views, recording, console) as seen:
-            done, stopped_by = _run(
-                loaded, process, seen, sign, stop, held, console, accept_unproved=accept_unproved, quiet=quiet,
-                compared=compare is not None, recorded=recording is not None,
-            )  # fmt: skip
+            display = None if quiet else make_display(console, loaded.source or "")
+            with stop, display or nullcontext():
+                done = run_mission(
+                    loaded,
+                    on_progress=display.update if display else None,
+                    stop=stop,
+                    pace=held,
+                    connecting=stop.raising(),
+                    record=seen.recording,
+                    sign=sign,
+                    on_recording=seen.begin,
+                    process=process,
+                    accept_unproved=accept_unproved,
+                    say=lambda words: console.print(words, soft_wrap=True, highlight=False),
+                )
+            if not quiet:
+                print_summary(console, done.result, compared=compare is not None)
+                if recording is not None and done.recording is not None:
+                    show_recording(console, done.recording)
             written = _write(done, loaded, files)
             if record is not None and done.recording is not None and done.recording.failure:
                 complain(f"the recording is not complete: {done.recording.failure}")
@@ -176,53 +191,9 @@ def run(
             troubles = done.result.troubles if strict else []
             if troubles:
                 complain(f"--strict: {'; '.join(troubles)}")
-            if stopped_by is None:
+            if stop.received is None:
                 seen.stay()
-        raise typer.Exit(_exit_code(done.result, stopped_by, troubles) if written else ExitCode.RUN_FAILED)
-
-
-def _run(
-    mission: MissionFile,
-    process: str | None,
-    seen: Shown,
-    sign: Path | None,
-    stop: StopSignals,
-    pace: Callable[[float], None] | None,
-    console: Console,
-    *,
-    accept_unproved: bool,
-    quiet: bool,
-    compared: bool,
-    recorded: bool,
-) -> tuple[Run, int | None]:
-    """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
-    from soter.cli.progress import make_display
-    from soter.cli.recordings import show_recording
-    from soter.cli.summary import print_summary
-    from soter.runner import run_mission
-
-    with ExitStack() as stack:
-        stack.enter_context(stop)
-        display = None if quiet else make_display(console, mission.source or "")
-        stack.enter_context(display or nullcontext())
-        done = run_mission(
-            mission,
-            on_progress=display.update if display else None,
-            stop=stop,
-            pace=pace,
-            connecting=stop.raising(),
-            record=seen.recording,
-            sign=sign,
-            on_recording=seen.begin,
-            process=process,
-            accept_unproved=accept_unproved,
-            say=lambda words: console.print(words, soft_wrap=True, highlight=False),
-        )
-    if not quiet:
-        print_summary(console, done.result, compared=compared)
-        if recorded and done.recording is not None:
-            show_recording(console, done.recording)
-    return done, stop.received
+        raise typer.Exit(_exit_code(done.result, stop.received, troubles) if written else ExitCode.RUN_FAILED)
 
 
 def _write(done: Run, mission: MissionFile, files: Outputs) -> bool:

@@ -303,8 +303,6 @@ class Recording:
     def _unpacked(self, unpacker: Unpacker, chunk: Chunk, stream: BinaryIO) -> Iterator[Any]:
         try:
             yield from unpacker.records(chunk, stream.tell())
-        except CRCValidationError as failure:
-            raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
         except _DAMAGE as failure:
             raise BadRecording(f"{self.path}: a part of it is damaged: {_why(failure)}") from failure
 

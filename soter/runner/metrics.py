@@ -140,6 +140,7 @@ class Metrics:
     Attributes:
         standstills: robots that get nowhere.
         uncontrolled: robots that for a time did not do what they were told.
+        end_s: fleet time of the end of the run, once it is finished.
     """
 
     def __init__(
@@ -163,7 +164,7 @@ class Metrics:
         self.targets: dict[int, Place] = {}
         self.no_progress_s = 0.0
         self._progress_s = 0.0
-        self._begun_s = self._end_s = 0.0
+        self._begun_s = self.end_s = 0.0
         self._now_s = 0.0
         self._stalls = {robot_id: LongestStay() for robot_id in robot_ids}
         self.standstills: Final = Standstills(robot_ids)
@@ -247,13 +248,8 @@ class Metrics:
 
     def finish(self, duration_s: float) -> None:
         """Close what is still open at the end of the run."""
-        self._end_s = self._begun_s + duration_s
-        self.no_progress_s = max(self.no_progress_s, self._end_s - self._progress_s)
-
-    @property
-    def end_s(self) -> float:
-        """Fleet time of the end of the run, once it is finished."""
-        return self._end_s
+        self.end_s = self._begun_s + duration_s
+        self.no_progress_s = max(self.no_progress_s, self.end_s - self._progress_s)
 
     @property
     def ac_share(self) -> float:
