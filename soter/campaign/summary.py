@@ -51,13 +51,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Group:
-    """The runs of a part with one setting, over their seeds.
-
-    Attributes:
-        part: the part.
-        axes: the setting.
-        rows: all runs.
-    """
+    """The runs of a part with one setting, its axes, over their seeds."""
 
     part: str
     axes: Mapping[str, str]
