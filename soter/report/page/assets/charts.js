@@ -185,7 +185,7 @@
 
   // A module's margin for all robots, with what it is compared with.
   class Margin extends Chart {
-    constructor(holder, run, style, name, curves) {
+    constructor(holder, run, style, name, curves = curvesOf(run, name)) {
       super(holder, run, style, { label: `Margin of ${name} over time`, height: 150 });
       this.name = name;
       this.curves = curves;
@@ -194,13 +194,6 @@
       this.horizonReach = module.horizonReach;
       this.unit = module.unit;
       [this.low, this.high] = this.range();
-    }
-
-    static of(holder, run, style, name) {
-      return new Margin(holder, run, style, name, run.robots.flatMap((robot) => {
-        const module = robot.modules.find((each) => each.name === name);
-        return module ? [{ robot, module }] : [];
-      }));
     }
 
     grown() {
@@ -343,6 +336,11 @@
       if (this.edge !== null) this.threshold(context, height, this.edge, percent(this.edge), style.colours.soft, [6, 4]);
       for (const { robot, module } of this.curves) this.curve(context, robot, module, height);
     }
+  }
+
+  function curvesOf(run, name) {
+    const all = run.robots.map((robot) => ({ robot, module: robot.modules.find((each) => each.name === name) }));
+    return all.filter(({ module }) => module);
   }
 
   function number(value) {
