@@ -32,6 +32,14 @@ _RULE: Final = re.compile(
 )
 
 
+def looked_up(result: Mapping[str, Any], name: str) -> Any:
+    """Return what a result has under a dotted key; None where it has nothing."""
+    value: Any = result
+    for part in name.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    return value
+
+
 def figure(row: RunRow, name: str) -> float | None:
     """Return a figure of a run, or None where it has none.
 
@@ -45,9 +53,7 @@ def figure(row: RunRow, name: str) -> float | None:
         return float(row.status == "done")
     if name == "findings":
         return float(len(row.findings))
-    value: Any = row.result
-    for part in name.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
+    value = looked_up(row.result, name)
     if isinstance(value, dict):
         inner = [each for each in value.values() if isinstance(each, int | float)]
         return float(min(inner) if name == "min_margin" else sum(inner)) if inner else None
@@ -56,13 +62,7 @@ def figure(row: RunRow, name: str) -> float | None:
 
 @dataclass(frozen=True)
 class Judged:
-    """A requirement, judged.
-
-    Attributes:
-        text: what is asked for.
-        found: what was found.
-        holds: whether that is enough.
-    """
+    """A requirement, judged: what is asked for, what was found, and whether that is enough."""
 
     text: str
     found: str

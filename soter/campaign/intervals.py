@@ -11,37 +11,37 @@ from scipy.special import betainc, betaln, gammainc, gammaln
 from scipy.stats import beta, binom, chi2, sem, t
 
 LEVEL: Final = 0.95
+"""How often an interval holds the true value, at least."""
+
+_TAIL: Final = (1.0 - LEVEL) / 2.0
 
 
-def poisson(count: int, exposure: float, level: float = LEVEL) -> tuple[float, float]:
+def poisson(count: int, exposure: float) -> tuple[float, float]:
     """Return the exact two-sided interval of a rate (Garwood 1936).
 
     Args:
         count: events, which come independently of each other.
         exposure: hours, for example; the interval is per such.
-        level: how often it holds the true rate, at least.
     """
     if exposure <= 0.0:
         return 0.0, math.inf
-    tail = (1.0 - level) / 2.0
-    low = float(chi2.ppf(tail, 2 * count)) / 2.0 if count else 0.0
-    return low / exposure, float(chi2.isf(tail, 2 * (count + 1))) / 2.0 / exposure
+    low = float(chi2.ppf(_TAIL, 2 * count)) / 2.0 if count else 0.0
+    return low / exposure, float(chi2.isf(_TAIL, 2 * (count + 1))) / 2.0 / exposure
 
 
-def poisson_most(count: int, exposure: float, level: float = LEVEL) -> float:
+def poisson_most(count: int, exposure: float) -> float:
     """Return the exact upper bound of a rate: for no event in T hours at 95 %, about 3/T."""
-    return float(chi2.ppf(level, 2 * (count + 1))) / 2.0 / exposure if exposure > 0.0 else math.inf
+    return float(chi2.ppf(LEVEL, 2 * (count + 1))) / 2.0 / exposure if exposure > 0.0 else math.inf
 
 
-def proportion(count: int, of: int, level: float = LEVEL) -> tuple[float, float]:
+def proportion(count: int, of: int) -> tuple[float, float]:
     """Return the exact two-sided interval of a share (Clopper and Pearson 1934)."""
-    tail = (1.0 - level) / 2.0
-    low = float(beta.ppf(tail, count, of - count + 1)) if count else 0.0
-    high = float(beta.isf(tail, count + 1, of - count)) if count < of else 1.0
+    low = float(beta.ppf(_TAIL, count, of - count + 1)) if count else 0.0
+    high = float(beta.isf(_TAIL, count + 1, of - count)) if count < of else 1.0
     return low, high
 
 
-def median(values: Sequence[float], level: float = LEVEL) -> tuple[float, float, float] | None:
+def median(values: Sequence[float]) -> tuple[float, float, float] | None:
     """Return the median and its exact interval between two of the values, whatever the distribution.
 
     The k-th least and the k-th greatest of n values enclose the median unless fewer than k lie on one side of it, which
@@ -49,8 +49,8 @@ def median(values: Sequence[float], level: float = LEVEL) -> tuple[float, float,
     """
     ordered, count = sorted(values), len(values)
     # The largest k with P(fewer than k on one side) <= tail.
-    inside = int(binom.ppf((1.0 - level) / 2.0, count, 0.5)) if count else 0
-    while inside > 0 and binom.cdf(inside - 1, count, 0.5) > (1.0 - level) / 2.0:
+    inside = int(binom.ppf(_TAIL, count, 0.5)) if count else 0
+    while inside > 0 and binom.cdf(inside - 1, count, 0.5) > _TAIL:
         inside -= 1
     if not inside:
         return None
@@ -58,7 +58,7 @@ def median(values: Sequence[float], level: float = LEVEL) -> tuple[float, float,
     return middle, ordered[inside - 1], ordered[count - inside]
 
 
-def positive_mean(values: Sequence[float], level: float = LEVEL) -> tuple[float, float, float]:
+def positive_mean(values: Sequence[float]) -> tuple[float, float, float]:
     """Return the mean and an interval of values that cannot be negative and lie apart by factors, at least two of them.
 
     It is Student's interval of the mean, laid around its logarithm (by the delta method): it holds as far as that of
@@ -67,7 +67,7 @@ def positive_mean(values: Sequence[float], level: float = LEVEL) -> tuple[float,
     middle = fmean(values)
     if middle == 0.0:
         return 0.0, 0.0, math.inf
-    factor = math.exp(float(t.isf((1.0 - level) / 2.0, len(values) - 1) * sem(values)) / middle)
+    factor = math.exp(float(t.isf(_TAIL, len(values) - 1) * sem(values)) / middle)
     return middle, middle / factor, middle * factor
 
 

@@ -108,9 +108,6 @@ class Listed:
 class Look:
     """A stopping rule that looks at one run after another.
 
-    Args:
-        rule: the rule.
-
     Attributes:
         log_evidence: that what must be rare is, as a logarithm; see `rate_evidence`.
     """

@@ -54,13 +54,6 @@ CREATE TABLE runs (
 CREATE INDEX by_part ON runs (part, number);
 """
 
-SAME: Final = (
-    "id", "part", "number", "counted", "mission", "seed", "axes", "settings", "command", "status", "failure",
-    "findings", "duration_s", "robots", "robot_hours", "violations", "contacts", "ac_share", "disengagements",
-    "targets_reached", "longest_stall_s", "no_progress_s", "least_margin", "trace_sha256", "result",
-)  # fmt: skip
-"""The columns in which two stores of one campaign agree, however often either was killed."""
-
 
 @dataclass(frozen=True)
 class RunRow:
@@ -236,11 +229,6 @@ class Store:
                 row = dict(zip(_COLUMNS, values, strict=True))
                 row |= {name: json.loads(row[name] or "{}") for name in _JSON}
                 yield RunRow(**{**row, "robot_hours": row["robot_hours"] or 0.0})
-
-    def same(self) -> list[tuple[Any, ...]]:
-        """Return all that two stores of one campaign agree in; see `SAME`."""
-        query = f"SELECT {', '.join(SAME)} FROM runs WHERE counted ORDER BY part, number"  # noqa: S608
-        return self._sql.execute(query).fetchall()
 
 
 def _json(value: Any) -> str:

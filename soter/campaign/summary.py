@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,40 +37,21 @@ class Rate:
 
 @dataclass(frozen=True)
 class Spread:
-    """The least, the middle and the greatest of some values: quantiles 0, 0.05, 0.5, 0.95 and 1, and the mean."""
+    """The least, the mean and the greatest of some values."""
 
-    quantiles: tuple[float, float, float, float, float]
+    least: float
     mean: float
+    most: float
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Spread | None:
         """Return the spread of values; None where there are none."""
-        if not values:
-            return None
-        ordered = sorted(values)
-        at = [ordered[round(part * (len(ordered) - 1))] for part in (0.0, 0.05, 0.5, 0.95, 1.0)]
-        return cls((at[0], at[1], at[2], at[3], at[4]), fmean(ordered))
-
-    @property
-    def least(self) -> float:
-        """The least value."""
-        return self.quantiles[0]
-
-    @property
-    def most(self) -> float:
-        """The greatest value."""
-        return self.quantiles[-1]
+        return cls(min(values), fmean(values), max(values)) if values else None
 
 
 @dataclass(frozen=True)
 class Group:
-    """The runs of a part with one setting, over their seeds.
-
-    Attributes:
-        part: the part.
-        axes: the setting.
-        rows: all runs.
-    """
+    """The runs of a part with one setting, its axes, over their seeds."""
 
     part: str
     axes: Mapping[str, str]
@@ -170,13 +150,3 @@ def _repeated(part: PartTable, rows: Sequence[RunRow], store: Store) -> Judged:
     same = sum(first.get(key(row)) == row.trace_sha256 != "" for row in rows)
     holds = bool(rows) and same == len(rows)
     return Judged(f"the same runs as those of {part.repeats}, bit for bit", f"{same} of {len(rows)} runs", holds)
-
-
-def kind_of_refusal(failure: str) -> str:
-    """Return what refusals have in common: the module and the condition, or the message without numbers and names."""
-    condition = re.search(r"\bP\d\w?\b", failure)
-    module = re.search(r"\bmodule '([^']*)'", failure)
-    if condition and module:
-        return f"{module[1]} {condition[0]}"
-    text = re.sub(r"\(line \d+\)|'[^']*'|[-+]?\d[\d.e+-]*", "#", failure.splitlines()[-1])
-    return re.sub(r"\s+", " ", re.sub(r"/\S+", "", text))[:70].strip()

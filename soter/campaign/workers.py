@@ -33,9 +33,6 @@ class LocalWorkers:
     """Worker processes of this host; `Workers`.
 
     Every worker is a pool of its own: when a process dies, it is known which run it died of, and no other is lost.
-
-    Args:
-        count: how many.
     """
 
     died: tuple[type[BaseException], ...] = (BrokenProcessPool,)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import sys
 import textwrap
-from contextlib import ExitStack
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -65,12 +64,12 @@ def ablate(
     with guard():
         from soter.ablation.ablate import Plan, variants
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
+        from soter.cli.outputs import Outputs, as_json, unwritten
         from soter.registry import load_backend
 
         given = {"backend": backend, "duration_s": duration, "targets": targets}
-        overrides = merge(given, settings or [])
-        loaded = load_with_engine(mission, overrides, None)
+        overrides = merge(given, settings)
+        loaded = load_with_engine(mission, overrides)
         chosen = [each for each in variants(loaded.rta.module) if only is None or _matches(each, only)]
         if not chosen:
             raise option_error("--only", f"no variant matches '{only}'; --list names them all")
@@ -85,24 +84,19 @@ def ablate(
                 f"it is '{loaded.backend}', allowed: a backend in virtual time, such as kinematic: parts of "
                 "the modules are taken from simulated robots only",
             )
-        refuse_clashes({"--json": json, "--markdown": markdown}, (mission, loaded.workspace), force=force)
-        json_file = None if json is None else json_output(json)
-        page = None if markdown is None else Output(markdown, "--markdown")
+        files = Outputs({"--json": json, "--markdown": markdown}, (mission, loaded.workspace), force=force)
         plan = Plan(mission, overrides, _numbers(seeds), force_ill_formed)
-        console = make_console(stderr=str(json) == "-")
+        console = make_console(stderr=files.to_stdout)
         outcomes, stopped_by = _run(plan, chosen, jobs, console)
 
+        from soter.ablation.tables import markdown as as_markdown
         from soter.ablation.tables import rows
 
         found = rows(outcomes, chosen)
         _show(found, console)
         with unwritten("the tables"):
-            if json_file is not None:
-                json_file.write(_json(outcomes))
-            if page is not None:
-                from soter.ablation.tables import markdown as as_markdown
-
-                page.write(as_markdown(found, shlex.join(["soter", *sys.argv[1:]])).encode())
+            files.write("--json", lambda: as_json([_as_dict(each) for each in outcomes], allow_nan=True))
+            files.write("--markdown", as_markdown(found, shlex.join(["soter", *sys.argv[1:]])).encode)
         raise typer.Exit(_exit_code(outcomes, stopped_by))
 
 
@@ -139,9 +133,7 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
     outcomes: list[VariantRun] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                TextColumn("left"), TimeRemainingColumn())  # fmt: skip
-    with ExitStack() as stack:
-        stop = stack.enter_context(StopSignals())
-        progress = stack.enter_context(Progress(*columns, console=console))
+    with StopSignals() as stop, Progress(*columns, console=console) as progress:
         task = progress.add_task("runs", total=len(chosen) * len(plan.seeds))
         for outcome in run_all(plan, chosen, jobs, stop):
             outcomes.append(outcome)
@@ -183,12 +175,6 @@ def _show(found: Sequence[VariantRow], console: Console) -> None:
     print_table(console, head, lines)
     for remark in remarks:
         console.print(remark, soft_wrap=True)
-
-
-def _json(outcomes: Sequence[VariantRun]) -> bytes:
-    import json
-
-    return f"{json.dumps([_as_dict(outcome) for outcome in outcomes], indent=2)}\n".encode()
 
 
 def _as_dict(outcome: VariantRun) -> dict[str, object]:

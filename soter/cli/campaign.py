@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.option import option, switch
 from soter.cli.overrides import Settings, merge
 from soter.cli.plain import emit
 from soter.cli.recordings import RUNS
@@ -75,8 +76,7 @@ campaign = typer.Typer(
 )
 
 StoreFile = Annotated[
-    Path | None,
-    typer.Option("--store", metavar="FILE.sqlite", help="Where runs are kept; runs/NAME.sqlite if not given."),
+    Path | None, option("FILE.sqlite", "Where runs are kept; runs/NAME.sqlite if not given.", "--store")
 ]
 
 
@@ -84,17 +84,14 @@ StoreFile = Annotated[
 def run(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The campaign file (TOML).", show_default=False)],
     store: StoreFile = None,
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=1024, help="Runs at a time on this host.")] = 2,
+    jobs: Annotated[int, option("N", "Runs at a time on this host.", min=1, max=1024)] = 2,
     cluster: Annotated[
-        str | None, typer.Option(metavar="tls://HOST:PORT", help="Run on the workers of this Dask scheduler instead.")
+        str | None, option("tls://HOST:PORT", "Run on the workers of this Dask scheduler instead.")
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew: what the store has is thrown away.")] = False,
-    only: Annotated[
-        str | None,
-        typer.Option(metavar="PATTERN", help="Only parts whose names match; it is no whole campaign."),
-    ] = None,
+    fresh: Annotated[bool, switch("--fresh", "Begin anew: what the store has is thrown away.")] = False,
+    only: Annotated[str | None, option("PATTERN", "Only parts whose names match; it is no whole campaign.")] = None,
     settings: Settings = None,
-    listed: Annotated[bool, typer.Option("--list", help="Print the runs' commands and run nothing.")] = False,
+    listed: Annotated[bool, switch("--list", "Print the runs' commands and run nothing.")] = False,
 ) -> None:
     """Run a campaign, or what is left of it: finished runs are kept, and never made again."""
     with guard():
@@ -104,7 +101,7 @@ def run(
         from soter.campaign.tables import DRAWN
         from soter.cli.console import make_console
 
-        read = load_campaign(file, merge({}, settings or []), only)
+        read = load_campaign(file, merge({}, settings), only)
         needs(*["cma"] * any(part.search is not None for part in read.parts.values()))
         needs(*["shapely"] * any(part.mission == DRAWN for part in read.parts.values()))
         if listed:
@@ -205,14 +202,13 @@ def _run(campaign: Campaign, store: Store, workers: Workers, stop: Callable[[], 
 
 def _words(totals: Totals) -> str:
     """Return running totals in a line."""
-    from soter.cli.progress import violations_in_words
+    from soter.cli.progress import left_in_words, violations_in_words
 
     words = [f"{totals.runs} of {totals.planned} runs", f"{totals.robot_hours:.4g} robot-hours"]
     words.append(violations_in_words(dict(totals.violations)))
     words += [f"{totals.status[status]} {status}" for status in ("refused", "failed") if totals.status[status]]
     if totals.left_s is not None:
-        left_s = totals.left_s
-        words.append(f"about {left_s:.0f} s left" if left_s < 100.0 else f"about {left_s / 60.0:.0f} min left")
+        words.append(left_in_words(totals.left_s))
     return ", ".join(words)
 
 
@@ -246,8 +242,8 @@ def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
 @campaign.command("run-again", epilog=AGAIN_EXAMPLES)
 def run_again(
     run: Annotated[str, typer.Argument(metavar="ID", help="Which run: its id, or the beginning of it.")],
-    store: Annotated[Path, typer.Option("--store", metavar="FILE.sqlite", help="The store of its campaign.")],
-    record: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Record it.")] = None,
+    store: Annotated[Path, option("FILE.sqlite", "The store of its campaign.", "--store")],
+    record: Annotated[Path | None, option("FILE.mcap", "Record it.")] = None,
     force: Force = False,
 ) -> None:
     """Make one run of a campaign again, and prove by its trace that it is the same, bit for bit."""
@@ -257,11 +253,9 @@ def run_again(
         from soter.campaign.job import carry_out
         from soter.campaign.store import Store
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, refuse_clashes
+        from soter.cli.outputs import Outputs
 
-        refuse_clashes({"--record": record}, [store], force=force)
-        if record is not None:
-            Output(record, "--record")
+        Outputs({"--record": record}, [store], force=force)
         console = make_console()
         with Store(store) as kept:
             row = find(kept, run)
@@ -284,14 +278,10 @@ def run_again(
 @campaign.command(epilog=DRAW_EXAMPLES)
 def draw(
     seed: Annotated[int, typer.Argument(metavar="SEED", min=0, help="What everything is drawn from.")],
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where its files go; drawn-SEED here if not given.")
-    ] = None,
-    engine: Annotated[str, typer.Option(metavar="kinematic|pybullet", help="What moves the robots.")] = "kinematic",
-    shrink: Annotated[bool, typer.Option("--shrink", help="Make it smaller for as long as it fails.")] = False,
-    duration: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=1.0, help="With --shrink: in place of what is drawn.")
-    ] = None,
+    out: Annotated[Path | None, option("DIR", "Where its files go; drawn-SEED here if not given.")] = None,
+    engine: Annotated[str, option("kinematic|pybullet", "What moves the robots.")] = "kinematic",
+    shrink: Annotated[bool, switch("--shrink", "Make it smaller for as long as it fails.")] = False,
+    duration: Annotated[float | None, option("SECONDS", "With --shrink: in place of what is drawn.", min=1.0)] = None,
     force: Force = False,
 ) -> None:
     """Write the configuration that a seed draws, as the part `random` of a campaign runs it; or what of it fails."""

@@ -9,6 +9,7 @@ import typer
 
 from soter.cli.campaign import needs
 from soter.cli.exits import Force, StopSignals, guard
+from soter.cli.option import option
 from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
@@ -38,15 +39,13 @@ Stored = Annotated[Path, typer.Argument(metavar="STORE", help="The store of a ca
 def report(
     store: Stored,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="PAGE.html", help="Where the page goes; beside the store.")
+        Path | None, option("PAGE.html", "Where the page goes; beside the store.", "--output", "-o")
     ] = None,
     into: Annotated[
-        Path | None,
-        typer.Option(metavar="DOCUMENT.md", help="Write tables into this document, between its marks, and no page."),
+        Path | None, option("DOCUMENT.md", "Write tables into this document, between its marks, and no page.")
     ] = None,
     worst: Annotated[
-        int,
-        typer.Option(metavar="N", min=0, max=100, help="Record the N runs with the least margins, each with a page."),
+        int, option("N", "Record the N runs with the least margins, each with a page.", min=0, max=100)
     ] = 0,
     force: Force = False,
 ) -> None:
@@ -108,14 +107,10 @@ def compare(
         Path | None, typer.Argument(metavar="OTHER", help="The store of another campaign; the same if not given.")
     ] = None,
     left_is: Annotated[
-        list[str] | None, typer.Option("--left", metavar="AXIS=NAME", help="Only such runs on the left; or part=NAME.")
+        list[str] | None, option("AXIS=NAME", "Only such runs on the left; or part=NAME.", "--left")
     ] = None,
-    right_is: Annotated[
-        list[str] | None, typer.Option("--right", metavar="AXIS=NAME", help="Only such runs on the right.")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="PAGE.html", help="Write a page too.")
-    ] = None,
+    right_is: Annotated[list[str] | None, option("AXIS=NAME", "Only such runs on the right.", "--right")] = None,
+    output: Annotated[Path | None, option("PAGE.html", "Write a page too.", "--output", "-o")] = None,
     force: Force = False,
 ) -> None:
     """Compare two settings of a campaign, or two campaigns, run by run of the same seed."""
@@ -126,12 +121,12 @@ def compare(
         from soter.campaign.report.page import DIFFERENCE_HEAD, comparison_page, difference_cells
         from soter.campaign.store import Store
         from soter.cli.console import make_console, print_table
-        from soter.cli.outputs import Output, refuse_clashes
+        from soter.cli.outputs import Outputs
 
         one, other = _wanted(left_is, "--left"), _wanted(right_is, "--right")
         if right is None and one == other:
             raise option_error("--right", "both sides are the same runs; say how they differ")
-        refuse_clashes({"--output": output}, [left, *([right] if right else [])], force=force)
+        files = Outputs({"--output": output}, [left, *([right] if right else [])], force=force)
         with Store(left) as first, Store(right or left) as second:
             paired = pairs(select(first.rows(), one), select(second.rows(), other), {*one, *other})
         if not paired:
@@ -139,9 +134,8 @@ def compare(
         found = compared(paired)
         head = [each.replace(", ", ",\n").replace(" at ", "\nat ") for each in DIFFERENCE_HEAD]
         print_table(make_console(), head, map(difference_cells, found))
-        if output is not None:
-            words = f"left: {left} {' '.join(left_is or ())}, right: {right or left} {' '.join(right_is or ())}"
-            Output(output, "--output").write(comparison_page("Comparison", words, found).encode())
+        words = f"left: {left} {' '.join(left_is or ())}, right: {right or left} {' '.join(right_is or ())}"
+        files.write("--output", lambda: comparison_page(words, found).encode())
 
 
 def _wanted(given: list[str] | None, option: str) -> dict[str, str]:

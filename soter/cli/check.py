@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from soter.cli.exits import ExitCode, Force, complain, guard
+from soter.cli.exits import ExitCode, Force, guard
 from soter.cli.option import option, switch
 from soter.cli.overrides import Promising, Settings, load_with_engine, merge
 from soter.errors import ConfigError, option_error
@@ -15,10 +16,10 @@ from soter.errors import ConfigError, option_error
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soter.check import Counterexample
+    from soter.check import Attempt, Counterexample, Falsified
     from soter.check.bench import ModuleBench
     from soter.check.mission import MissionReport
-    from soter.cli.outputs import Output, StandardOutput
+    from soter.cli.outputs import Outputs
     from soter.config import MissionFile
 
 EXAMPLES = """Examples:
@@ -68,29 +69,27 @@ def check(
     """
     with guard():
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes
+        from soter.cli.outputs import Outputs, as_json, unwritten
 
         if (target is None) == (replay is None):
             raise ConfigError("say what to check: a mission file, module:NAME, or --replay FILE, one of them")
         outputs = {"--json": json, "--picture": picture, "--counterexample": counterexample}
-        refuse_clashes(outputs, [Path(read) for read in (target, replay) if read is not None], force=force)
-        json_file = None if json is None else json_output(json)
-        picture_file = None if picture is None else picture_output(picture)
-        example_file = None if counterexample is None else Output(counterexample, "--counterexample")
-        console = make_console(stderr=str(json) == "-")
+        files = Outputs(outputs, [Path(read) for read in (target, replay) if read is not None], force=force)
+        console = make_console(stderr=files.to_stdout)
         if replay is not None:
-            raise typer.Exit(_replay(console, replay, json_file, picture_file))
+            raise typer.Exit(_replay(console, replay, files))
         assert target is not None
-        subject: dict[str, Any] = {"target": target, "backend": backend, "settings": [*(settings or [])]}
+        subject: dict[str, Any] = {"target": target, "backend": backend, "settings": list(settings or ())}
         report = _check(console, subject, robots, patience, budget, seed)
         _print(console, report)
         if report.rejected and not target.startswith(_PREFIX):
             _print_what_would_do(console, subject)
-        written = _write(report, target, json_file, picture_file)
-        if example_file is not None:
-            written = _write_example(console, report, subject, example_file) and written
-        if not written:
-            raise typer.Exit(ExitCode.RUN_FAILED)
+        if counterexample is not None:
+            with unwritten("the counterexample"):
+                _write_example(console, report, subject, files, counterexample)
+        with unwritten("the findings"):
+            files.write("--json", lambda: as_json(_content(report, target)))
+            files.write("--picture", lambda: _picture(report, target))
         fine = not report.rejected and (report.complete or allow_gaps)
         raise typer.Exit(ExitCode.OK if fine else ExitCode.VIOLATION)
 
@@ -113,7 +112,7 @@ def _check(
 
 
 def _mission(subject: dict[str, Any]) -> MissionFile:
-    return load_with_engine(Path(subject["target"]), merge({"backend": subject["backend"]}, subject["settings"]), None)
+    return load_with_engine(Path(subject["target"]), merge({"backend": subject["backend"]}, subject["settings"]))
 
 
 def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
@@ -146,9 +145,7 @@ def _print(console: Console, report: MissionReport) -> None:
         verdict = each.verdict.value
         head = (f"{each.module:<{width}}  {each.condition:<3}  ", (f"{verdict:<8}", _STYLES[verdict]))
         console.print(Text.assemble(*head, f"  {each.text}"), soft_wrap=True)
-    counts: dict[str, int] = {}
-    for each in report.findings:
-        counts[each.verdict.value] = counts.get(each.verdict.value, 0) + 1
+    counts = Counter(each.verdict.value for each in report.findings)
     summary = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _STYLES if verdict in counts)
     console.print(Text(f"\n{summary}", "bold red" if report.rejected else "bold"), soft_wrap=True)
 
@@ -176,34 +173,23 @@ def _print_what_would_do(console: Console, subject: dict[str, Any]) -> None:
     console.print(toml({"rta": shown}).rstrip(), soft_wrap=True, markup=False, highlight=False)
 
 
-def _write(
-    report: MissionReport, target: str, json_file: Output | StandardOutput | None, picture_file: Output | None
-) -> bool:
-    import json
+def _content(report: MissionReport, target: str) -> dict[str, Any]:
+    return {
+        "format": "soter-check",
+        "target": target,
+        "rejected": report.rejected,
+        "findings": [each.as_dict() for each in report.findings],
+    }
 
-    try:
-        if json_file is not None:
-            content = {
-                "format": "soter-check",
-                "target": target,
-                "rejected": report.rejected,
-                "findings": [each.as_dict() for each in report.findings],
-            }
-            json_file.write(f"{json.dumps(content, indent=2, allow_nan=False, default=str)}\n".encode())
-        if picture_file is not None:
-            picture_file.write(_picture(report, target))
-    except OSError as failure:
-        complain(f"the findings could not be written: {failure}")
-        return False
-    return True
+
+def _first(report: MissionReport) -> tuple[str, Falsified] | None:
+    """Return the first counterexample, with its module."""
+    return next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
 
 
 def _picture(report: MissionReport, target: str) -> bytes:
-    found = next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
-    if found is not None:
-        from soter.cli.trial_picture import draw_trial
-
-        return draw_trial(report.workspace, found[1].trial, report.benches[found[0]].module, target)
+    if (found := _first(report)) is not None:
+        return _drawn(report.benches[found[0]], found[1].trial, target)
     from soter.record.tracks import RunTracks
     from soter.report.caption import Caption
     from soter.report.picture import draw_png
@@ -212,38 +198,36 @@ def _picture(report: MissionReport, target: str) -> bytes:
     return draw_png(RunTracks(report.workspace, (), {}), caption)
 
 
-def _write_example(console: Console, report: MissionReport, subject: dict[str, Any], file: Output) -> bool:
+def _drawn(bench: ModuleBench, trial: Attempt, title: str) -> bytes:
+    from soter.cli.trial_picture import draw_trial
+
+    return draw_trial(bench.workspace, trial, bench.module, title)
+
+
+def _write_example(
+    console: Console, report: MissionReport, subject: dict[str, Any], files: Outputs, path: Path
+) -> None:
     from soter.check import Counterexample
     from soter.check.trial import trace_hash
 
-    found = next(((name, each) for name, broken in report.counterexamples.items() for each in broken), None)
-    if found is None:
+    if (found := _first(report)) is None:
         console.print("no counterexample was found, so none is written", soft_wrap=True)
-        return True
+        return
     (name, falsified), bench = found, report.benches[found[0]]
     tried = {**subject, "module": name, "robots": bench.robots, "patience_s": bench.patience_s}
     breach, trial = falsified.breach, falsified.trial
     example = Counterexample(
         tried, breach.obligation, breach.time_s, breach.text, falsified.vector, trace_hash(trial)
     )  # fmt: skip
-    try:
-        file.write(f"{example.as_json(trial.rows)}\n".encode())
-    except OSError as failure:
-        complain(f"the counterexample could not be written: {failure}")
-        return False
-    console.print(f"counterexample: {file.path}; run it again with: soter check --replay {file.path}", soft_wrap=True)
-    return True
+    files.write("--counterexample", f"{example.as_json(trial.rows)}\n".encode)
+    console.print(f"counterexample: {path}; run it again with: soter check --replay {path}", soft_wrap=True)
 
 
-def _replay(
-    console: Console, path: Path, json_file: Output | StandardOutput | None, picture_file: Output | None
-) -> ExitCode:
+def _replay(console: Console, path: Path, files: Outputs) -> ExitCode:
     """Run a counterexample again; return 1 if it breaks what it broke."""
-    import json
-
     from soter.check import read_counterexample
     from soter.check.trial import trace_hash
-    from soter.cli.outputs import unwritten
+    from soter.cli.outputs import as_json, unwritten
 
     example = read_counterexample(path)
     bench = _bench_of(example, path)
@@ -259,13 +243,9 @@ def _replay(
         console.print(broken.text, soft_wrap=True)
         console.print("the trace is the same, bit for bit" if same else "the trace differs", soft_wrap=True)
     with unwritten("it"):
-        if json_file is not None:
-            found = {"broken": broken is not None, "same_trace": same, "text": "" if broken is None else broken.text}
-            json_file.write(f"{json.dumps(found, indent=2)}\n".encode())
-        if picture_file is not None:
-            from soter.cli.trial_picture import draw_trial
-
-            picture_file.write(draw_trial(bench.workspace, trial, bench.module, f"replay of {path}"))
+        found = {"broken": broken is not None, "same_trace": same, "text": "" if broken is None else broken.text}
+        files.write("--json", lambda: as_json(found))
+        files.write("--picture", lambda: _drawn(bench, trial, f"replay of {path}"))
     return ExitCode.OK if broken is None else ExitCode.VIOLATION
 
 

@@ -31,13 +31,12 @@ def compare(
     with guard():
         from soter.campaign.report.beside import make_beside
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, refuse_clashes
+        from soter.cli.outputs import Outputs
         from soter.record.reader import Recording
 
         if len(recordings) < 2:
             raise ConfigError("it names one recording, allowed: two or more; `soter report` makes a page of one")
-        refuse_clashes({"--output": output}, recordings, force=force)
-        page = Output(output, "--output")
+        files = Outputs({"--output": output}, recordings, force=force)
         data = make_beside([Recording(path) for path in recordings]).encode()
-        page.write(data)
+        files.write("--output", lambda: data)
         make_console().print(f"page: {output} ({len(data) / 1e6:.1f} MB)", soft_wrap=True)

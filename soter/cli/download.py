@@ -49,17 +49,15 @@ def download(
     with guard(), StopSignals() as stop:
         from soter.cli.console import make_console
         from soter.cli.mission_text import mission_text
-        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
+        from soter.cli.outputs import Outputs, as_json, unwritten
         from soter.cli.overrides import load_with_engine, merge
         from soter.registry import load_backend
         from soter.specs import read_options
 
-        loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
+        loaded = load_with_engine(mission, merge({"backend": backend}, settings))
         workspace = loaded.read_workspace()
-        refuse_clashes({"--output": output, "--json": json}, (mission, loaded.workspace), force=force)
-        file = None if output is None else Output(output, "--output")
-        json_file = None if json is None else json_output(json)
-        console = make_console(stderr=str(json) == "-")
+        files = Outputs({"--output": output, "--json": json}, (mission, loaded.workspace), force=force)
+        console = make_console(stderr=files.to_stdout)
         kind = load_backend(loaded.backend)
         ids = [place.id for place in workspace.robots]
         options = read_options(kind, loaded, workspace)
@@ -68,14 +66,13 @@ def download(
         _show(console, held, workspace)
         found = {str(robot_id): [*map(list, each.points)] for robot_id, each in held.items() if each.points}
         with unwritten("what was read"):
-            if json_file is not None:
-                json_file.write(_json(held, str(mission)))
-            if file is not None and found:
+            files.write("--json", lambda: as_json(_content(held, mission)))
+            if output is not None and found:
                 head = f"{mission.name} with the missions that its vehicles hold, by `soter download`."
                 flown = {"backend": backend, "mission": {"use": "waypoints", "robots": found}}
-                loaded = load_with_engine(mission, merge(flown, settings or []), None)
-                file.write(mission_text(loaded, {}, file.path, head).encode())
-                console.print(f"\nwritten: {file.path}", soft_wrap=True)
+                loaded = load_with_engine(mission, merge(flown, settings))
+                files.write("--output", mission_text(loaded, {}, output, head).encode)
+                console.print(f"\nwritten: {output}", soft_wrap=True)
         if not found:
             raise typer.Exit(ExitCode.VIOLATION)
 
@@ -101,11 +98,6 @@ def _show(console: Console, held: Mapping[int, HeldMission], workspace: Workspac
             console.print(f"robot {robot_id}, left out: {', '.join(each.left_out)}", soft_wrap=True)
 
 
-def _json(held: Mapping[int, HeldMission], mission: str) -> bytes:
-    import json
-
-    robots: dict[str, Any] = {
-        str(robot_id): {"points": each.points, "left_out": each.left_out} for robot_id, each in held.items()
-    }
-    content = {"format": "soter-download", "target": mission, "robots": robots}
-    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()
+def _content(held: Mapping[int, HeldMission], mission: Path) -> dict[str, Any]:
+    robots = {str(robot_id): {"points": each.points, "left_out": each.left_out} for robot_id, each in held.items()}
+    return {"format": "soter-download", "target": str(mission), "robots": robots}

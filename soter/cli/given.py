@@ -39,7 +39,7 @@ def read_given(
     from soter.registry import load_backend
     from soter.specs import asked, read_options, robot_specs
 
-    loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
+    loaded = load_with_engine(mission, merge({"backend": backend}, settings))
     workspace = loaded.read_workspace()
     kind = load_backend(loaded.backend)
     config = read_options(kind, loaded, workspace)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -50,15 +50,13 @@ def measure(
     with guard(), StopSignals() as stop:
         from soter.cli.conform_output import Outcomes
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
+        from soter.cli.outputs import Outputs, as_json, unwritten
         from soter.config.toml_text import toml
         from soter.conformance.survey import STEPS, survey
 
         given = read_given(mission, backend, settings, robot, room)
-        refuse_clashes({"--output": output, "--json": json}, (mission,), force=force)
-        file = None if output is None else Output(output, "--output")
-        json_file = None if json is None else json_output(json)
-        console = make_console(stderr=str(json) == "-")
+        files = Outputs({"--output": output, "--json": json}, (mission,), force=force)
+        console = make_console(stderr=files.to_stdout)
         spec = given.spec
         console.print(
             f"robot {spec.id} drives within {given.radius_m:.1f} m of its start, ({spec.x_m:g}, {spec.y_m:g})",
@@ -69,11 +67,9 @@ def measure(
         _show(console, found)
         text = toml({"backends": {given.backend: {"promise": dict(found.table)}}})
         with unwritten("what was measured"):
-            if file is not None:
-                file.write(_file(found, given, mission, margin, text).encode())
-            if json_file is not None:
-                json_file.write(_json(found, mission))
-        console.print(f"\n{text.strip()}" if file is None else f"\nwritten: {file.path}", soft_wrap=True)
+            files.write("--output", _file(found, given, mission, margin, text).encode)
+            files.write("--json", lambda: as_json(_content(found, mission)))
+        console.print(f"\n{text.strip()}" if output is None else f"\nwritten: {output}", soft_wrap=True)
         if stop.received is not None:
             raise typer.Exit(128 + stop.received)
         raise typer.Exit(ExitCode.OK if found.complete else ExitCode.VIOLATION)
@@ -106,11 +102,10 @@ def _file(found: Survey, given: Given, mission: Path, margin: float, text: str) 
     )
 
 
-def _json(found: Survey, mission: Path) -> bytes:
-    import json
+def _content(found: Survey, mission: Path) -> dict[str, Any]:
     from dataclasses import asdict
 
-    content = {
+    return {
         "format": "soter-measure",
         "target": str(mission),
         "complete": found.complete,
@@ -118,4 +113,3 @@ def _json(found: Survey, mission: Path) -> bytes:
         "table": dict(found.table),
         "record": found.record.as_dict(),
     }
-    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()

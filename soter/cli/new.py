@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import typer
 
@@ -13,9 +13,6 @@ from soter.cli.exits import guard
 from soter.cli.option import option
 from soter.cli.plain import emit
 from soter.errors import ConfigError
-
-if TYPE_CHECKING:
-    from importlib.resources.abc import Traversable
 
 ADAPTER_EXAMPLES = """Examples:
   soter new adapter crawler
@@ -25,6 +22,7 @@ Exit codes:
   2  the name will not do, or there is something in its place
 """
 
+_TEMPLATES: Final = Path(__file__).parent / "new_adapter"
 _SUFFIX: Final = ".in"
 _PLACEHOLDER: Final = "template"
 
@@ -88,24 +86,14 @@ def write_adapter(name: str, folder: Path) -> list[Path]:
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"there is something at '{folder}' already; name a new folder with --out")
-        from importlib.resources import files
-
-        for source, parts in _templates(files("soter.cli") / "new_adapter"):
-            path = folder.joinpath(*(_filled(part, name) for part in parts))
+        for source in sorted(_TEMPLATES.rglob(f"*{_SUFFIX}")):
+            path = folder / _filled(str(source.relative_to(_TEMPLATES)).removesuffix(_SUFFIX), name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(_filled(source.read_text(encoding="utf-8"), name), encoding="utf-8")
             written.append(path)
     except OSError as failure:
         raise ConfigError(f"'{folder}' cannot be written: {failure}") from failure
     return written
-
-
-def _templates(folder: Traversable, *before: str) -> list[tuple[Traversable, tuple[str, ...]]]:
-    found: list[tuple[Traversable, tuple[str, ...]]] = []
-    for each in sorted(folder.iterdir(), key=lambda each: each.name):
-        parts = (*before, each.name.removesuffix(_SUFFIX))
-        found += _templates(each, *parts) if each.is_dir() else [(each, parts)]
-    return found
 
 
 def _filled(text: str, name: str) -> str:

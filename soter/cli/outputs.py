@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -157,6 +158,43 @@ def json_output(path: Path) -> Output | StandardOutput:
         ConfigError: it cannot be written there.
     """
     return StandardOutput() if str(path) == "-" else Output(path, "--json")
+
+
+class Outputs:
+    """The files that a command is asked for, by option: `--json` of a path or `-`, `--picture` of a PNG, and others.
+
+    Raises:
+        ConfigError: one of them cannot be written, or something would be lost; see `refuse_clashes`.
+    """
+
+    def __init__(self, given: Mapping[str, Path | None], inputs: Iterable[Path], *, force: bool) -> None:
+        refuse_clashes(given, inputs, force=force)
+        self._files: Final = {option: _opened(option, path) for option, path in given.items() if path is not None}
+
+    @property
+    def to_stdout(self) -> bool:
+        """Whether one of them is standard output, which then is for nothing else."""
+        return any(isinstance(file, StandardOutput) for file in self._files.values())
+
+    def write(self, option: str, make: Callable[[], bytes]) -> None:
+        """Make what an option asks for, if it was given, and write it.
+
+        Raises:
+            OSError: it cannot be written after all.
+        """
+        if option in self._files:
+            self._files[option].write(make())
+
+
+def _opened(option: str, path: Path) -> Output | StandardOutput:
+    if option == "--json":
+        return json_output(path)
+    return picture_output(path) if option == "--picture" else Output(path, option)
+
+
+def as_json(content: object, *, allow_nan: bool = False) -> bytes:
+    """Return what a command writes as JSON, for people too."""
+    return f"{json.dumps(content, indent=2, allow_nan=allow_nan, default=str)}\n".encode()
 
 
 def picture_output(path: Path, option: str = "--picture", suffix: str = ".png", drawn_by: str = _PICTURE) -> Output:

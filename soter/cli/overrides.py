@@ -68,14 +68,14 @@ def from_here(name: str | None) -> str | None:
     return None if name is None else seen_from(Path.cwd(), name)
 
 
-def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, object]:
+def merge(options: Mapping[str, object], settings: Sequence[str] | None) -> dict[str, object]:
     """Return the overrides that options by dotted key (None is not given) and `--set` ask for.
 
     Raises:
         ConfigError: a setting is malformed, or a key is given twice.
     """
     merged = {key: value for key, value in options.items() if value is not None}
-    for setting in settings:
+    for setting in settings or ():
         key, value = parse_setting(setting)
         if key in merged:
             raise option_error(key, "it is given twice")
@@ -83,7 +83,7 @@ def merge(options: Mapping[str, object], settings: Sequence[str]) -> dict[str, o
     return merged
 
 
-def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | None) -> MissionFile:
+def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | None = None) -> MissionFile:
     """Read a mission; `engine` becomes an option of whichever backend the mission then has.
 
     Raises:

@@ -48,7 +48,11 @@ def left(progress: Progress) -> str:
     """Return how much host time a run is likely to take still; empty while nobody can know."""
     if progress.time_s <= 0.0 or progress.wall_s < SURE_S:
         return ""
-    left_s = (progress.duration_s - progress.time_s) * progress.wall_s / progress.time_s
+    return left_in_words((progress.duration_s - progress.time_s) * progress.wall_s / progress.time_s)
+
+
+def left_in_words(left_s: float) -> str:
+    """Return how much host time is left."""
     if left_s < 100.0:
         return f"about {left_s:.0f} s left"
     return f"about {left_s / 60.0:.0f} min left" if left_s < 6000.0 else f"about {left_s / 3600.0:.1f} h left"

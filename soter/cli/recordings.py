@@ -11,7 +11,6 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Final
 
 from soter.cli.exits import complain
-from soter.cli.outputs import Output
 from soter.errors import option_error
 
 if TYPE_CHECKING:
@@ -34,12 +33,11 @@ def recording_path(
     A recording that nobody asked for must not stop a run: where there is no place for it, that is said.
 
     Raises:
-        ConfigError: the file that was asked for cannot be written, or both options were given.
+        ConfigError: the file that was asked for is another one already, or both options were given.
     """
     if record is not None:
         if no_record:
             raise option_error("--record", "it contradicts --no-record; give one of them")
-        Output(record, "--record")
         _refuse_other(record)
         return record
     if no_record or not _has_robots(mission, process):

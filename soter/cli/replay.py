@@ -65,7 +65,7 @@ def replay(
         from soter.replay.replay import replay as play
 
         opened = Recording(recording)
-        found = play(opened, merge({}, settings or []))
+        found = play(opened, merge({}, settings))
         if json:
             emit(dumps(_plain(found), indent=2, default=str))
         else:

@@ -73,7 +73,7 @@ def ros2_monitor(
         from soter.runner.real_time import real_time
 
         options = {"backend": "ros2", "duration_s": duration, "rta.enabled": False if no_rta else None}
-        loaded = load_with_engine(mission, merge(options, settings or []), None)
+        loaded = load_with_engine(mission, merge(options, settings))
         with _open(loaded) as fleet:
             with stop.raising():
                 for robot in fleet.robots:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext
-from enum import StrEnum
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.option import option, switch
 from soter.cli.overrides import MaybeMission, Settings, from_here, load_with_engine, merge, module_list
 from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from soter.cli.live import Shown
-    from soter.cli.outputs import Output, StandardOutput
+    from soter.cli.outputs import Outputs
     from soter.config import MissionFile
     from soter.runner import Run, RunResult
 
@@ -44,103 +41,69 @@ Exit codes:
 """
 
 
-class Other(StrEnum):
-    """Whose figures stand beside those of a run."""
-
-    THESIS = "thesis"
-
-
 def run(
     mission: MaybeMission = None,
     what: Annotated[
-        str | None,
-        typer.Option(
-            "--mission", metavar="NAME", help="What is done: surveillance, FILE.py, FILE.py:Class or module:Class."
-        ),
+        str | None, option("NAME", "What is done: surveillance, FILE.py, FILE.py:Class or module:Class.", "--mission")
     ] = None,
-    backend: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which robots; `soter backends` lists them.")
-    ] = None,
-    engine: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The backend's engine, such as pybullet or kinematic.")
-    ] = None,
-    duration: Annotated[float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time.")] = None,
-    seed: Annotated[int | None, typer.Option(metavar="N", help="Everything random is drawn from it.")] = None,
-    targets: Annotated[
-        str | None, typer.Option(metavar="grid|uniform|hostile", help="Where the robots are sent.")
-    ] = None,
-    robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
-    planner: Annotated[str | None, typer.Option(metavar="NAME", help="The untrusted motion planner.")] = None,
+    backend: Annotated[str | None, option("NAME", "Which robots; `soter backends` lists them.")] = None,
+    engine: Annotated[str | None, option("NAME", "The backend's engine, such as pybullet or kinematic.")] = None,
+    duration: Annotated[float | None, option("SECONDS", "How long, in the robots' time.")] = None,
+    seed: Annotated[int | None, option("N", "Everything random is drawn from it.")] = None,
+    targets: Annotated[str | None, option("grid|uniform|hostile", "Where the robots are sent.")] = None,
+    robots: Annotated[int | None, option("N", "Only the first N of the workspace.")] = None,
+    planner: Annotated[str | None, option("NAME", "The untrusted motion planner.")] = None,
     ac: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class."),
+        str | None, option("NAME", "Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class.")
     ] = None,
     process: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Which process of a distributed mission this is, see docs/distribution.md."),
+        str | None, option("NAME", "Which process of a distributed mission this is, see docs/distribution.md.")
     ] = None,
-    no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
-    modules: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Only these safety modules, separated by commas.")
-    ] = None,
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the result; - is standard output.")
-    ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw the run.")] = None,
+    no_rta: Annotated[bool, switch("--no-rta", "Remove the decision modules, and nothing else.")] = False,
+    modules: Annotated[str | None, option("A,B", "Only these safety modules, separated by commas.")] = None,
+    json: Annotated[Path | None, option("FILE", "Write the result; - is standard output.", "--json")] = None,
+    picture: Annotated[Path | None, option("FILE.png", "Draw the run.")] = None,
     record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", help="Record the run there instead of into a new file in runs/."),
+        Path | None, option("FILE.mcap", "Record the run there instead of into a new file in runs/.")
     ] = None,
     sign: Annotated[
-        Path | None,
-        typer.Option(metavar="KEY.pem", help="Sign the recording with this private key (Ed25519), for `soter verify`."),
+        Path | None, option("KEY.pem", "Sign the recording with this private key (Ed25519), for `soter verify`.")
     ] = None,
-    no_record: Annotated[bool, typer.Option("--no-record", help="Do not record the run.")] = False,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the run in a browser of this host while it goes on.")
-    ] = False,
+    no_record: Annotated[bool, switch("--no-record", "Do not record the run.")] = False,
+    live: Annotated[bool, switch("--live", "Show the run in a browser of this host while it goes on.")] = False,
     live_port: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else a free one.")
+        int | None, option("N", "Where: a port of 127.0.0.1; else a free one.", min=1, max=65535)
     ] = None,
     gui: Annotated[
-        bool,
-        typer.Option("--gui", help="Show PyBullet's world in a window, held to the clock unless --pace differs."),
+        bool, switch("--gui", "Show PyBullet's world in a window, held to the clock unless --pace differs.")
     ] = False,
-    open_it: Annotated[bool, typer.Option("--open", help="Open the live page in the browser of this host.")] = False,
+    open_it: Annotated[bool, switch("--open", "Open the live page in the browser of this host.")] = False,
     leave: Annotated[
-        bool, typer.Option("--leave", help="End when the run does, instead of keeping the live page until Ctrl-C.")
+        bool, switch("--leave", "End when the run does, instead of keeping the live page until Ctrl-C.")
     ] = False,
     pace: Annotated[
         float | None,
-        typer.Option(
-            metavar="N",
-            min=0.01,
-            max=1e6,
-            help="Hold virtual time to N times the clock; without it is as fast as it can be.",
-        ),
+        option("N", "Hold virtual time to N times the clock; without it is as fast as it can be.", min=0.01, max=1e6),
     ] = None,
-    foxglove: Annotated[
-        bool, typer.Option("--foxglove", help="Show the run in the Foxglove app while it goes on.")
-    ] = False,
+    foxglove: Annotated[bool, switch("--foxglove", "Show the run in the Foxglove app while it goes on.")] = False,
     foxglove_port: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=65535, help="Where: a port of 127.0.0.1; else 8765.")
+        int | None, option("N", "Where: a port of 127.0.0.1; else 8765.", min=1, max=65535)
     ] = None,
     settings: Settings = None,
     accept_unproved: Annotated[
-        bool,
-        typer.Option("--accept-unproved", help="Run what cannot be proved safe; the summary and the result say so."),
+        bool, switch("--accept-unproved", "Run what cannot be proved safe; the summary and the result say so.")
     ] = False,
     strict: Annotated[
         bool,
-        typer.Option(
+        switch(
             "--strict",
-            help="Exit with 1 where an assumption failed, or a robot stalled for good, lost its AC for good, or "
+            "Exit with 1 where an assumption failed, or a robot stalled for good, lost its AC for good, or "
             "never moved.",
         ),
     ] = False,
     compare: Annotated[
-        Other | None,
-        typer.Option(metavar="thesis", help="Show the figures of the thesis that SOTER follows beside the run's."),
+        Literal["thesis"] | None,
+        option("thesis", "Show the figures of the thesis that SOTER follows beside the run's."),
     ] = None,
     force: Force = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary, only errors.")] = False,
@@ -152,10 +115,13 @@ def run(
     with guard():
         from soter.cli.console import make_console
         from soter.cli.live import pace_of, shown, wanted_views
-        from soter.cli.outputs import json_output, picture_output, refuse_clashes
-        from soter.cli.recordings import recording_path, unless_recorded
+        from soter.cli.outputs import Outputs
+        from soter.cli.progress import make_display
+        from soter.cli.recordings import recording_path, show_recording, unless_recorded
+        from soter.cli.summary import print_summary
         from soter.config.tables import SURVEILLANCE
         from soter.record.signing import read_private_key
+        from soter.runner import run_mission
 
         if no_rta and modules is not None:
             raise option_error("--modules", "it contradicts --no-rta; give one of them")
@@ -179,17 +145,15 @@ def run(
         }
         if gui:
             options["backends.pybullet.window"] = True
-        loaded = load_with_engine(mission, merge(options, settings or []), engine)
+        loaded = load_with_engine(mission, merge(options, settings), engine)
         if gui and loaded.backend != "pybullet":
             raise ConfigError(
                 f"the backend '{loaded.backend}' has no window, allowed: pybullet; --live shows every backend",
                 source="command line", key="--gui",
             )  # fmt: skip
-        refuse_clashes(
+        files = Outputs(
             {"--json": json, "--picture": picture, "--record": record}, (mission, loaded.workspace), force=force
         )
-        result_file = None if json is None else json_output(json)
-        picture_file = None if picture is None else picture_output(picture)
         if compare is not None and (loaded.ac != "mission" or loaded.mission.use != SURVEILLANCE):
             driven = f"the mission is {loaded.mission.use}" if loaded.ac == "mission" else f"the ACs are {loaded.ac}"
             raise option_error("--compare", f"the figures are those of the surveillance mission, but {driven}")
@@ -197,90 +161,60 @@ def run(
         if sign is not None:
             read_private_key(sign, "--sign")
         recording = recording_path(record, no_record, loaded, process)
-        console = make_console(stderr=str(json) == "-")
+        console = make_console(stderr=files.to_stdout)
         stop = StopSignals()
         held = pace_of(1.0 if gui and pace is None else pace, loaded, stop)
         with unless_recorded(recording), shown(views, recording, console) as seen:
-            done, stopped_by = _run(
-                loaded, process, seen, sign, stop, held, console, accept_unproved=accept_unproved, quiet=quiet,
-                compared=compare is not None, recorded=recording is not None,
-            )  # fmt: skip
-            written = _write(done, loaded, result_file, picture_file)
+            display = None if quiet else make_display(console, loaded.source or "")
+            with stop, display or nullcontext():
+                done = run_mission(
+                    loaded,
+                    on_progress=display.update if display else None,
+                    stop=stop,
+                    pace=held,
+                    connecting=stop.raising(),
+                    record=seen.recording,
+                    sign=sign,
+                    on_recording=seen.begin,
+                    process=process,
+                    accept_unproved=accept_unproved,
+                    say=lambda words: console.print(words, soft_wrap=True, highlight=False),
+                )
+            if not quiet:
+                print_summary(console, done.result, compared=compare is not None)
+                if recording is not None and done.recording is not None:
+                    show_recording(console, done.recording)
+            written = _write(done, loaded, files)
             if record is not None and done.recording is not None and done.recording.failure:
                 complain(f"the recording is not complete: {done.recording.failure}")
                 written = False
             troubles = done.result.troubles if strict else []
             if troubles:
                 complain(f"--strict: {'; '.join(troubles)}")
-            if stopped_by is None:
+            if stop.received is None:
                 seen.stay()
-        raise typer.Exit(_exit_code(done.result, stopped_by, troubles) if written else ExitCode.RUN_FAILED)
+        raise typer.Exit(_exit_code(done.result, stop.received, troubles) if written else ExitCode.RUN_FAILED)
 
 
-def _run(
-    mission: MissionFile,
-    process: str | None,
-    seen: Shown,
-    sign: Path | None,
-    stop: StopSignals,
-    pace: Callable[[float], None] | None,
-    console: Console,
-    *,
-    accept_unproved: bool,
-    quiet: bool,
-    compared: bool,
-    recorded: bool,
-) -> tuple[Run, int | None]:
-    """Run the mission, show it, and sum it up; return also the signal that ended it, if one did."""
-    from soter.cli.progress import make_display
-    from soter.cli.recordings import show_recording
-    from soter.cli.summary import print_summary
-    from soter.runner import run_mission
-
-    with ExitStack() as stack:
-        stack.enter_context(stop)
-        display = None if quiet else make_display(console, mission.source or "")
-        stack.enter_context(display or nullcontext())
-        done = run_mission(
-            mission,
-            on_progress=display.update if display else None,
-            stop=stop,
-            pace=pace,
-            connecting=stop.raising(),
-            record=seen.recording,
-            sign=sign,
-            on_recording=seen.begin,
-            process=process,
-            accept_unproved=accept_unproved,
-            say=lambda words: console.print(words, soft_wrap=True, highlight=False),
-        )
-    if not quiet:
-        print_summary(console, done.result, compared=compared)
-        if recorded and done.recording is not None:
-            show_recording(console, done.recording)
-    return done, stop.received
-
-
-def _write(
-    done: Run, mission: MissionFile, result_file: Output | StandardOutput | None, picture_file: Output | None
-) -> bool:
+def _write(done: Run, mission: MissionFile, files: Outputs) -> bool:
     """Write the files that were asked for; return whether all could be written."""
-    written = True
-    try:
-        if result_file is not None:
-            result_file.write(f"{done.result.model_dump_json(indent=2)}\n".encode())
-    except OSError as failure:
-        complain(f"the result could not be written: {failure}")
-        written = False
-    try:
-        if picture_file is not None:
-            from soter.cli.summary import caption
-            from soter.report.picture import draw_png
 
-            picture_file.write(draw_png(done.tracks, caption(done.result, mission.rta.battery.phi_safer)))
-    except OSError as failure:
-        complain(f"the picture could not be written: {failure}")
-        written = False
+    def result() -> bytes:
+        return f"{done.result.model_dump_json(indent=2)}\n".encode()
+
+    def picture() -> bytes:
+        from soter.cli.summary import caption
+        from soter.report.picture import draw_png
+
+        return draw_png(done.tracks, caption(done.result, mission.rta.battery.phi_safer))
+
+    written = True
+    for option_name, make in (("--json", result), ("--picture", picture)):
+        try:
+            files.write(option_name, make)
+        except OSError as failure:
+            complain(f"the {make.__name__} could not be written: {failure}")
+            written = False
     return written
 
 

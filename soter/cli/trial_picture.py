@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -42,16 +41,12 @@ def tracks_of(trial: Attempt, drivers: Sequence[str]) -> tuple[dict[int, Track],
     tracks: dict[int, Track] = {}
     switches = []
     for row in trial.rows:
-        track = tracks.setdefault(row.robot_id, Track(row.robot_id))
+        track = tracks.setdefault(row.robot_id, Track())
         if track.driver and drivers[track.driver[-1]] != row.driver:
             before, after = (None if name == AC else name for name in (drivers[track.driver[-1]], row.driver))
             # A row says who has driven the robot there: since the one before.
             switches.append(SwitchRecord(track.time_s[-1], row.robot_id, before, after, after or before or "", "", ()))
-        track.time_s.append(row.time_s)
-        track.x_m.append(row.x_m)
-        track.y_m.append(row.y_m)
-        track.battery.append(math.nan if row.battery is None else row.battery)
-        track.driver.append(drivers.index(row.driver))
+        track.add(row.time_s, row.x_m, row.y_m, row.battery, drivers.index(row.driver))
     return tracks, switches
 
 

@@ -46,26 +46,24 @@ def tune(
         from soter.check.tune import tune as find
         from soter.cli.console import make_console
         from soter.cli.mission_text import mission_text
-        from soter.cli.outputs import Output, json_output, refuse_clashes, unwritten
+        from soter.cli.outputs import Outputs, as_json, unwritten
         from soter.config.toml_text import toml
 
-        loaded = load_with_engine(mission, merge({"backend": backend}, settings or []), None)
-        refuse_clashes({"--output": output, "--json": json}, (mission, loaded.workspace), force=force)
-        file = None if output is None else Output(output, "--output")
-        json_file = None if json is None else json_output(json)
-        console = make_console(stderr=str(json) == "-")
+        loaded = load_with_engine(mission, merge({"backend": backend}, settings))
+        files = Outputs({"--output": output, "--json": json}, (mission, loaded.workspace), force=force)
+        console = make_console(stderr=files.to_stdout)
         tuning = find(loaded)
         _show(console, tuning)
         with unwritten("what was found"):
-            if json_file is not None:
-                json_file.write(_json(tuning, str(mission)))
-            if file is not None and not tuning.refused:
+            files.write("--json", lambda: as_json(_content(tuning, mission)))
+            if output is not None and not tuning.refused:
                 head = f"{mission.name} as `soter tune` would have it, for the robots of {tuning.mission.backend}."
-                file.write(mission_text(tuning.mission, tuning.changes(), file.path, head).encode())
+                text = mission_text(tuning.mission, tuning.changes(), output, head)
+                files.write("--output", text.encode)
         if tuning.refused:
             raise typer.Exit(ExitCode.VIOLATION)
         console.print(
-            f"\n{toml(tuning.tables()).strip()}" if file is None else f"\nwritten: {file.path}", soft_wrap=True
+            f"\n{toml(tuning.tables()).strip()}" if output is None else f"\nwritten: {output}", soft_wrap=True
         )
 
 
@@ -97,8 +95,7 @@ def _cells(choice: Choice) -> list[str]:
     return [f"{choice.delta_s:g} s", choice.model, *figures]
 
 
-def _json(tuning: Tuning, mission: str) -> bytes:
-    import json
+def _content(tuning: Tuning, mission: Path) -> dict[str, Any]:
     import math
     from dataclasses import asdict
 
@@ -106,9 +103,9 @@ def _json(tuning: Tuning, mission: str) -> bytes:
         figures = asdict(choice).items()
         return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in figures}
 
-    content = {
+    return {
         "format": "soter-tune",
-        "target": mission,
+        "target": str(mission),
         "backend": tuning.mission.backend,
         "refused": [each.as_dict() for each in tuning.refused],
         "tables": None if tuning.refused else tuning.tables(),
@@ -116,4 +113,3 @@ def _json(tuning: Tuning, mission: str) -> bytes:
         "found": {name: told(each) for name, each in tuning.found.items()},
         "trade": {name: [told(each) for each in choices] for name, choices in tuning.trade.items()},
     }
-    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()

@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+import msgspec
+
 from soter.distribution.status import Echo, RobotStatus, Status
 from soter.isolation.watched_port import WatchedPort
 from soter.rta import Assumption, PeerMonitor, ReachModel
@@ -78,13 +80,6 @@ class _Start:
     offset: _Offset = field(default_factory=_Offset)
 
 
-@dataclass
-class _Sample:
-    state: RobotState
-    driver: str
-    needs_charge: bool
-
-
 class RemoteRobot:
     """A robot of another process; a `soter.rta.RemotePeer`. Belongs to the supervisor's thread.
 
@@ -97,7 +92,7 @@ class RemoteRobot:
         self.port: Final = WatchedPort(robot_id)
         self._process: Final = process
         self._monitor: Final = monitor
-        self._latest: _Sample | None = None
+        self._latest: RobotStatus | None = None
         self._reported: RobotState | None = None
         self._found: BrokenAssumption | None = None
 
@@ -151,7 +146,7 @@ class RemoteRobot:
         # A later sample was not taken earlier: what is known of the one before holds for it too.
         at_least_s = stamp_s if before is None else max(stamp_s, before.state.stamp_s)
         state = reported._replace(stamp_s=at_least_s)
-        self._latest = _Sample(state, status.driver, status.needs_charge)
+        self._latest = msgspec.structs.replace(status, state=state)
         self.port.state = state
         self.port.engaged = status.engaged
 

@@ -168,7 +168,7 @@ class FailedForGood(_Message, frozen=True):
 
 
 class Moved(_Message, frozen=True):
-    """A machine has changed its state; for recordings. Empty texts where there is no state, or no event."""
+    """A machine has changed its state, with the fields of `soter.record.messages.TransitionEvent`, for recordings."""
 
     time_s: float
     machine: Text

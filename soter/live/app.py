@@ -53,11 +53,7 @@ class AppScreen(ServerListener):
         self._server: WebSocketServer | None = None
         self._held: Final = socket.socket()
         self._held.bind((HOST, port))
-        self._port: Final = int(self._held.getsockname()[1])
-
-    @property
-    def port(self) -> int:
-        return self._port
+        self.port: Final = int(self._held.getsockname()[1])
 
     def show(self, recording: GrowingRecording) -> None:
         for topic, kind in channels(robot.robot_id for robot in recording.about.robots).items():
@@ -92,7 +88,7 @@ class AppScreen(ServerListener):
         self._held.close()
         try:
             return foxglove.start_server(
-                name="SOTER", host=HOST, port=self._port, capabilities=[Capability.Time], server_listener=self,
+                name="SOTER", host=HOST, port=self.port, capabilities=[Capability.Time], server_listener=self,
                 context=self._context,
             )  # fmt: skip
         except RuntimeError as failure:

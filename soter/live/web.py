@@ -70,11 +70,8 @@ class PageScreen:
         self._ticks: list[RecordedTick] = []
         self._published_s = 0.0
         self._server: Final = _Server((HOST, port), self)
+        self.port: Final = int(self._server.server_address[1])
         threading.Thread(target=self._server.serve_forever, name="http", daemon=True).start()
-
-    @property
-    def port(self) -> int:
-        return int(self._server.server_address[1])
 
     def show(self, recording: GrowingRecording) -> None:
         self._page = GrowingPage(recording)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
 from soter.record import messages
 from soter.record.attachments import About
 from soter.record.messages import AC
+from soter.record.tracks import Track
 
 
 class RecordedWay(NamedTuple):
@@ -43,26 +44,16 @@ class RecordedTick(NamedTuple):
 
 
 @dataclass(slots=True)
-class Series:
-    """One robot over time. All arrays are equally long.
+class Series(Track):
+    """One robot over time; `driver` counts `Content.drivers`.
 
     Attributes:
-        time_s: fleet time.
-        x_m: east.
-        y_m: north.
         heading_rad: counter-clockwise from east.
-        battery: charge from 0 to 1; NaN where unknown.
-        driver: index into `Content.drivers`: 0 is the AC.
         margins: by module, in its unit; it may be infinite, or NaN.
         reaches: reach bounds, likewise.
     """
 
-    time_s: array[float] = field(default_factory=lambda: array("d"))
-    x_m: array[float] = field(default_factory=lambda: array("d"))
-    y_m: array[float] = field(default_factory=lambda: array("d"))
     heading_rad: array[float] = field(default_factory=lambda: array("d"))
-    battery: array[float] = field(default_factory=lambda: array("d"))
-    driver: array[int] = field(default_factory=lambda: array("h"))
     margins: dict[str, array[float]] = field(default_factory=dict)
     reaches: dict[str, array[float]] = field(default_factory=dict)
 
@@ -146,40 +137,37 @@ class Content:
         return sum(drop.ticks for drop in self.drops)
 
     def _sort_in(self, event: messages.Event) -> None:
-        if isinstance(event, messages.PeerEvent):
-            # For replays: there is one at every tick.
-            return
-        if isinstance(event, messages.ViolationEvent):
-            # There may have been a word on it before; this one is newer.
-            key = (event.rule, event.robots, event.start_s)
-            at = self._violation_at.setdefault(key, len(self.violations))
-            self.violations[at : at + 1] = [event]
-            return
-        if isinstance(event, messages.BreachEvent):
-            self.breaches[event.robot_id, event.assumption, event.start_s] = event
-            return
-        if isinstance(event, messages.StallEvent):
-            self.stalls[event.robot_id, event.start_s] = event
-            return
-        lists: dict[type[messages.Event], list[Any]] = {
-            messages.SwitchEvent: self.switches,
-            messages.TargetEvent: self.targets,
-            messages.GoalEvent: self.goals,
-            messages.TransitionEvent: self.transitions,
-            messages.FaultEvent: self.faults,
-            messages.DropEvent: self.drops,
-        }
-        lists[type(event)].append(event)
+        match event:
+            case messages.PeerEvent():
+                pass  # for replays: there is one at every tick
+            case messages.ViolationEvent():
+                # There may have been a word on it before; this one is newer.
+                key = (event.rule, event.robots, event.start_s)
+                at = self._violation_at.setdefault(key, len(self.violations))
+                self.violations[at : at + 1] = [event]
+            case messages.BreachEvent():
+                self.breaches[event.robot_id, event.assumption, event.start_s] = event
+            case messages.StallEvent():
+                self.stalls[event.robot_id, event.start_s] = event
+            case messages.SwitchEvent():
+                self.switches.append(event)
+            case messages.TargetEvent():
+                self.targets.append(event)
+            case messages.GoalEvent():
+                self.goals.append(event)
+            case messages.TransitionEvent():
+                self.transitions.append(event)
+            case messages.FaultEvent():
+                self.faults.append(event)
+            case messages.DropEvent():
+                self.drops.append(event)
 
 
 def _append(series: Series, record: messages.RobotTick, driver: int) -> None:
     state = record.state
-    series.time_s.append(record.time_s)
-    series.x_m.append(state.x_m)
-    series.y_m.append(state.y_m)
+    battery = None if state.battery is msgspec.UNSET else state.battery
+    series.add(record.time_s, state.x_m, state.y_m, battery, driver)
     series.heading_rad.append(state.heading_rad)
-    series.battery.append(float("nan") if state.battery is msgspec.UNSET else state.battery)
-    series.driver.append(driver)
     for module in record.modules:
         series.margins.setdefault(module.name, array("d")).append(module.margin_value)
         series.reaches.setdefault(module.name, array("d")).append(module.reach_value)

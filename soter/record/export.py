@@ -41,40 +41,23 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
         BadRecording: it is damaged; what was read until then has been written.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    heads = [(*_TICK, *StateMessage.__struct_fields__, "ac_failure"), _MODULE]
+    heads += [kind.__struct_fields__ for kind in EVENTS]
     with ExitStack() as stack:
-        sheets = _Sheets(folder, stack)
-        ticks = sheets.sheet(TICKS_CSV, (*_TICK, *StateMessage.__struct_fields__, "ac_failure"))
-        modules = sheets.sheet(MODULES_CSV, _MODULE)
-        for kind in EVENTS:
-            sheets.sheet(file_name(kind), kind.__struct_fields__)
+        sheets: dict[str, Any] = {}
+        for path, columns in zip(csv_files(folder), heads, strict=True):
+            sheets[path.name] = csv.writer(stack.enter_context(path.open("w", newline="", encoding="utf-8")))
+            sheets[path.name].writerow(columns)
         for _, message in recording.messages():
             if not isinstance(message, RobotTick):
-                sheets.sheet(file_name(type(message)), ()).writerow(_cells(message))
+                sheets[file_name(type(message))].writerow(_cells(message))
                 continue
             head = (message.tick, message.time_s, message.robot_id)
-            ticks.writerow((*head, message.mode, message.driver, *_cells(message.state), message.ac_failure))
-            modules.writerows((*head, m.name, m.mode, m.margin_value, m.reach_value) for m in message.modules)
-    return sheets.paths
-
-
-class _Sheets:
-    """Open CSV files, by name."""
-
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder: Final = folder
-        self._stack: Final = stack
-        self._writers: Final[dict[str, Any]] = {}
-        self.paths: Final[list[Path]] = []
-
-    def sheet(self, name: str, columns: tuple[str, ...]) -> Any:
-        writer = self._writers.get(name)
-        if writer is None:
-            path = self._folder / name
-            writer = csv.writer(self._stack.enter_context(path.open("w", newline="", encoding="utf-8")))
-            writer.writerow(columns)
-            self._writers[name] = writer
-            self.paths.append(path)
-        return writer
+            row = (*head, message.mode, message.driver, *_cells(message.state), message.ac_failure)
+            sheets[TICKS_CSV].writerow(row)
+            modules = ((*head, m.name, m.mode, m.margin_value, m.reach_value) for m in message.modules)
+            sheets[MODULES_CSV].writerows(modules)
+    return csv_files(folder)
 
 
 def _cells(message: Struct) -> Iterator[object]:

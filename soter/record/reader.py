@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from array import array
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeVar
@@ -35,7 +34,7 @@ from soter.record.messages import (
     SwitchEvent,
     TargetEvent,
 )
-from soter.record.tracks import RunTracks, Track
+from soter.record.tracks import RunTracks
 from soter.record.unpack import Unpacker
 from soter.rta import SwitchRecord
 
@@ -233,11 +232,6 @@ class Recording:
     def tracks(self) -> RunTracks:
         """Return what a picture of the run is drawn from."""
         content = self.content(_DRAWN_TICKS)
-        workspace = self.workspace()
-        tracks = {
-            robot_id: Track(robot_id, series.time_s, series.x_m, series.y_m, series.battery, array("b", series.driver))
-            for robot_id, series in content.series.items()
-        }
         switches = [
             SwitchRecord(
                 each.time_s, each.robot_id, None if each.before == AC else each.before,
@@ -245,7 +239,7 @@ class Recording:
             )
             for each in content.switches
         ]  # fmt: skip
-        return RunTracks(workspace, content.drivers, tracks, switches, self.safer_inset_m)
+        return RunTracks(self.workspace(), content.drivers, content.series, switches, self.safer_inset_m)
 
     @property
     def safer_inset_m(self) -> float | None:
@@ -308,9 +302,7 @@ class Recording:
 
     def _unpacked(self, unpacker: Unpacker, chunk: Chunk, stream: BinaryIO) -> Iterator[Any]:
         try:
-            yield from unpacker.records(chunk, stream.tell(), validate_crc=True)
-        except CRCValidationError as failure:
-            raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
+            yield from unpacker.records(chunk, stream.tell())
         except _DAMAGE as failure:
             raise BadRecording(f"{self.path}: a part of it is damaged: {_why(failure)}") from failure
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,14 +21,10 @@ def read_private_key(path: Path, option: str) -> Ed25519PrivateKey:
         BackendUnavailable: the library is not installed.
     """
     _require()
-    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-    try:
-        key = load_pem_private_key(_read(path, option), None)
-    except (ValueError, TypeError, UnsupportedAlgorithm):
-        key = None
+    key = _loaded(path, option, lambda pem: load_pem_private_key(pem, None))
     if not isinstance(key, Ed25519PrivateKey):
         raise _refusal(path, option, "private", "genpkey -algorithm ed25519")
     return key
@@ -41,14 +38,10 @@ def read_public_key(path: Path, option: str) -> str:
         BackendUnavailable: the library is not installed.
     """
     _require()
-    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    try:
-        key = load_pem_public_key(_read(path, option))
-    except (ValueError, UnsupportedAlgorithm):
-        key = None
+    key = _loaded(path, option, load_pem_public_key)
     if not isinstance(key, Ed25519PublicKey):
         raise _refusal(path, option, "public", "pkey -pubout")
     return key.public_bytes_raw().hex()
@@ -71,12 +64,17 @@ def is_signature(key: str, signature: bytes, signed: bytes) -> bool:
     return True
 
 
-def _read(path: Path, option: str) -> bytes:
+def _loaded(path: Path, option: str, load: Callable[[bytes], object]) -> object:
+    """Return what is in a file, or None where that is nothing that the library knows."""
+    from cryptography.exceptions import UnsupportedAlgorithm
+
     try:
-        return path.read_bytes()
+        return load(path.read_bytes())
     except OSError as failure:
         why = failure.strerror or failure
         raise option_error(option, f"'{path}' cannot be read: {why}") from failure
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        return None
 
 
 def _refusal(path: Path, option: str, kind: str, command: str) -> ConfigError:

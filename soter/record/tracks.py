@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from array import array
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from soter.geometry.workspace import Workspace
@@ -14,7 +16,6 @@ class Track:
     """One robot's way, sampled every so often. The arrays are equally long.
 
     Attributes:
-        robot_id: whose.
         time_s: fleet time.
         x_m: east.
         y_m: north.
@@ -22,12 +23,19 @@ class Track:
         driver: index into `RunTracks.drivers`: 0 is the AC, the others are safety modules.
     """
 
-    robot_id: int
     time_s: array[float] = field(default_factory=lambda: array("d"))
     x_m: array[float] = field(default_factory=lambda: array("d"))
     y_m: array[float] = field(default_factory=lambda: array("d"))
     battery: array[float] = field(default_factory=lambda: array("d"))
-    driver: array[int] = field(default_factory=lambda: array("b"))
+    driver: array[int] = field(default_factory=lambda: array("h"))
+
+    def add(self, time_s: float, x_m: float, y_m: float, battery: float | None, driver: int) -> None:
+        """Append a sample; a charge of None is unknown."""
+        self.time_s.append(time_s)
+        self.x_m.append(x_m)
+        self.y_m.append(y_m)
+        self.battery.append(math.nan if battery is None else battery)
+        self.driver.append(driver)
 
 
 @dataclass(slots=True)
@@ -44,6 +52,6 @@ class RunTracks:
 
     workspace: Workspace
     drivers: tuple[str, ...]
-    tracks: dict[int, Track]
+    tracks: Mapping[int, Track]
     switches: list[SwitchRecord] = field(default_factory=list)
     safer_inset_m: float | None = None

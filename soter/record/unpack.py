@@ -27,19 +27,18 @@ class Unpacker:
     def __init__(self) -> None:
         self._unpacked_bytes = 0
 
-    def records(self, chunk: Chunk, read_bytes: int, *, validate_crc: bool) -> Iterator[Schema | Channel | Message]:
+    def records(self, chunk: Chunk, read_bytes: int) -> Iterator[Schema | Channel | Message]:
         """Yield the records of a chunk.
 
         Args:
             chunk: packed.
             read_bytes: how much of the file was read up to its end.
-            validate_crc: whether to compare its checksum.
 
         Raises:
             ValueError: it is damaged, or unpacks to too much; other exceptions of mcap and zstandard likewise.
         """
         data = self._unpacked(chunk, read_bytes)
-        if validate_crc and chunk.uncompressed_crc != 0 and (found := crc32(data)) != chunk.uncompressed_crc:
+        if chunk.uncompressed_crc != 0 and (found := crc32(data)) != chunk.uncompressed_crc:
             raise CRCValidationError(chunk.uncompressed_crc, found, chunk)
         stream = ReadDataStream(BytesIO(data))
         while stream.count < len(data):

@@ -12,7 +12,7 @@ from soter.record.messages import PeerEvent, RobotTick, StateMessage
 from soter.record.samples import sample_of
 from soter.rta import Assumption, Sample
 from soter.rta.monitors import BrokenAssumption
-from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
+from soter.sdk import Capabilities, Controller, Robot, RobotSpec, RobotState
 from soter.stack.actuator import RobotActuator
 
 _ASSUMPTIONS: Final = {each.id: each for each in Assumption}
@@ -122,26 +122,7 @@ class RecordedRobot(Robot, overrides=("capabilities",)):
     def capabilities(self) -> Capabilities:
         return self._promises
 
-    def _connect(self, timeout_s: float) -> NoReturn:
-        raise self._refusal()
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise RuntimeError(f"robot {self.id} is recorded and takes no orders")
 
-    def _send_goto(self, goal: Goal) -> None:
-        raise self._refusal()
-
-    def _sample(self) -> NoReturn:
-        raise self._refusal()
-
-    def _hand_over(self, to: Controller) -> None:
-        raise self._refusal()
-
-    def _renew_lease(self) -> None:
-        raise self._refusal()
-
-    def _halt(self) -> None:
-        raise self._refusal()
-
-    def _disconnect(self, timeout_s: float) -> None:
-        raise self._refusal()
-
-    def _refusal(self) -> RuntimeError:
-        return RuntimeError(f"robot {self.id} is recorded and takes no orders")
+    _connect = _send_goto = _sample = _hand_over = _renew_lease = _halt = _disconnect = _refuse

@@ -9,7 +9,6 @@ import io
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -49,11 +48,6 @@ _MOST_PLAN_PX: Final = 880.0
 _COLUMN_PX: Final = 108.0
 _KEY_ROW_PX: Final = 34.0
 _FAINT = "#D9DCE1"
-
-
-def draw(tracks: RunTracks, caption: Caption | None, path: Path | str) -> None:
-    """Draw a run into a PNG file, which is replaced; without a caption it is a picture alone."""
-    Path(path).write_bytes(draw_png(tracks, caption))
 
 
 def draw_png(tracks: RunTracks, caption: Caption | None = None) -> bytes:

@@ -75,10 +75,7 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
             _disc(axes, *start, "white", colour, _MARK_PT)
             _number(axes, *start, robot_id, "white")
     if note:
-        axes.text(
-            0.5, 0.004, note, transform=axes.transAxes, ha="center", va="bottom", color=SOFT, fontsize=8.5,
-            style="italic", zorder=9,
-        )  # fmt: skip
+        _note(axes, note, SOFT)
     return sorted((each for each in axes.get_children() if each not in before), key=Artist.get_zorder)
 
 
@@ -140,10 +137,13 @@ def draw_rule(axes: Axes, rule: Margins) -> None:
     x_m, y_m, margins = rule.x_m, rule.y_m, rule.margins
     axes.contourf(x_m, y_m, margins, [-math.inf, 0.0], colors=[ALARM], alpha=0.12, zorder=1.7)
     axes.contour(x_m, y_m, margins, [0.0], colors=[ALARM], linewidths=2.2, zorder=2.5)
-    axes.text(
-        0.5, 0.004, f"red: {rule.text}", transform=axes.transAxes, ha="center", va="bottom", color=ALARM,
-        fontsize=8.5, style="italic", zorder=9,
-    )  # fmt: skip
+    _note(axes, f"red: {rule.text}", ALARM)
+
+
+def _note(axes: Axes, text: str, colour: str) -> None:
+    """Say something of the whole plan, at its foot."""
+    axes.text(0.5, 0.004, text, transform=axes.transAxes, ha="center", va="bottom", color=colour, fontsize=8.5,
+              style="italic", zorder=9)  # fmt: skip
 
 
 def draw_remark(axes: Axes, remark: Remark) -> None:

@@ -80,7 +80,7 @@ def until(run: RunTracks, time_s: float) -> RunTracks:
     for robot_id, track in run.tracks.items():
         end = bisect_right(track.time_s, time_s)
         tracks[robot_id] = Track(
-            robot_id, track.time_s[:end], track.x_m[:end], track.y_m[:end], track.battery[:end], track.driver[:end]
+            track.time_s[:end], track.x_m[:end], track.y_m[:end], track.battery[:end], track.driver[:end]
         )
     return replace(run, tracks=tracks, switches=[switch for switch in run.switches if switch.time_s <= time_s])
 

@@ -140,6 +140,7 @@ class Metrics:
     Attributes:
         standstills: robots that get nowhere.
         uncontrolled: robots that for a time did not do what they were told.
+        end_s: fleet time of the end of the run, once it is finished.
     """
 
     def __init__(
@@ -150,7 +151,7 @@ class Metrics:
         safer_inset_m: float | None,
     ) -> None:
         self.tracks: Final = RunTracks(
-            workspace, (AC, *modules), {robot_id: Track(robot_id) for robot_id in robot_ids},
+            workspace, (AC, *modules), {robot_id: Track() for robot_id in robot_ids},
             safer_inset_m=safer_inset_m,
         )  # fmt: skip
         self.judge: Callable[[SwitchRecord], bool] | None = None
@@ -163,7 +164,7 @@ class Metrics:
         self.targets: dict[int, Place] = {}
         self.no_progress_s = 0.0
         self._progress_s = 0.0
-        self._begun_s = self._end_s = 0.0
+        self._begun_s = self.end_s = 0.0
         self._now_s = 0.0
         self._stalls = {robot_id: LongestStay() for robot_id in robot_ids}
         self.standstills: Final = Standstills(robot_ids)
@@ -239,25 +240,16 @@ class Metrics:
         for robot in robots:
             own = robot.situation.own
             robot_id = robot.robot_id
-            track = self.tracks.tracks[robot_id]
-            track.time_s.append(now_s)
-            track.x_m.append(own.x_m)
-            track.y_m.append(own.y_m)
-            track.battery.append(math.nan if own.battery is None else own.battery)
-            track.driver.append(self._driver_index[None if robot.driver is None else robot.driver.name])
+            driver = self._driver_index[None if robot.driver is None else robot.driver.name]
+            self.tracks.tracks[robot_id].add(now_s, own.x_m, own.y_m, own.battery, driver)
             charges = charging(robot_id)
             self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charges)
             self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
 
     def finish(self, duration_s: float) -> None:
         """Close what is still open at the end of the run."""
-        self._end_s = self._begun_s + duration_s
-        self.no_progress_s = max(self.no_progress_s, self._end_s - self._progress_s)
-
-    @property
-    def end_s(self) -> float:
-        """Fleet time of the end of the run, once it is finished."""
-        return self._end_s
+        self.end_s = self._begun_s + duration_s
+        self.no_progress_s = max(self.no_progress_s, self.end_s - self._progress_s)
 
     @property
     def ac_share(self) -> float:

@@ -9,6 +9,8 @@ import time
 from collections.abc import Mapping
 from typing import Final
 
+import msgspec
+
 from soter.config import MissionFile
 from soter.errors import ConfigError, Garbage, RunFailed
 from soter.geometry.workspace import Workspace
@@ -195,10 +197,7 @@ class RemoteMissionHost:
         log = scene.log
         if scene.on_transition is not None:
             for each in turn.moves:
-                scene.on_transition(TransitionEvent(
-                    each.time_s, each.machine, each.machine_id, each.node, each.source, each.target, each.event,
-                    each.detail,
-                ))  # fmt: skip
+                scene.on_transition(TransitionEvent(**msgspec.structs.asdict(each)))
         for news in turn.news:
             if isinstance(news, TargetGiven):
                 log.on_target(news.robot_id, news.target_id, (news.x_m, news.y_m))

@@ -15,7 +15,8 @@ from distributed import LocalCluster
 from soter.campaign.cluster import ClusterWorkers
 from soter.errors import ConfigError
 from tests.campaign.here import campaign
-from tests.campaign.test_session import ran, same
+from tests.campaign.stores import same
+from tests.campaign.test_session import ran
 
 
 @pytest.mark.filterwarnings("default")

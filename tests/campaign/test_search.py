@@ -14,6 +14,7 @@ from soter.campaign.session import Totals, run_campaign
 from soter.campaign.store import Store
 from soter.errors import ConfigError
 from tests.campaign.here import Here, campaign
+from tests.campaign.stores import same
 
 OVER = {"battery.drive_s": {"low": 100.0, "high": 1100.0}, "battery.idle_s": {"low": 2000.0, "high": 3000.0}}
 
@@ -61,10 +62,7 @@ def test_a_search_is_the_same_with_more_workers_and_when_it_is_carried_on(tmp_pa
     searched(tmp_path, "stopped", stop=stop)
     again = Here(carry=bowl)
     searched(tmp_path, "stopped", again)
-    stores = []
-    for name in ("one", "many", "stopped"):
-        with Store(tmp_path / f"{name}.sqlite") as store:
-            stores.append(store.same())
+    stores = [same(tmp_path / f"{name}.sqlite") for name in ("one", "many", "stopped")]
     assert stores[0] == stores[1] == stores[2]
     assert len(again.carried) == len(stores[0]) - 4
 

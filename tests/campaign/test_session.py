@@ -18,6 +18,7 @@ from soter.campaign.store import RunRow, Store
 from soter.campaign.workers import LocalWorkers, Workers
 from soter.errors import ConfigError, RunFailed
 from tests.campaign.here import Here, campaign, write
+from tests.campaign.stores import same
 from tests.project.source import ROOT
 from tests.waiting import wait_until
 
@@ -31,11 +32,6 @@ def ran(read: Campaign, store: Path, workers: Workers | None = None, **options: 
 def rows(store: Path) -> list[RunRow]:
     with Store(store) as kept:
         return [*kept.rows()]
-
-
-def same(store: Path) -> list[tuple[Any, ...]]:
-    with Store(store) as kept:
-        return kept.same()
 
 
 def test_a_campaign_keeps_what_came_out(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from soter.campaign.splitting import BRANCHED, Branch, Repetition
 from soter.campaign.store import RunRow, Store
 from soter.campaign.summary import groups, judge
 from tests.campaign.here import Here, campaign
+from tests.campaign.stores import same
 from tests.project.source import ROOT
 
 STEPS = 60
@@ -156,10 +157,7 @@ def test_it_is_the_same_with_more_workers_and_when_it_is_carried_on(tmp_path: Pa
     read, stopped = split(tmp_path, "stopped", stop=stop)
     assert (len(rows(stopped)), judged(read, stopped)) == (30, ("0 of 5 repetitions have an end", False))
     split(tmp_path, "stopped", workers=(again := Here(carry=stepped(8))))
-    stores = []
-    for path in (one, many, stopped):
-        with Store(path) as kept:
-            stores.append(kept.same())
+    stores = [same(path) for path in (one, many, stopped)]
     assert stores[0] == stores[1] == stores[2]
     assert len(again.carried) == len(stores[0]) - 30
 

@@ -21,7 +21,6 @@ def make_track(robot_id: int, drivers: str, period_s: float = 1.0) -> Track:
     """A robot that drives east at 0.1 m a sample; `drivers` has a digit for each sample."""
     count = len(drivers)
     return Track(
-        robot_id,
         array("d", (index * period_s for index in range(count))),
         array("d", (0.1 * index for index in range(count))),
         array("d", (1.0 * robot_id for _ in range(count))),

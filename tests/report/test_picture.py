@@ -24,7 +24,7 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 
 from soter.report.colours import driver_colour
-from soter.report.picture import HEIGHT_PX, MOST_ROWS, WIDTH_PX, draw, draw_png, make_figure
+from soter.report.picture import HEIGHT_PX, MOST_ROWS, WIDTH_PX, draw_png, make_figure
 
 CAPTION = Caption(
     title="warehouse: a test",
@@ -58,7 +58,7 @@ def size_of(png: bytes) -> tuple[int, int]:
 
 def test_it_is_a_png_of_the_promised_size(tmp_path: Path, run: RunTracks) -> None:
     file = tmp_path / "run.png"
-    draw(run, CAPTION, file)
+    file.write_bytes(draw_png(run, CAPTION))
     png = file.read_bytes()
     assert size_of(png) == (WIDTH_PX, HEIGHT_PX) == (1600, 1200)
     assert png.endswith(b"IEND\xaeB`\x82")

@@ -58,7 +58,7 @@ def test_places_lie_between_samples() -> None:
     assert place_at(track, 0.5) == pytest.approx((0.05, 2.0))
     assert place_at(track, -1.0) == pytest.approx((0.0, 2.0))
     assert place_at(track, 9.0) == pytest.approx((0.2, 2.0))
-    assert place_at(Track(1), 0.0) is None
+    assert place_at(Track(), 0.0) is None
 
 
 def test_marks_are_changes_between_ac_and_sc() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from random import Random
 from typing import Any, Final
 
@@ -36,7 +37,7 @@ def draw_ac(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta, nasty: boo
             visit["parked"] = {str(room.robots[parked].id): at}
         return {**tables, "ac": VISIT, "controllers": {"Visit": visit}}
     name = rng.choice([*ADVERSARIES])
-    options = _OPTIONS.get(name, lambda _: {})(rng)
+    options = _OPTIONS[name](rng) if name in _OPTIONS else {}
     if nasty and rng.random() < 0.4:
         options["facts"] = {
             "v_max_m_s": round(rng.uniform(0.05, 0.4), 2),
@@ -76,7 +77,7 @@ def _places(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta) -> list[li
     fence_m = figures.reach_m(rta.geofence_delta_s)
     inside = shapely.box(0.0, 0.0, room.width, room.depth).buffer(-fence_m, join_style="mitre")
     keep_m = figures.promise.body_radius_m + rta.obstacle_safe_m + rta.obstacle_reach_m
-    boxes = [shapely.box(box.low_x, box.low_y, box.high_x, box.high_y).buffer(keep_m) for box in room.boxes]
+    boxes = [box.polygon.buffer(keep_m) for box in room.boxes]
     allowed = inside.difference(shapely.union_all(boxes))
     start = rng.choice(room.robots)
     chain = [(start.x, start.y)]
@@ -89,42 +90,19 @@ def _places(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta) -> list[li
     return [[round(x, 3), round(y, 3)] for x, y in chain]
 
 
-def _random(rng: Random) -> dict[str, Any]:
-    return {"most_s": round(rng.uniform(0.5, 20.0), 1), "beyond_m": round(rng.uniform(0.1, 2.0), 1)}
-
-
-def _hugging(rng: Random) -> dict[str, Any]:
-    return {"spare_m": round(rng.uniform(-0.05, 0.1), 3), "speed_m_s": round(rng.uniform(0.03, 0.22), 3)}
-
-
-def _chase(rng: Random) -> dict[str, Any]:
-    return {"dart": round(rng.random(), 2), "reverse_m": round(rng.uniform(0.05, 1.0), 2)}
-
-
-def _pincer(rng: Random) -> dict[str, Any]:
-    return {"turn_s": round(rng.uniform(5.0, 300.0), 1)}
-
-
-def _search(rng: Random) -> dict[str, Any]:
+_OPTIONS: Final[dict[str, Callable[[Random], dict[str, Any]]]] = {
+    "random": lambda rng: {"most_s": round(rng.uniform(0.5, 20.0), 1), "beyond_m": round(rng.uniform(0.1, 2.0), 1)},
+    "boundary-hugging": lambda rng: {
+        "spare_m": round(rng.uniform(-0.05, 0.1), 3), "speed_m_s": round(rng.uniform(0.03, 0.22), 3),
+    },
+    "chase": lambda rng: {"dart": round(rng.random(), 2), "reverse_m": round(rng.uniform(0.05, 1.0), 2)},
+    "pincer": lambda rng: {"turn_s": round(rng.uniform(5.0, 300.0), 1)},
     # Its cost grows with every sequence; a few do.
-    return {
-        "candidates": rng.randint(2, 12),
-        "ahead_s": round(rng.uniform(1.0, 4.0), 1),
+    "search": lambda rng: {
+        "candidates": rng.randint(2, 12), "ahead_s": round(rng.uniform(1.0, 4.0), 1),
         "wait_s": round(rng.uniform(0.1, 1.0), 2),
-    }
-
-
-def _flood(rng: Random) -> dict[str, Any]:
+    },
     # Without threads, so that runs repeat; few enough to be quick.
-    return {"commands": rng.randint(1, 20), "threads": 0}
-
-
-_OPTIONS: Final = {
-    "random": _random,
-    "boundary-hugging": _hugging,
-    "chase": _chase,
-    "pincer": _pincer,
-    "search": _search,
-    "flood": _flood,
-}
+    "flood": lambda rng: {"commands": rng.randint(1, 20), "threads": 0},
+}  # fmt: skip
 """By adversary: its own options, where it has any; `flood` and `search` always, the others as they come."""

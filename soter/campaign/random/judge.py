@@ -86,7 +86,7 @@ class Ways:
 
     def on_station(self, stations: Collection[Patch]) -> NDArray[np.bool_]:
         """Return by time and robot whether its centre is on a station."""
-        area = shapely.union_all([_box(station) for station in stations]).buffer(1e-9)
+        area = shapely.union_all([station.polygon for station in stations]).buffer(1e-9)
         shapely.prepare(area)
         return np.asarray(shapely.intersects_xy(area, self.x, self.y))
 
@@ -114,7 +114,7 @@ def _alone(room: DrawnRoom, limits: PromisedLimits, ways: Ways, index: int) -> I
         outside = shapely.distance(fence, shapely.points(x, y))
         yield "geofence", EXACT_M - outside
     if "obstacle" in limits.rules and room.boxes:
-        boxes = shapely.union_all([_box(box) for box in room.boxes])
+        boxes = shapely.union_all([box.polygon for box in room.boxes])
         yield "obstacle", _apart(boxes, x, y, limits.radius_m + limits.obstacle_m) - EXACT_M
     if "battery" in limits.rules:
         flat = (charge <= 0.0) & ~ways.on_station(room.stations)[:, index]
@@ -153,7 +153,3 @@ def _breaches(rule: str, robots: tuple[int, ...], times: Series, margins: Series
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         worst = float(margins[begin:end].min())
         yield RuleBreach(rule, robots, float(times[begin]), float(times[end - 1]), round(worst, 6))
-
-
-def _box(patch: Patch) -> shapely.Polygon:
-    return shapely.box(patch.low_x, patch.low_y, patch.high_x, patch.high_y)

@@ -9,7 +9,7 @@ from random import Random
 from typing import Final
 
 import shapely  # type: ignore[import-untyped]
-from shapely import Point, Polygon
+from shapely import Point
 from shapely.geometry.base import BaseGeometry  # type: ignore[import-untyped]
 
 from soter.campaign.random.floor import Floor
@@ -75,11 +75,7 @@ def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) ->
 def _free(floor: Floor, fence: float, boxes: float) -> BaseGeometry:
     """Return where a centre may be."""
     inside = shapely.box(0.0, 0.0, floor.width, floor.depth).buffer(-fence, join_style="mitre")
-    return inside.difference(shapely.union_all([_shape(box).buffer(boxes) for box in floor.boxes]))
-
-
-def _shape(patch: Patch) -> Polygon:
-    return shapely.box(patch.low_x, patch.low_y, patch.high_x, patch.high_y)
+    return inside.difference(shapely.union_all([box.polygon.buffer(boxes) for box in floor.boxes]))
 
 
 def _largest(area: BaseGeometry) -> BaseGeometry:
@@ -152,7 +148,7 @@ def _by_the_fence(_rng: Random, floor: Floor) -> Score:
 
 
 def _by_boxes(_rng: Random, floor: Floor) -> Score:
-    boxes = shapely.union_all([_shape(box) for box in floor.boxes])
+    boxes = shapely.union_all([box.polygon for box in floor.boxes])
     return lambda place: -boxes.distance(Point(place)) if floor.boxes else 0.0
 
 

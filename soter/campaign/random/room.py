@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import shapely  # type: ignore[import-untyped]
 from defusedxml.ElementTree import parse
 
 BOX_HEIGHT_M: Final = 1.0
@@ -32,6 +34,11 @@ class Patch:
         """The middle, metres."""
         return (self.low_x + self.high_x) / 2.0, (self.low_y + self.high_y) / 2.0
 
+    @property
+    def polygon(self) -> shapely.Polygon:
+        """The same for shapely."""
+        return shapely.box(self.low_x, self.low_y, self.high_x, self.high_y)
+
 
 @dataclass(frozen=True)
 class Start:
@@ -52,6 +59,11 @@ class DrawnRoom:
     robots: tuple[Start, ...]
     stations: tuple[Patch, ...]
     boxes: tuple[Patch, ...] = ()
+
+    def only(self, kept: Sequence[int]) -> DrawnRoom:
+        """Return it with the robots and the stations at these places in their order."""
+        robots, stations = tuple(self.robots[at] for at in kept), tuple(self.stations[at] for at in kept)
+        return replace(self, robots=robots, stations=stations)
 
     def xml(self) -> str:
         """Return the workspace file."""

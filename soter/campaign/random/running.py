@@ -102,11 +102,7 @@ def run_judged(
 def _judged(room: DrawnRoom, mission: MissionFile, run: Run) -> Judgement:
     result, witness = run.result, witnesses[-1]
     ways = Ways(witness.ids, *witness.seen(result.duration_s))
-    kept = [index for index, start in enumerate(room.robots) if start.id in ways.ids]
-    room = DrawnRoom(
-        room.width, room.depth, tuple(room.robots[index] for index in kept),
-        tuple(room.stations[index] for index in kept), room.boxes,
-    )  # fmt: skip
+    room = room.only([index for index, start in enumerate(room.robots) if start.id in ways.ids])
     backend = load_backend(mission.backend)
     promised = backend.promises(read_options(backend, mission, mission.read_workspace()))
     limits = PromisedLimits.of(mission.rta.model_dump(), promised.body_radius_m)
@@ -150,7 +146,7 @@ def in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
         before = np.maximum(at - 1, 0)
         charge = ways.charge[:, index]
         charging = on_station[at, index] & (charge[at] >= charge[before]) & (charge[before] < _FULL)
-        waits = (np.frombuffer(track.driver, dtype=np.int8) != 0) & ~charging & (charge[at] > 0.0)
+        waits = (np.asarray(track.driver) != 0) & ~charging & (charge[at] > 0.0)
         longest_s = since_s = 0.0
         going_on = False
         for time_s, waiting in zip(times, waits, strict=True):

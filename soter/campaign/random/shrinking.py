@@ -12,7 +12,6 @@ from typing import Any, Final
 from soter.campaign.job import JUDGED, Done, Job
 from soter.campaign.random.configuration import Configuration
 from soter.campaign.random.drawing import draw
-from soter.campaign.random.room import DrawnRoom
 from soter.campaign.random.running import STUCK_S
 from soter.campaign.workers import LocalWorkers
 from soter.scratch import Scratch
@@ -76,15 +75,7 @@ def _without_robot(config: Configuration, index: int) -> Configuration:
     tables.get("battery", {}).get("initial", {}).pop(str(gone), None)
     if "robots" in tables:
         tables["robots"] = min(tables["robots"], len(room.robots) - 1)
-    return Configuration(tables, _less(room, index))
-
-
-def _less(room: DrawnRoom, index: int) -> DrawnRoom:
-    return replace(
-        room,
-        robots=room.robots[:index] + room.robots[index + 1 :],
-        stations=room.stations[:index] + room.stations[index + 1 :],
-    )
+    return Configuration(tables, room.only([at for at in range(len(room.robots)) if at != index]))
 
 
 def shrunk(config: Configuration, run: Run, failure: str, said: Callable[[str], None]) -> tuple[Configuration, Done]:

@@ -32,11 +32,7 @@ Series = NDArray[np.float64]
 
 
 class EngineWitness:
-    """An engine that notes what another one does; `soter_sim.Engine`.
-
-    Attributes:
-        ids: the robots.
-    """
+    """An engine that notes what another one does to its robots; `soter_sim.Engine`."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine: Final = engine

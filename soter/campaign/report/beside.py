@@ -8,6 +8,7 @@ from html import escape
 from pathlib import PurePath
 from typing import Any, Final
 
+from soter.campaign.conditions import looked_up
 from soter.campaign.report.page import card, page_of, table
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
@@ -58,9 +59,7 @@ def make_beside(recordings: Sequence[Recording]) -> str:
 
 
 def _shown(result: dict[str, Any], key: str) -> str:
-    value: Any = result
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
+    value = looked_up(result, key)
     if value is None or (key in OF_MISSIONS and result["ac"] != "mission"):
         return "-"
     if key == "ac":

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
+from soter.campaign.conditions import Judged
 from soter.campaign.intervals import poisson_most
 from soter.campaign.summary import Group, Rate, Spread
 from soter.sdk import RULES
@@ -40,6 +41,23 @@ def kinds(group: Group) -> str:
     """Return the violations of every rule."""
     counts = group.counts("violations")
     return " / ".join(str(counts[rule]) for rule in group.rules()) or "unknown"
+
+
+def disengagements(found: Sequence[Group]) -> tuple[list[str], list[list[str]]]:
+    """Return the head and the lines of a table of disengagements by the module that fired first."""
+    names = list(dict.fromkeys(name for group in found for name in group.counts("disengagements")))
+    rates = [[rate(group.rate(f"disengagements.{name}")) for name in names] for group in found]
+    return ["part", "setting", *names], [
+        [group.part, group.name, *row] for group, row in zip(found, rates, strict=True)
+    ]
+
+
+def required(judged: Mapping[str, Sequence[Judged]], holds: str, fails: str) -> tuple[list[str], list[list[str]]]:
+    """Return the head and the lines of a table of what is required of each part, and the words for whether it holds."""
+    rows = [
+        [part, each.text, each.found, holds if each.holds else fails] for part, some in judged.items() for each in some
+    ]
+    return ["part", "required", "found", "verdict"], rows
 
 
 def rate(found: Rate | None) -> str:

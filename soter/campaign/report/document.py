@@ -9,7 +9,7 @@ from typing import Final
 from soter.campaign.conditions import Judged
 from soter.campaign.intervals import poisson, poisson_most
 from soter.campaign.plan import Campaign
-from soter.campaign.report.cells import HEAD, cells, least, markdown, rate
+from soter.campaign.report.cells import HEAD, cells, disengagements, least, markdown, required
 from soter.campaign.store import Store
 from soter.campaign.summary import Group, groups
 from soter.errors import ConfigError
@@ -34,12 +34,7 @@ def section(campaign: Campaign, store: Store, judged: Mapping[str, Sequence[Judg
     """Return the generated part."""
     found = groups(store.rows())
     lines = [f"State of the sources: `{store.about()['sources']}`. {_ABOUT}", "", "## What is required", ""]
-    lines += markdown(
-        ["part", "required", "found", "verdict"],
-        [[part, each.text, each.found, "**PASS**" if each.holds else "**NOT REACHED**"]
-         for part, some in judged.items() for each in some],
-        texts=4,
-    )  # fmt: skip
+    lines += markdown(*required(judged, "**PASS**", "**NOT REACHED**"), texts=4)
     for name, part in campaign.parts.items():
         own = [group for group in found if group.part == name]
         lines += [f"## {name.replace('-', ' ').capitalize()}", "", *([part.note, ""] if part.note else [])]
@@ -57,9 +52,9 @@ def _margins(found: Sequence[Group]) -> list[str]:
 
 
 def _modules(found: Sequence[Group]) -> list[str]:
-    names = list(dict.fromkeys(name for group in found for name in group.counts("disengagements")))
-    rows = [[group.name, *(rate(group.rate(f"disengagements.{name}")) for name in names)] for group in found]
-    return ["Disengagements per robot-hour, by the module that fired first:", "", *markdown(["setting", *names], rows)]
+    head, rows = disengagements(found)
+    table = markdown(head[1:], [row[1:] for row in rows])
+    return ["Disengagements per robot-hour, by the module that fired first:", "", *table]
 
 
 def _exposure(found: Sequence[Group]) -> list[str]:

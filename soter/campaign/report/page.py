@@ -11,7 +11,7 @@ from typing import Final
 
 from soter.campaign.comparison import PairedDifference
 from soter.campaign.conditions import Judged, figure
-from soter.campaign.report.cells import HEAD, cells, rate
+from soter.campaign.report.cells import HEAD, cells, disengagements, required
 from soter.campaign.store import RunRow, Store
 from soter.campaign.summary import Group, groups
 from soter.report.page.html import frame
@@ -43,13 +43,9 @@ def make_page(store: Store, judged: Mapping[str, Sequence[Judged]], recordings: 
     verdict = verdict_of(all(each.holds for each in asked), f"{len(rows)} runs, {hours:.4g} robot-hours")
     parts = [
         verdict,
-        card("What is required", table(
-            ["part", "required", "found", "verdict"],
-            [[part, each.text, each.found, "holds" if each.holds else "does not hold"]
-             for part, some in judged.items() for each in some],
-        )),
+        card("What is required", table(*required(judged, "holds", "does not hold"))),
         card("Settings", table(HEAD, map(cells, found))),
-        card("Disengagements per robot-hour, by module", _modules(found)),
+        card("Disengagements per robot-hour, by module", table(*disengagements(found))),
         *(card(f"Runs: {words}", _dots(found, name)) for name, words in DOTS.items()),
         card("Runs", _runs(rows, recordings)),
     ]  # fmt: skip
@@ -58,11 +54,10 @@ def make_page(store: Store, judged: Mapping[str, Sequence[Judged]], recordings: 
     )
 
 
-def comparison_page(title: str, subtitle: str, differences: Sequence[PairedDifference]) -> str:
+def comparison_page(subtitle: str, differences: Sequence[PairedDifference]) -> str:
     """Return the page of a comparison."""
-    return page_of(
-        title, subtitle, [card("Paired by seed", table(DIFFERENCE_HEAD, map(difference_cells, differences)))]
-    )
+    rows = map(difference_cells, differences)
+    return page_of("Comparison", subtitle, [card("Paired by seed", table(DIFFERENCE_HEAD, rows))])
 
 
 DIFFERENCE_HEAD: Final = (
@@ -133,14 +128,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], links: Sequence[st
     return (
         f'<div class="wide"><table><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table></div>' if lines else ""
     )
-
-
-def _modules(found: Sequence[Group]) -> str:
-    names = list(dict.fromkeys(name for group in found for name in group.counts("disengagements")))
-    rows = [
-        [group.part, group.name, *(rate(group.rate(f"disengagements.{name}")) for name in names)] for group in found
-    ]
-    return table(["part", "setting", *names], rows)
 
 
 def _dots(found: Sequence[Group], name: str) -> str:

@@ -2,7 +2,7 @@
 // Time lines and plots. All share one stretch of time, and a click or a drag on any of them moves the run there.
 (() => {
   const { soter } = window;
-  const { indexAt } = soter;
+  const { indexAt, draw, disc } = soter;
   const LEFT = 46; // CSS pixels for what stands beside a curve
   const RIGHT = 10;
   const AXIS = 18;
@@ -185,7 +185,7 @@
 
   // A module's margin for all robots, with what it is compared with.
   class Margin extends Chart {
-    constructor(holder, run, style, name, curves) {
+    constructor(holder, run, style, name, curves = curvesOf(run, name)) {
       super(holder, run, style, { label: `Margin of ${name} over time`, height: 150 });
       this.name = name;
       this.curves = curves;
@@ -194,13 +194,6 @@
       this.horizonReach = module.horizonReach;
       this.unit = module.unit;
       [this.low, this.high] = this.range();
-    }
-
-    static of(holder, run, style, name) {
-      return new Margin(holder, run, style, name, run.robots.flatMap((robot) => {
-        const module = robot.modules.find((each) => each.name === name);
-        return module ? [{ robot, module }] : [];
-      }));
     }
 
     grown() {
@@ -259,14 +252,10 @@
 
     threshold(context, height, value, text, colour, dash) {
       const y = this.y(value, height);
-      context.strokeStyle = colour;
-      context.lineWidth = 1.2;
-      context.setLineDash(dash);
-      context.beginPath();
-      context.moveTo(LEFT, y);
-      context.lineTo(this.width - RIGHT, y);
-      context.stroke();
-      context.setLineDash([]);
+      draw(context, () => {
+        context.moveTo(LEFT, y);
+        context.lineTo(this.width - RIGHT, y);
+      }, { line: colour, width: 1.2, dash });
       context.fillStyle = colour;
       context.textBaseline = "middle";
       context.textAlign = "right";
@@ -349,6 +338,11 @@
     }
   }
 
+  function curvesOf(run, name) {
+    const all = run.robots.map((robot) => ({ robot, module: robot.modules.find((each) => each.name === name) }));
+    return all.filter(({ module }) => module);
+  }
+
   function number(value) {
     return Math.abs(value) >= 10 ? value.toFixed(0) : value.toFixed(2);
   }
@@ -358,10 +352,7 @@
   }
 
   function badge(context, x, y, text, colour, style) {
-    context.beginPath();
-    context.arc(x, y, 11, 0, 2 * Math.PI);
-    context.fillStyle = colour;
-    context.fill();
+    disc(context, x, y, 11, { fill: colour });
     context.fillStyle = style.onColour(colour);
     context.textAlign = "center";
     context.textBaseline = "middle";
@@ -372,13 +363,11 @@
   }
 
   function wedge(context, x, y, colour) {
-    context.beginPath();
-    context.moveTo(x, y);
-    context.lineTo(x - 3.2, y - 6);
-    context.lineTo(x + 3.2, y - 6);
-    context.closePath();
-    context.fillStyle = colour;
-    context.fill();
+    draw(context, () => {
+      context.moveTo(x, y);
+      context.lineTo(x - 3.2, y - 6);
+      context.lineTo(x + 3.2, y - 6);
+    }, { fill: colour });
   }
 
   function hatched(context, left, right, top, height, style) {
@@ -386,25 +375,17 @@
     context.beginPath();
     context.rect(left, top, right - left, height);
     context.clip();
-    context.beginPath();
-    for (let x = left - height; x < right; x += 7) {
-      context.moveTo(x, top + height);
-      context.lineTo(x + height, top);
-    }
-    context.strokeStyle = style.colours.ink;
-    context.lineWidth = 2;
-    context.stroke();
+    draw(context, () => {
+      for (let x = left - height; x < right; x += 7) {
+        context.moveTo(x, top + height);
+        context.lineTo(x + height, top);
+      }
+    }, { line: style.colours.ink, width: 2 });
     context.restore();
   }
 
   function outcome(context, x, y, reached, style) {
-    context.beginPath();
-    context.arc(x, y, 2.6, 0, 2 * Math.PI);
-    context.strokeStyle = style.colours.soft;
-    context.lineWidth = 1.2;
-    context.fillStyle = style.colours.ink;
-    if (reached) context.fill();
-    else context.stroke();
+    disc(context, x, y, 2.6, reached ? { fill: style.colours.ink } : { line: style.colours.soft, width: 1.2 });
   }
 
   Object.assign(window.soter, {

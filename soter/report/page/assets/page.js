@@ -219,7 +219,7 @@
       for (const name of names) {
         const plot = soter.element("figure", {}, soter.element("figcaption", {}));
         byId("margins").append(plot);
-        const chart = soter.Margin.of(plot, run, style, name);
+        const chart = new soter.Margin(plot, run, style, name);
         const unit = chart.unit ? ` in ${chart.unit === "m" ? "m" : `parts ${chart.unit}`}` : "";
         const edge = chart.edge === null ? "" : `, released from ${chart.edge.toFixed(2)}`;
         const reach = chart.horizonReach === null ? "" : `, R(H) ${chart.horizonReach.toFixed(3)}`;

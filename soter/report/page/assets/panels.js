@@ -16,6 +16,16 @@
     return made;
   }
 
+  // A moment that can be gone to.
+  function jumpTo(timeS, jump) {
+    const button = element("button", { type: "button", class: "jump", "aria-label": `Go to ${clock(timeS)}` }, clock(timeS));
+    button.addEventListener("click", (event) => {
+      event.stopPropagation();
+      jump(timeS);
+    });
+    return button;
+  }
+
   // Controllers are given no targets, missions are.
   const aims = (run) => run.summary.ac === "mission";
   const total = (counts) => Object.values(counts).reduce((sum, each) => sum + each, 0);
@@ -75,9 +85,7 @@
       const list = element("ul", { class: "violations" });
       for (const each of truth.violations) {
         const end = each.endS === null ? "and goes on" : `for ${(each.endS - each.startS).toFixed(1)} s`;
-        const button = element("button", { type: "button", class: "jump" }, clock(each.startS));
-        button.addEventListener("click", () => jump(each.startS));
-        list.append(element("li", {}, button, ` ${each.rule}, robot ${each.robots.join(" and ")}, ${end}`));
+        list.append(element("li", {}, jumpTo(each.startS, jump), ` ${each.rule}, robot ${each.robots.join(" and ")}, ${end}`));
       }
       box.append(list);
     }
@@ -107,17 +115,9 @@
 
   // Every spell in which an assumption of the safety argument did not hold, with its first and its worst look.
   function breaches(run, jump) {
-    const to = (timeS) => {
-      const button = element("button", { type: "button", class: "jump", "aria-label": `Go to ${clock(timeS)}` }, clock(timeS));
-      button.addEventListener("click", (event) => {
-        event.stopPropagation();
-        jump(timeS);
-      });
-      return button;
-    };
     const row = (each) => {
-      const worst = each.worst.flatMap((one, at) => [at ? "; " : "", to(one.timeS), ` ${amount(one.excess, one.unit)}: ${one.cause}`]);
-      const cells = [to(each.startS), String(each.robot), each.assumption, each.times.toLocaleString("en"), each.cause, worst];
+      const worst = each.worst.flatMap((one, at) => [at ? "; " : "", jumpTo(one.timeS, jump), ` ${amount(one.excess, one.unit)}: ${one.cause}`]);
+      const cells = [jumpTo(each.startS, jump), String(each.robot), each.assumption, each.times.toLocaleString("en"), each.cause, worst];
       const made = element("tr", {}, ...cells.map((cell) => element("td", {}, ...[cell].flat())));
       made.addEventListener("click", () => jump(each.startS));
       return made;
@@ -346,9 +346,8 @@
     }
 
     row(each) {
-      const button = element("button", { type: "button", class: "jump", "aria-label": `Go to ${clock(each.timeS)}` }, clock(each.timeS));
       const also = each.joined.length ? ` (also ${each.joined.join(", ")})` : "";
-      const made = element("tr", {}, element("td", {}, button), element("td", {}, String(each.robot)),
+      const made = element("tr", {}, element("td", {}, jumpTo(each.timeS, this.jump)), element("td", {}, String(each.robot)),
         element("td", {}, dot(this.style.shade(colourOf(this.run, each.module))), each.module), element("td", {}, (each.cause || "no cause was given") + also));
       made.addEventListener("click", () => this.jump(each.timeS));
       return made;

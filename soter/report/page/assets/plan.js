@@ -154,38 +154,23 @@
         return [left, top, (east - west) * this.scale, (north - south) * this.scale];
       };
       const outline = (corners) => {
-        context.beginPath();
         for (const [xM, yM] of corners) context.lineTo(...this.at(xM, yM));
         context.closePath();
       };
       context.fillStyle = fence ? paint.outside : paint.inside;
       context.fillRect(0, 0, this.width, this.height);
-      if (fence) {
-        outline(fence);
-        context.fillStyle = inner.length ? paint.strip : paint.inside;
-        context.fill();
-      }
-      for (const corners of inner) {
-        outline(corners);
-        context.fillStyle = paint.inside;
-        context.fill();
-      }
+      if (fence) draw(context, () => outline(fence), { fill: inner.length ? paint.strip : paint.inside });
+      for (const corners of inner) draw(context, () => outline(corners), { fill: paint.inside });
       context.save();
       if (fence) {
+        context.beginPath();
         outline(fence);
         context.clip();
       }
       this.grid(context, bounds);
       context.restore();
       this.bar(context, bounds);
-      context.strokeStyle = paint.stripLine;
-      context.lineWidth = 1;
-      context.setLineDash([6, 5]);
-      for (const corners of inner) {
-        outline(corners);
-        context.stroke();
-      }
-      context.setLineDash([]);
+      for (const corners of inner) draw(context, () => outline(corners), { line: paint.stripLine, dash: [6, 5] });
       for (const charger of chargers) {
         const [left, top, width, height] = rectangle(charger);
         context.fillStyle = paint.charger;
@@ -195,34 +180,23 @@
         context.strokeRect(left, top, width, height);
         bolt(context, left + width / 2, top + height / 2, Math.min(width, height) * 0.34, paint.chargerLine);
       }
-      context.fillStyle = paint.box;
-      for (const corners of keptOut) {
-        outline(corners);
-        context.fill();
-      }
-      if (fence) {
-        context.strokeStyle = paint.fence;
-        context.lineWidth = 2;
-        outline(fence);
-        context.stroke();
-      }
+      for (const corners of keptOut) draw(context, () => outline(corners), { fill: paint.box });
+      if (fence) draw(context, () => outline(fence), { line: paint.fence, width: 2 });
       return ground;
     }
 
     grid(context, [west, south, east, north]) {
       const step = stepOf([west, south, east, north]);
-      context.strokeStyle = this.style.colours.grid;
-      context.lineWidth = 1;
-      context.beginPath();
-      for (let x = step * Math.ceil(west / step + 1e-9); x < east; x += step) {
-        context.moveTo(...this.at(x, south));
-        context.lineTo(...this.at(x, north));
-      }
-      for (let y = step * Math.ceil(south / step + 1e-9); y < north; y += step) {
-        context.moveTo(...this.at(west, y));
-        context.lineTo(...this.at(east, y));
-      }
-      context.stroke();
+      draw(context, () => {
+        for (let x = step * Math.ceil(west / step + 1e-9); x < east; x += step) {
+          context.moveTo(...this.at(x, south));
+          context.lineTo(...this.at(x, north));
+        }
+        for (let y = step * Math.ceil(south / step + 1e-9); y < north; y += step) {
+          context.moveTo(...this.at(west, y));
+          context.lineTo(...this.at(east, y));
+        }
+      }, { line: this.style.colours.grid });
     }
 
     // A bar says how long a metre is, in the corner where nobody drives.
@@ -250,83 +224,54 @@
         while (stretch + 1 < robot.starts.length && robot.starts[stretch + 1] <= times[at]) stretch += 1;
         const driver = robot.stretches[stretch].driver;
         const endS = robot.stretches[stretch].endS;
-        context.beginPath();
-        context.moveTo(...this.at(xM[at], yM[at]));
-        do {
-          at += 1;
-          context.lineTo(...this.at(xM[at], yM[at]));
-        } while (at < last && times[at] < endS);
-        context.strokeStyle = this.colour(robot, driver);
-        context.globalAlpha = driver === 0 ? 0.55 : 0.9;
-        context.lineWidth = driver === 0 ? 1.8 : 3;
-        context.stroke();
+        draw(context, () => {
+          context.moveTo(...this.at(xM[at], yM[at]));
+          do {
+            at += 1;
+            context.lineTo(...this.at(xM[at], yM[at]));
+          } while (at < last && times[at] < endS);
+        }, { line: this.colour(robot, driver), width: driver === 0 ? 1.8 : 3, alpha: driver === 0 ? 0.55 : 0.9 });
       }
-      context.globalAlpha = 1;
     }
 
     drawMarks(context, robot, timeS) {
       for (const each of this.marksOf(robot, timeS)) {
-        const [x, y] = this.at(each.xM, each.yM);
-        context.beginPath();
-        context.arc(x, y, 4, 0, 2 * Math.PI);
-        context.fillStyle = this.colour(robot, each.after);
-        context.fill();
-        context.strokeStyle = this.style.colours.inside;
-        context.lineWidth = 1.2;
-        context.stroke();
+        disc(context, ...this.at(each.xM, each.yM), 4, { fill: this.colour(robot, each.after), line: this.style.colours.inside, width: 1.2 });
       }
     }
 
     reach(context, robot, now) {
       if (now.reachM === null) return;
-      const [x, y] = this.at(now.xM, now.yM);
+      const circle = [...this.at(now.xM, now.yM), (robot.radiusM + now.reachM) * this.scale];
       const colour = this.colour(robot, now.shown);
-      context.beginPath();
-      context.arc(x, y, (robot.radiusM + now.reachM) * this.scale, 0, 2 * Math.PI);
-      context.globalAlpha = 0.16;
-      context.fillStyle = colour;
-      context.fill();
-      context.globalAlpha = 0.8;
-      context.strokeStyle = colour;
-      context.lineWidth = 1.2;
-      context.stroke();
-      context.globalAlpha = 1;
+      disc(context, ...circle, { fill: colour, alpha: 0.16 });
+      disc(context, ...circle, { line: colour, width: 1.2, alpha: 0.8 });
     }
 
     target(context, robot, now) {
       if (!now.target) return;
       const [x, y] = this.at(now.target.xM, now.target.yM);
-      context.strokeStyle = this.style.shade(robot.colour);
-      context.lineWidth = 2;
-      context.beginPath();
-      context.arc(x, y, 7, 0, 2 * Math.PI);
-      context.moveTo(x - 11, y);
-      context.lineTo(x + 11, y);
-      context.moveTo(x, y - 11);
-      context.lineTo(x, y + 11);
-      context.stroke();
+      draw(context, () => {
+        context.arc(x, y, 7, 0, 2 * Math.PI);
+        context.moveTo(x - 11, y);
+        context.lineTo(x + 11, y);
+        context.moveTo(x, y - 11);
+        context.lineTo(x, y + 11);
+      }, { line: this.style.shade(robot.colour), width: 2 });
     }
 
     way(context, robot, now) {
       const places = now.driver === 0 && now.way.length ? now.way : now.goal ? [[now.goal.xM, now.goal.yM]] : [];
       if (!places.length) return;
       const colour = this.colour(robot, now.shown);
-      context.strokeStyle = colour;
-      context.lineWidth = 1.4;
-      context.setLineDash([3, 4]);
-      context.beginPath();
-      // The places that were passed already are still part of the way: it is what the AC said when it set out.
-      const rest = remaining(places, now);
-      context.moveTo(...this.at(now.xM, now.yM));
-      for (const [xM, yM] of rest) context.lineTo(...this.at(xM, yM));
-      context.stroke();
-      context.setLineDash([]);
+      draw(context, () => {
+        context.moveTo(...this.at(now.xM, now.yM));
+        // The places that were passed already are still part of the way: it is what the AC said when it set out.
+        for (const [xM, yM] of remaining(places, now)) context.lineTo(...this.at(xM, yM));
+      }, { line: colour, width: 1.4, dash: [3, 4] });
       if (!now.goal) return;
       const [x, y] = this.at(now.goal.xM, now.goal.yM);
-      context.beginPath();
-      context.rect(x - 3.5, y - 3.5, 7, 7);
-      context.fillStyle = colour;
-      context.fill();
+      draw(context, () => context.rect(x - 3.5, y - 3.5, 7, 7), { fill: colour });
     }
 
     body(context, robot, now) {
@@ -348,21 +293,9 @@
       context.stroke();
       context.fillStyle = colour;
       context.fill();
-      if (now.shown !== 0) {
-        // The robot's own colour stays visible while a module drives it.
-        context.beginPath();
-        context.arc(x, y, radius * 0.78, 0, 2 * Math.PI);
-        context.lineWidth = 1.5;
-        context.strokeStyle = "#fff";
-        context.stroke();
-      }
-      if (now.breaks.length) {
-        context.beginPath();
-        context.arc(x, y, radius * 1.75, 0, 2 * Math.PI);
-        context.lineWidth = 3;
-        context.strokeStyle = this.style.colours.alarm;
-        context.stroke();
-      }
+      // The robot's own colour stays visible while a module drives it.
+      if (now.shown !== 0) disc(context, x, y, radius * 0.78, { line: "#fff", width: 1.5 });
+      if (now.breaks.length) disc(context, x, y, radius * 1.75, { line: this.style.colours.alarm, width: 3 });
       context.fillStyle = this.style.onColour(colour);
       context.font = `700 ${Math.round(Math.min(16, radius * 1.1))}px system-ui, sans-serif`;
       context.textAlign = "center";
@@ -370,6 +303,29 @@
       context.fillText(String(robot.id), x, y + 0.5);
       context.textAlign = "start";
     }
+  }
+
+  // Draw a path: filled, then as a line, as far as there are colours for these.
+  function draw(context, path, { fill = null, line = null, width = 1, dash = [], alpha = 1 }) {
+    context.beginPath();
+    path();
+    context.globalAlpha = alpha;
+    if (fill) {
+      context.fillStyle = fill;
+      context.fill();
+    }
+    if (line) {
+      context.strokeStyle = line;
+      context.lineWidth = width;
+      context.setLineDash(dash);
+      context.stroke();
+      context.setLineDash([]);
+    }
+    context.globalAlpha = 1;
+  }
+
+  function disc(context, x, y, radius, look) {
+    draw(context, () => context.arc(x, y, radius, 0, 2 * Math.PI), look);
   }
 
   function extentOf(run) {
@@ -405,14 +361,11 @@
   }
 
   function bolt(context, x, y, size, colour) {
-    context.beginPath();
-    for (const [right, down] of [[0.25, -1], [-0.6, 0.15], [-0.05, 0.15], [-0.25, 1], [0.6, -0.2], [0.05, -0.2]]) {
-      context.lineTo(x + right * size, y + down * size);
-    }
-    context.closePath();
-    context.fillStyle = colour;
-    context.fill();
+    const corners = [[0.25, -1], [-0.6, 0.15], [-0.05, 0.15], [-0.25, 1], [0.6, -0.2], [0.05, -0.2]];
+    draw(context, () => {
+      for (const [right, down] of corners) context.lineTo(x + right * size, y + down * size);
+    }, { fill: colour });
   }
 
-  window.soter.Plan = Plan;
+  Object.assign(window.soter, { Plan, draw, disc });
 })();
