@@ -272,9 +272,9 @@ def _fields_at(model: type[BaseModel], where: tuple[str, ...]) -> list[str]:
         field = model.model_fields.get(part)
         # A model whose other keys are tables says of what model.
         inner = getattr(model, "others", None) if field is None else field.annotation
-        if get_origin(inner) is dict:
-            # A table of tables with names of the user's own: the next part is such a name.
-            inner = get_args(inner)[1] if next(parts, None) is not None else None
+        if (kind := get_origin(inner)) in (dict, list, tuple):
+            # A table of tables with names of the user's own, or a list of them: the next part is a name, or a number.
+            inner = get_args(inner)[kind is dict] if next(parts, None) is not None else None
         # A table that may be left out is one or None.
         models = [each for each in (inner, *get_args(inner)) if isinstance(each, type) and issubclass(each, BaseModel)]
         if not models:

@@ -11,6 +11,8 @@ from soter import Mission, Robot
 
 Place = tuple[float, float]
 
+_STEP_M = 0.05
+
 
 class Coverage(Mission):
     """The ground is cut into lanes from west to east; whoever is free sweeps the one that begins nearest to it."""
@@ -47,14 +49,14 @@ class Coverage(Mission):
 
     def _lanes(self, robot: Robot) -> Iterator[tuple[Place, Place]]:
         """Yield both ends of every lane that is free all along."""
-        room, step_m = robot.workspace, 0.05
-        inset_m = self.options.margin_m + robot.body_radius_m
-        for row in range(math.floor((room.depth_m - 2.0 * inset_m) / self.options.lane_m) + 1):
-            y, begin, last = inset_m + row * self.options.lane_m, None, 0.0
-            columns = math.floor((room.width_m - 2.0 * inset_m) / step_m)
-            for x in [inset_m + column * step_m for column in range(columns + 1)] + [math.inf]:
-                free = room.clearance_m(min(x, room.width_m), y, robot.body_radius_m) >= self.options.margin_m
-                if free and math.isfinite(x):
+        room, inset_m = robot.workspace, self.options.margin_m + robot.body_radius_m
+        low_x, low_y, high_x, high_y = room.bounds
+        for row in range(math.floor((high_y - low_y - 2.0 * inset_m) / self.options.lane_m) + 1):
+            y, begin, last = low_y + inset_m + row * self.options.lane_m, None, 0.0
+            columns = math.floor((high_x - low_x - 2.0 * inset_m) / _STEP_M) + 1
+            for x in [low_x + inset_m + column * _STEP_M for column in range(columns)] + [math.inf]:
+                # Rounding must not cost the lanes right beside the fence.
+                if math.isfinite(x) and min(room.fence_m(x, y), room.clearance_m(x, y, 0.0)) >= inset_m - 1e-9:
                     begin = x if begin is None else begin
                     last = x
                 elif begin is not None:

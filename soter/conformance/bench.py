@@ -12,8 +12,6 @@ from soter.conformance.judging import Judging
 from soter.conformance.track import TURNING_RAD_S, TrackSample, rates, turn
 from soter.sdk import Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
-STILL_RAD: Final = 0.03
-
 SETTLE_S: Final = 2.0
 """After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
 
@@ -239,7 +237,7 @@ class Bench(Judging):
         last = track[-1]
         return all(
             last.distance_m(each.x_m, each.y_m) <= 2.0 * self.still_m
-            and abs(turn(last.heading_rad, each.heading_rad)) <= STILL_RAD
+            and abs(turn(last.heading_rad, each.heading_rad)) <= self.still_rad
             for each in self.since(robot, from_s)
         )
 
@@ -291,11 +289,11 @@ class Bench(Judging):
         self.run(1.0, renew=renew)
         later = self.look(robot)
         slipped, turned = later.distance_m(rest.x_m, rest.y_m), abs(turn(rest.heading_rad, later.heading_rad))
-        if slipped <= self.still_m and turned > STILL_RAD and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
+        if slipped <= self.still_m and turned > self.still_rad and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
             # It drove straight, and turns in place now: it is to drive somewhere again.
             cause = f"it turns to drive back to where it was when it was told, as if that were its goal; or {cause}"
         self.require(
-            slipped <= self.still_m and turned <= STILL_RAD,
+            slipped <= self.still_m and turned <= self.still_rad,
             f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m and {turned:.2f} rad within "
             f"another second: {cause}",
         )
@@ -318,9 +316,9 @@ class Bench(Judging):
         turned = max(
             (abs(turn(before.heading_rad, each.heading_rad)) for each in self.since(robot, began_s)), default=0.0
         )
-        if moved <= _CREEPS * self.caps.v_max_m_s * seconds and turned <= STILL_RAD:
+        if moved <= _CREEPS * self.caps.v_max_m_s * seconds and turned <= self.still_rad:
             cause = f"it creeps, so nothing holds it at rest; or {cause}"
         self.require(
-            moved <= self.still_m and turned <= STILL_RAD,
+            moved <= self.still_m and turned <= self.still_rad,
             f"it moved by {moved:.3f} m and turned by {turned:.2f} rad in {seconds:g} s, expected rest: {cause}",
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import math
 import pickle
 import subprocess
 from collections.abc import Callable
@@ -59,8 +58,7 @@ class Given:
         radius_m = self.radius_m + promised.body_radius_m
         # Targets are so far apart that the robot can know at which of them it is.
         least_m = max(_LEAST_ROOM_M, _ROOM_TO_NOISE * promised.position_noise_m)
-        to_fence_m = min(spec.x_m, spec.y_m, workspace.width_m - spec.x_m, workspace.depth_m - spec.y_m)
-        to_box_m = min((box.distance_m(spec.x_m, spec.y_m) for box in workspace.boxes), default=math.inf)
+        to_fence_m, to_box_m = workspace.fence_m(spec.x_m, spec.y_m), workspace.clearance_m(spec.x_m, spec.y_m, 0.0)
         free_m = min(to_fence_m, to_box_m)
         if self.room_m < least_m or radius_m > free_m:
             what = "the fence" if to_fence_m <= to_box_m else "a box"

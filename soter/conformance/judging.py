@@ -15,6 +15,8 @@ from soter.sdk import Capabilities, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 STILL_M: Final = 0.005
 
+STILL_RAD: Final = 0.03
+
 READ_S: Final = 0.003
 """A pose of the truth that took longer than this to read says nothing of when it was."""
 
@@ -26,6 +28,7 @@ _FAST_SHARE: Final = 0.02
 _READS: Final = 5
 _NEAR_M: Final = 0.05
 _MAY_BE: Final = 0.2
+_ENDS: Final = 4.0
 
 
 class Judging:
@@ -44,6 +47,7 @@ class Judging:
         judged: how many robots clauses about one open, of which they judge the last.
         opener: opens robots in place of the harness's `open`; None for that.
         faulty: the clause has broken the link, so that silence is no surprise.
+        scatter_m: how far places were off the even ways that were fitted to them, at most.
     """
 
     def __init__(self, harness: Harness, *, truth: bool = False, needs: tuple[str, ...] = ()) -> None:
@@ -57,6 +61,7 @@ class Judging:
         self._turned: dict[int, float] = {}
         self.capabilities: Capabilities | None = None
         self.faulty = False
+        self.scatter_m = 0.0
         self.judged = 1
         self.opener: Callable[[], Fleet] | None = None
 
@@ -114,7 +119,37 @@ class Judging:
     @property
     def still_m(self) -> float:
         """A robot whose pose changes by no more than this is at rest."""
-        return STILL_M + (0.0 if self.truth else 2.0 * self.caps.position_noise_m)
+        return STILL_M + 2.0 * self.noise_m
+
+    @property
+    def still_rad(self) -> float:
+        """A robot whose heading changes by no more than this does not turn."""
+        return STILL_RAD + 2.0 * self.noise_rad
+
+    @property
+    def noise_m(self) -> float:
+        """How far a place that was seen may be off by what the robot promises of its samples; the truth is not."""
+        return 0.0 if self.truth else self.caps.position_noise_m
+
+    @property
+    def noise_rad(self) -> float:
+        """The same of a heading."""
+        return 0.0 if self.truth else self.caps.heading_noise_rad or 0.0
+
+    @property
+    def _blurred_s(self) -> float:
+        """How far a fitted moment may be off by the noise that is there, as far as the robot promises that much.
+
+        It is of both ends of the even way before it, and of where the robot rests.
+        """
+        return _ENDS * min(self.scatter_m, self.noise_m) / self.caps.v_max_m_s
+
+    def blurred(self, rate_m_s2: float, *, at_least: bool = False) -> float:
+        """Return by what part a rate that speed changes at may be off by the noise, to the side that is judged."""
+        lasts_s = self.caps.v_max_m_s / rate_m_s2
+        if at_least:
+            return self._blurred_s / (lasts_s + self._blurred_s)
+        return self._blurred_s / (lasts_s - self._blurred_s) if self._blurred_s < lasts_s else math.inf
 
     @property
     def speed_noise_m_s(self) -> float:
@@ -124,7 +159,7 @@ class Judging:
     @property
     def fit_s(self) -> float:
         """How far the moment may be off at which a motion begins to change, as it is fitted to what was seen."""
-        return max(self.read_s, FIT_S)
+        return max(self.read_s, FIT_S) + self._blurred_s
 
     @property
     def read_s(self) -> float:

@@ -89,12 +89,14 @@ class Ramp(NamedTuple):
         lasts_s: from there to the end of the change.
         speed_m_s: the even speed.
         run_m: how far the robot got from the event on; 0 for a start.
+        scatter_m: how far places were off the even way, at most.
     """
 
     begins_s: float
     lasts_s: float
     speed_m_s: float
     run_m: float
+    scatter_m: float
 
     @property
     def rate_m_s2(self) -> float:
@@ -120,7 +122,7 @@ def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
     line = _line(before, before)
     if line is None:
         return None
-    speed, at_event, along = line[0], line[1] + line[0] * event_s, line[2]
+    speed, at_event, along, scatter_m = line[0], line[1] + line[0] * event_s, line[2], line[3]
     after = [(each.at_s - event_s, along(each) - at_event) for each in track if each.at_s > event_s]
     if not after:
         return None
@@ -135,7 +137,7 @@ def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
 
     # Clocks that are learned may say that it began a little before the event; cut off, it would seem to brake harder.
     begins_s = _least(miss, -_EARLY_S, max(run_m / speed, 0.0))
-    return Ramp(begins_s, lasts_s(begins_s), speed, run_m)
+    return Ramp(begins_s, lasts_s(begins_s), speed, run_m, scatter_m)
 
 
 def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
@@ -146,7 +148,7 @@ def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
     line = _line([each for each in after if each.at_s >= after[-1].at_s - CRUISE_S], after)
     if line is None:
         return None
-    speed, along = line[0], line[2]
+    speed, along, scatter_m = line[0], line[2], line[3]
     still = [along(each) for each in track if event_s - CRUISE_S <= each.at_s <= event_s]
     began = along(after[0]) if not still else sum(still) / len(still)
     # Where the even way begins, if it were even from rest on: in the middle of the ramp.
@@ -158,13 +160,13 @@ def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
         return sum((way - _begun(time_s, begins_s, ramp_s, speed)) ** 2 for time_s, way in ways)
 
     begins_s = _least(miss, -_EARLY_S, middle_s)
-    return Ramp(begins_s, 2.0 * (middle_s - begins_s), speed, 0.0)
+    return Ramp(begins_s, 2.0 * (middle_s - begins_s), speed, 0.0, scatter_m)
 
 
 def _line(
     even: Sequence[TrackSample], whole: Sequence[TrackSample]
-) -> tuple[float, float, Callable[[TrackSample], float]] | None:
-    """Return speed, way at time 0, and the way along their course, of samples on an even straight way."""
+) -> tuple[float, float, Callable[[TrackSample], float], float] | None:
+    """Return the speed of samples on an even straight way, the way at time 0, along their course, and their scatter."""
     if len(even) < 3 or even[-1].at_s <= even[0].at_s:
         return None
     dx, dy = even[-1].x_m - whole[0].x_m, even[-1].y_m - whole[0].y_m
@@ -181,7 +183,10 @@ def _line(
     middle_s, middle_m = sum(times) / len(times), sum(ways) / len(ways)
     spread = sum((time_s - middle_s) ** 2 for time_s in times)
     speed = sum((time_s - middle_s) * (way - middle_m) for time_s, way in zip(times, ways, strict=True)) / spread
-    return (speed, middle_m - speed * middle_s, along) if speed > _SWIFT_M_S else None
+    if speed <= _SWIFT_M_S:
+        return None
+    begins_m = middle_m - speed * middle_s
+    return speed, begins_m, along, max(abs(way - begins_m - speed * at) for at, way in zip(times, ways, strict=True))
 
 
 def _braked(time_s: float, begins_s: float, lasts_s: float, speed: float) -> float:

@@ -41,7 +41,8 @@ def measure_braking(bench: Bench, trials: Sequence[Trial], what: str) -> None:
 
     Each way is judged by itself; on a wire, where one trial is off by more, only if there are enough of each.
     """
-    brake, share = bench.caps.brake_m_s2, share_off(bench)
+    brake = bench.caps.brake_m_s2
+    share = share_off(bench, brake, at_least=True)
     ways = {
         way: [each.end.rate_m_s2 for each in trials if each.backwards is backwards]
         for backwards, way in ((False, ""), (True, " on its way backwards"))
@@ -58,9 +59,9 @@ def measure_braking(bench: Bench, trials: Sequence[Trial], what: str) -> None:
             )  # fmt: skip
 
 
-def share_off(bench: Bench) -> float:
-    """Return by what part a change of speed may be off: on a wire a few readings are all there is of one."""
-    return _SHARE_IN_PROCESS if bench.caps.in_process else _SHARE
+def share_off(bench: Bench, rate_m_s2: float, *, at_least: bool = False) -> float:
+    """Return by what part a rate may be off that speed changes at: on a wire a few readings are all there is of one."""
+    return (_SHARE_IN_PROCESS if bench.caps.in_process else _SHARE) + bench.blurred(rate_m_s2, at_least=at_least)
 
 
 class ToAndFro:
@@ -143,6 +144,7 @@ class Shuttle:
             goal.cancel()
             if start is not None and end is not None:
                 good += 1
+                bench.scatter_m = max(bench.scatter_m, start.scatter_m, end.scatter_m)
                 yield Trial(start, end, called_s, backwards)
             else:
                 void += 1
@@ -161,6 +163,7 @@ class Shuttle:
         start = fit_start(bench.tracks[robot.id], called_s)
         bench.require(start is not None, "it did not keep an even speed on a straight leg: it stops and goes")
         assert start is not None
+        bench.scatter_m = max(bench.scatter_m, start.scatter_m)
         bench.measure(name, start.begins_s, bench.caps.latency_s + bench.caps.jitter_s, bench.fit_s, cause)
 
     def _go(self, target: Waypoint) -> Goal:

@@ -74,7 +74,8 @@ class VelocityTracker:
         turn_rad_s = max(-robot.yaw_rate_max_rad_s, min(robot.yaw_rate_max_rad_s, asked.turn_rad_s))
         drives = abs(speed_m_s) > _RESTS_M_S
         moves_m_s = own.vx_m_s * math.cos(own.heading_rad) + own.vy_m_s * math.sin(own.heading_rad)
-        rests = abs(moves_m_s) <= _RESTS_M_S
+        rest_m_s = _RESTS_M_S + (robot.speed_noise_m_s or 0.0)
+        rests = abs(moves_m_s) <= rest_m_s
         # What it did since its sample it has done.
         x_m, y_m, heading_rad = _on(own.x_m, own.y_m, own.heading_rad, moves_m_s, own.yaw_rate_rad_s, own.age_s(now_s))
         passed_s, self._told_s = now_s - self._told_s, now_s
@@ -96,7 +97,7 @@ class VelocityTracker:
             # Where it comes to rest if it is told to now: it would turn back to a place before that.
             stop_s = robot.latency_s + abs(moves_m_s) / (2.0 * robot.brake_m_s2) + _BEYOND_M / abs(moves_m_s)
             self._stops_at = _on(x_m, y_m, heading_rad, moves_m_s, own.yaw_rate_rad_s, stop_s)[:2]
-        aligned = turn_rad_s or moves_m_s < -_RESTS_M_S
+        aligned = turn_rad_s or moves_m_s < -rest_m_s
         return Waypoint(*self._stops_at, 0.0, wanted_rad if aligned else None, None, _RADIUS_M)
 
 

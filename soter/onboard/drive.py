@@ -59,19 +59,31 @@ class Target(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """What the vehicle can do; the defaults are a TurtleBot3 Burger's."""
+    """What the vehicle can do, and how well it is known; the defaults are a TurtleBot3 Burger's, known exactly.
+
+    Attributes:
+        v_max_m_s: top speed.
+        yaw_rate_max_rad_s: top turn rate.
+        accel_m_s2: how fast its speed grows.
+        brake_m_s2: how fast it falls.
+        yaw_accel_rad_s2: how fast its turn rate changes.
+        speed_noise_m_s: error of the speed that the drive is told, at most.
+        position_noise_m: the same of the position.
+    """
 
     v_max_m_s: float = 0.22
     yaw_rate_max_rad_s: float = 2.84
     accel_m_s2: float = 1.0
     brake_m_s2: float = 1.0
     yaw_accel_rad_s2: float = 8.0
+    speed_noise_m_s: float = 0.0
+    position_noise_m: float = 0.0
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
-            value = getattr(self, name)
-            if not 0.0 < value < inf:
-                raise ValueError(f"DriveLimits.{name} is {value}, allowed: finite and above 0")
+            value, exact = getattr(self, name), name.endswith(("noise_m_s", "noise_m"))
+            if not 0.0 < value < inf and not (exact and value == 0.0):
+                raise ValueError(f"DriveLimits.{name} is {value}, allowed: finite and above 0{', or 0' * exact}")
 
 
 def tube_m(limits: DriveLimits, reaction_s: float) -> float:
@@ -96,8 +108,9 @@ class Drive:
     """
 
     __slots__ = (
-        "_brake", "_brake_dt", "_brake_dt_sq", "_cap", "_far", "_heading", "_mode", "_sign", "_target", "_two_brake",
-        "_two_yaw", "_v_max", "_x", "_y", "_yaw_dt", "_yaw_dt_sq", "_yaw_max", "limits", "period_s",
+        "_brake", "_brake_dt", "_brake_dt_sq", "_cap", "_far", "_heading", "_mode", "_near", "_rest", "_sign",
+        "_target", "_there", "_two_brake", "_two_yaw", "_v_max", "_x", "_y", "_yaw_dt", "_yaw_dt_sq", "_yaw_max",
+        "limits", "period_s",
     )  # fmt: skip
 
     def __init__(self, limits: DriveLimits | None = None, period_s: float = 0.05) -> None:
@@ -115,6 +128,10 @@ class Drive:
         self._yaw_dt = yaw_brake * period_s
         self._yaw_dt_sq = self._yaw_dt * self._yaw_dt
         self._two_yaw = 2.0 * yaw_brake
+        # What it is told of a robot that stands still, where it has to be, is off by as much as the noise.
+        self._rest = _REST_M_S + limits.speed_noise_m_s
+        self._there = max(ARRIVED_M, limits.position_noise_m)
+        self._near = max(_NEAR_M, 2.0 * limits.position_noise_m)
         self._target: Target | None = None
         self._x = self._y = 0.0
         self._heading: float | None = None
@@ -151,10 +168,10 @@ class Drive:
                 across = -across
         else:
             # Not under way: choose a direction, get to rest, turn; fall through once the robot may drive.
-            resting = -_REST_M_S <= v <= _REST_M_S
+            resting = -self._rest <= v <= self._rest
             wanted = self._heading
             if resting:
-                if dx * dx + dy * dy <= ARRIVED_M * ARRIVED_M:
+                if dx * dx + dy * dy <= self._there * self._there:
                     self._mode = _BRAKE
                     return 0.0, 0.0 if wanted is None else self._align(wanted - heading)
                 sign = 1.0 if wanted is None else self._choose(wanted, dx, dy)
@@ -169,10 +186,10 @@ class Drive:
                 if not (-_START_RAD <= error <= _START_RAD and -_START_RAD_S <= yaw_rate <= _START_RAD_S):
                     self._mode = _PIVOT
                     return 0.0, self._turn(error)
-            elif abs(across) > _RESUME_CONE * along or along <= _NEAR_M or (sign < 0.0 and wanted is None):
+            elif abs(across) > _RESUME_CONE * along or along <= self._near or (sign < 0.0 and wanted is None):
                 return 0.0, 0.0
             self._mode = _GO
-        if along > _NEAR_M:
+        if along > self._near:
             if across > _CONE * along or across < -_CONE * along:
                 self._mode = _BRAKE
                 return 0.0, 0.0
@@ -181,7 +198,7 @@ class Drive:
                 w = _STEER_MAX_RAD_S
             elif w < -_STEER_MAX_RAD_S:
                 w = -_STEER_MAX_RAD_S
-        elif along > _AT_TARGET_M and -ARRIVED_M <= across <= ARRIVED_M:
+        elif along > _AT_TARGET_M and -self._there <= across <= self._there:
             # This near the bearing says little, and the heading is right already.
             w = 0.0
         else:

@@ -26,8 +26,6 @@ SETTLED: Final = 10
 
 _REPEAT_S: Final = 0.05
 _LOST_S: Final = 1.0
-_REST_M_S: Final = 1e-3
-_REST_RAD_S: Final = 1e-2
 
 
 class CommandedRobot(Robot):
@@ -185,12 +183,7 @@ class CommandedRobot(Robot):
         if latest is None:
             return False
         state, report = latest
-        return (
-            report.gate.session == self.__command.session
-            and report.gate.seq >= first
-            and abs(state.vx_m_s) + abs(state.vy_m_s) <= _REST_M_S
-            and abs(state.yaw_rate_rad_s) <= _REST_RAD_S
-        )
+        return report.gate.session == self.__command.session and report.gate.seq >= first and self.declared.rests(state)
 
     def __refusal(self, timeout_s: float) -> str:
         latest = self.__latest
@@ -199,9 +192,9 @@ class CommandedRobot(Robot):
                 f"{self.__heard} reports were heard within {timeout_s:g} s; is its process running, and is its address "
                 "right?"
             )
-        gate = latest[1].gate
+        state, gate = latest[0], latest[1].gate
         if gate.session == self.__command.session:
-            return "it does not come to rest although nothing is asked of it; who else moves it?"
+            return self.declared.unrest(state)
         if gate.alive:
             return "it follows somebody else, whose lease lives; end the other program that commands it"
         return "it reports, but takes no command; is its address for commands right?"

@@ -16,6 +16,8 @@ MAX_COORDINATE_M = 10_000.0
 """A coordinate beyond this is a mistake, not a place."""
 
 _MOVING_M_S: Final = 0.02
+_REST_M_S: Final = 1e-3
+_REST_RAD_S: Final = 1e-2
 
 MAX_HEADING_RAD = 1e6
 """A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
@@ -189,6 +191,27 @@ class Capabilities:
     def moving_m_s(self) -> float:
         """A robot that reports a speed above this moves, whatever the noise; at or below it, it may stand."""
         return _MOVING_M_S + (self.speed_noise_m_s or 0.0)
+
+    def rests(self, state: RobotState) -> bool:
+        """Return whether a robot that reports this stands still, as far as its noise lets anybody tell.
+
+        Its rim may seem to move as fast as its middle may.
+        """
+        noise_m_s = self.speed_noise_m_s or 0.0
+        turning_rad_s = max(_REST_RAD_S, noise_m_s / self.body_radius_m)
+        return (
+            math.hypot(state.vx_m_s, state.vy_m_s) <= _REST_M_S + noise_m_s
+            and abs(state.yaw_rate_rad_s) <= turning_rad_s
+        )
+
+    def unrest(self, state: RobotState) -> str:
+        """Return in words why a robot that was told to stand, and reports this, does not count as standing."""
+        speed_m_s = math.hypot(state.vx_m_s, state.vy_m_s)
+        return (
+            f"it does not come to rest although nothing is asked of it: it reports {speed_m_s:.3f} m/s and "
+            f"{state.yaw_rate_rad_s:.3f} rad/s; who else moves it? If nobody does, that is noise, and "
+            f"promise.speed_noise_m_s = {self.speed_noise_m_s} allows too little of it"
+        )
 
     def widened_beyond(self, declared: Capabilities) -> str | None:
         """Return the name of a promise that is worse than `declared` allows, by `WIDENS`, or None."""

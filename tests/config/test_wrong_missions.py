@@ -27,6 +27,10 @@ WRONG: list[tuple[str, str]] = [
     ),
     (30 * "a." + "b = 1", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
     # names
+    (
+        "[[station]]\nx_m = 1.0\ny_m = 2.0\nside = 1.0\n",
+        "m.toml:5: station.0.side: unknown key, did you mean 'side_m'?; allowed: x_m, y_m, side_m",
+    ),
     ("duration = 5\n", "m.toml:2: duration: unknown key, did you mean 'duration_s'?; allowed: " + ALL_KEYS),
     (
         "[rta]\nenable = true\n",

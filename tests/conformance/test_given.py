@@ -18,6 +18,7 @@ from soter.conformance.given import Given, GivenHarness
 from soter.conformance.record import overall
 from soter.conformance.survey import survey
 from soter.errors import ConfigError
+from soter.geometry.draft import Draft, Outline, Spot, circle, site_of
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Controller, Fleet, RobotSpec, Waypoint
 
@@ -52,6 +53,16 @@ def test_a_room_that_is_not_free_is_refused(room_m: float) -> None:
     given(13.7).check(FIELD)
     with pytest.raises(ConfigError, match=r"allowed: 6 to 13\.8"):
         given(5.9).promising(position_noise_m=0.5).check(FIELD)
+
+
+def test_a_room_in_a_workspace_of_any_shape_is_free_too() -> None:
+    draft = Draft("field", [Outline("fence", [(4.0, 0.0), (20.0, 2.0), (16.0, 20.0), (0.0, 16.0)])])
+    draft.keep_outs.append(Outline("pond", circle(12.0, 12.0, 1.0, around=True)))
+    draft.stations.append(Spot("station 1", 8.0, 7.0))
+    field = site_of(draft, phi_safer_m=0.1, spacing_m=0.5)
+    given(8.5).check(field)
+    with pytest.raises(ConfigError, match=r"--room: .* and a box is 5\.4\d m away; allowed: 2 to 10\.6"):
+        given(11.0).check(field)
 
 
 def test_it_is_driven_back_to_the_middle_of_its_room_before_each_clause() -> None:

@@ -24,16 +24,24 @@ class Robot:
         latency_s: until a goal acts; whole periods.
         age_s: of its samples; whole periods.
         reverses: whether it promises to.
+        bias_m_s: what its samples, and its drive, take for its speed at rest.
     """
 
     def __init__(
-        self, limits: DriveLimits | None = None, latency_s: float = 0.0, age_s: float = 0.0, *, reverses: bool = True
+        self,
+        limits: DriveLimits | None = None,
+        latency_s: float = 0.0,
+        age_s: float = 0.0,
+        *,
+        reverses: bool = True,
+        bias_m_s: float = 0.0,
     ) -> None:
-        self.limits = limits or DriveLimits()
+        self.limits = limits = replace(limits or DriveLimits(), speed_noise_m_s=abs(bias_m_s))
+        self.bias_m_s: Final = bias_m_s
         self.capabilities: Capabilities = replace(
             CAPABILITIES, v_max_m_s=self.limits.v_max_m_s, brake_m_s2=self.limits.brake_m_s2,
             yaw_rate_max_rad_s=self.limits.yaw_rate_max_rad_s, latency_s=latency_s, sample_age_s=age_s,
-            setpoint_period_s=PERIOD_S, reverses=reverses,
+            setpoint_period_s=PERIOD_S, reverses=reverses, speed_noise_m_s=abs(bias_m_s),
         )  # fmt: skip
         self.tracker = VelocityTracker(self.capabilities, TICK_S)
         self.drive = Drive(self.limits, PERIOD_S)
@@ -58,7 +66,9 @@ class Robot:
 
     def _period(self, goal: Waypoint | None) -> None:
         limits, before_m_s = self.limits, self.speed_m_s
-        speed, turn = self.drive.command(self.x_m, self.y_m, self.heading_rad, self.speed_m_s, self.turn_rad_s, goal)
+        speed, turn = self.drive.command(
+            self.x_m, self.y_m, self.heading_rad, self.speed_m_s + self.bias_m_s, self.turn_rad_s, goal
+        )
         gain, loss = limits.accel_m_s2 * PERIOD_S, limits.brake_m_s2 * PERIOD_S
         faster = speed * self.speed_m_s >= 0.0 and abs(speed) > abs(self.speed_m_s)
         most = gain if faster else loss
@@ -75,8 +85,9 @@ class Robot:
         self._sample()
 
     def _sample(self) -> None:
+        shown_m_s = self.speed_m_s + self.bias_m_s
         c, s = math.cos(self.heading_rad), math.sin(self.heading_rad)
         self._samples.append(RobotState(
-            1, self.time_s, self.time_s, self.x_m, self.y_m, 0.0, self.heading_rad, self.speed_m_s * c,
-            self.speed_m_s * s, self.turn_rad_s, None, None, None, Link.UP,
+            1, self.time_s, self.time_s, self.x_m, self.y_m, 0.0, self.heading_rad, shown_m_s * c,
+            shown_m_s * s, self.turn_rad_s, None, None, None, Link.UP,
         ))  # fmt: skip

@@ -42,6 +42,17 @@ def test_velocities_are_tracked(
     assert abs(robot.driven_m - before_m) <= braking_m + late_m + 0.011, "it stops at once, and does not turn back"
 
 
+@pytest.mark.parametrize("bias_m_s", [0.015, -0.015, 0.03, -0.03])
+@pytest.mark.parametrize(("forward_m_s", "turn_rad_s"), [(0.2, 0.0), (0.2, -0.4), (-0.2, 0.0), (0.0, 0.5), (0.0, -1.5)])
+def test_a_robot_that_seems_to_move_where_it_stands_is_driven_all_the_same(
+    bias_m_s: float, forward_m_s: float, turn_rad_s: float
+) -> None:
+    robot = Robot(bias_m_s=bias_m_s)
+    assert tracked(robot, forward_m_s, turn_rad_s) == pytest.approx((forward_m_s, turn_rad_s), abs=0.02)
+    robot.run(0.0, 0.0, 2.0)
+    assert robot.speed_m_s == robot.turn_rad_s == 0.0
+
+
 @pytest.mark.parametrize(("latency_s", "most_rad_s"), [(0.0, 0.75), (0.05, 0.6), (0.15, 0.4)])
 def test_beyond_what_can_be_steered_turn_rates_are_cut_and_speeds_are_not(latency_s: float, most_rad_s: float) -> None:
     robot = Robot(latency_s=latency_s)

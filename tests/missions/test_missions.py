@@ -357,6 +357,22 @@ def test_the_examples_do_what_they_say(
         assert any("leaves its load" in line for line in caplog.messages)
 
 
+@pytest.mark.ompl
+@pytest.mark.parametrize("workspace", ["l-hall.toml", "turned-room.toml", "flat.yaml"])
+def test_ground_of_any_shape_is_swept(workspace: str, caplog: pytest.LogCaptureFixture) -> None:
+    changes: dict[str, Any] = {"workspace": str(EXAMPLES / "worlds" / workspace), "mission.lane_m": 2.0}
+    if workspace == "flat.yaml":
+        flat = load_mission(EXAMPLES / "worlds" / "flat-patrol.toml")
+        changes["station"] = [each.model_dump() for each in flat.station]
+    with caplog.at_level(logging.WARNING):
+        mission = load_mission(
+            EXAMPLES / "missions" / "coverage.toml", {"backend": "kinematic", "robots": 2, **changes}
+        )
+        result = run_mission(mission).result
+    assert (result.violated, result.failed_robots) == (False, {})
+    assert result.targets_reached >= 8
+
+
 def test_each_robot_visits_its_own_places_and_is_done(caplog: pytest.LogCaptureFixture) -> None:
     own = {"use": "waypoints", "robots": {"2": [[3.0, 4.0], [4.0, 4.0]]}, "points": [[2.0, 1.0]]}
     with caplog.at_level(logging.WARNING):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import random
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -156,9 +158,53 @@ def test_a_target_where_it_stands_moves_nothing() -> None:
     assert Drive().command(1.0, 1.0, 2.0, 0.0, 0.0, Waypoint(1.005, 1.0)) == (0.0, 0.0)
 
 
+Noise = tuple[float, float, float, float, float]
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    bearing=angles,
+    position_m=st.floats(0.0, 0.05),
+    heading_rad=st.floats(0.0, 0.05),
+    speed_m_s=st.floats(0.0, 0.1),
+    yaw_rate_rad_s=st.floats(0.0, 0.1),
+    signs=st.tuples(*[st.sampled_from([-1.0, 1.0])] * 5),
+    chance=st.none() | st.randoms(use_true_random=False),
+)
+def test_whatever_is_told_within_its_noise_it_arrives_and_rests(
+    bearing: float,
+    position_m: float,
+    heading_rad: float,
+    speed_m_s: float,
+    yaw_rate_rad_s: float,
+    signs: Noise,
+    chance: random.Random | None,
+) -> None:
+    """An estimate may be off always to the same side, as one of a filter that drifts, or anew each time."""
+    exact = DriveLimits()
+    drive = Drive(replace(exact, speed_noise_m_s=speed_m_s, position_noise_m=math.hypot(position_m, position_m)))
+    x = y = heading = v = w = 0.0
+    end = beyond((0.0, 0.0), bearing, 0.8)
+    target = Waypoint(*end)
+    for period in range(600):
+        off = [sign if chance is None else chance.uniform(-1.0, 1.0) for sign in signs]
+        speed, turn = drive.command(
+            x + position_m * off[0], y + position_m * off[1], heading + heading_rad * off[2], v + speed_m_s * off[3],
+            w + yaw_rate_rad_s * off[4], target,
+        )  # fmt: skip
+        v += max(-0.05 * exact.brake_m_s2, min(0.05 * exact.accel_m_s2, speed - v))
+        w += max(-0.05 * exact.yaw_accel_rad_s2, min(0.05 * exact.yaw_accel_rad_s2, turn - w))
+        heading += 0.05 * w
+        x, y = beyond((x, y), heading, 0.05 * v)
+        assert period < 500 or (v, w) == (0.0, 0.0), "it rests for the last five seconds"
+    assert math.dist((x, y), end) <= ARRIVED_M + 3.0 * position_m
+
+
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_limits_are_positive_and_finite(value: float) -> None:
     with pytest.raises(ValueError, match="brake_m_s2"):
         DriveLimits(brake_m_s2=value)
+    with pytest.raises(ValueError, match="speed_noise_m_s is nan, allowed: finite and above 0, or 0"):
+        DriveLimits(speed_noise_m_s=math.nan)
     with pytest.raises(ValueError, match="period_s"):
         Drive(period_s=value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -238,7 +239,8 @@ def test_closing_ends_the_lease_and_waits_until_the_robot_stands(robot: Rig) -> 
     [
         (lambda each: each._replace(gate=GateReport("other", 7, "SC", True)), "it follows somebody else"),
         (lambda each: each._replace(gate=GateReport("other", 7, "SC", False)), "takes no command"),
-        (lambda each: each._replace(vx_m_s=0.1), "does not come to rest"),
+        (lambda each: each._replace(vx_m_s=0.1), r"reports 0.100 m/s and .*promise\.speed_noise_m_s = None"),
+        (lambda each: each._replace(yaw_rate_rad_s=0.2), r"reports 0.000 m/s and 0.200 rad/s.*speed_noise_m_s = None"),
         (lambda each: each._replace(robot=2), r"0 reports were heard within 1 s; is its process running"),
     ],
 )
@@ -249,6 +251,15 @@ def test_a_robot_that_cannot_be_had_says_why(changed: Callable[[Report], Report]
         robot.init(1.0)
     robot.close(1.0)
     assert robot.released
+
+
+def test_a_robot_that_seems_to_move_as_its_noise_has_it_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Rig, "declared", replace(Rig.declared, speed_noise_m_s=0.03))
+    robot = Rig()
+    robot.changed = lambda each: each._replace(vx_m_s=each.vx_m_s + 0.03, yaw_rate_rad_s=0.2)
+    robot.init(1.0)
+    robot.close(1.0)
+    assert robot.host_s < 101.0, "nobody waited"
 
 
 def test_a_robot_that_is_gone_is_not_waited_for_long(robot: Rig) -> None:

@@ -3,13 +3,13 @@
 This is the contract with whoever talks to them. It imports nothing: the vehicles are another process, started by
 
 ```
-python -m soter_sim.mavlink WORLD.json|- [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
+python -m soter_sim.mavlink [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
     [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--like ardurover|arducopter] [--speedup N]
     [--boot SECONDS] [--origin LAT,LON,ALT] [--sign FILE] [--parent PID]
 ```
 
-`WORLD.json`, or standard input, describes the world: see `soter_sim.mavlink.described`. Once all sockets are open, one
-line of JSON is printed: `{"links": ["udpin:127.0.0.1:14550", ...], "truth": "127.0.0.1:PORT", "robots": [1, 2]}`. With
+The world comes on standard input, as `soter.sdk.wire.describe` writes it. Once all sockets are open, one line of JSON
+is printed: `{"links": ["udpin:127.0.0.1:14550", ...], "truth": "127.0.0.1:PORT", "robots": [1, 2]}`. With
 `--parent` the process ends when that one is not its parent any more; SIGINT and SIGTERM end it with code 0. What is not
 allowed ends it with code 2 and one line on standard error. Nothing but 127.0.0.1 is ever used.
 

@@ -1,6 +1,7 @@
-"""`python -m soter_sim.mavlink WORLD`: the simulated vehicles for programs; people use `soter sim mavlink`.
+"""`python -m soter_sim.mavlink`: the simulated vehicles for programs; people use `soter sim mavlink`.
 
-It prints one line of JSON, `{"links": [ADDRESS, ...], "truth": "HOST:PORT", "robots": [ID, ...]}`, once it is ready.
+The world comes on standard input, as `soter.sdk.wire.describe` writes it. One line of JSON is printed once
+it is ready: `{"links": [ADDRESS, ...], "truth": "HOST:PORT", "robots": [ID, ...]}`.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from soter.errors import SoterError
-from soter_sim.mavlink.described import read_world
 from soter_sim.mavlink.frames import Origin
 from soter_sim.mavlink.signing import read_key
 from soter_sim.mavlink.simulation import Settings, Simulation
+from soter_sim.program import read_world
 
 _LOOK_FOR_PARENT_STEPS = 20
 
@@ -27,8 +28,7 @@ def main() -> int:
     """Run the program and return its exit code."""
     arguments = _parser().parse_args()
     try:
-        data = sys.stdin.buffer.read() if arguments.world == "-" else Path(arguments.world).read_bytes()
-        workspace, robots, limits = read_world(data, arguments.world)
+        workspace, robots, limits = read_world()
         settings = Settings(
             vehicle=arguments.vehicle,
             engine=arguments.engine,
@@ -47,7 +47,7 @@ def main() -> int:
         )
         simulation = Simulation(workspace, robots, settings)
     except (SoterError, ValueError, OSError, ImportError) as failure:
-        sys.stderr.write(f"error: {failure}\n")
+        sys.stderr.write(f"error: {' '.join(str(failure).split())}\n")
         return 2
     with simulation:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -64,8 +64,8 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m soter_sim.mavlink", description="Simulated vehicles on MAVLink.")
-    parser.add_argument("world", help="a JSON file, or - for standard input; see soter_sim.mavlink.described")
+    says = "Simulated vehicles on MAVLink; the world comes as JSON on standard input."
+    parser = argparse.ArgumentParser(prog="python -m soter_sim.mavlink", description=says)
     parser.add_argument("--udp", type=int, action="append", default=[], help="send to this port of this host")
     parser.add_argument("--tcp", type=int, action="append", default=[], help="listen on this port; 0 for any free one")
     parser.add_argument("--truth", type=int, default=0, help="tell the truth on this port; 0 for any free one")

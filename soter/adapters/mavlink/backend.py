@@ -13,12 +13,12 @@ from soter.adapters.mavlink.held_missions import read_missions
 from soter.adapters.mavlink.link import Inbox, MavlinkLink
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
-from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.clock import Clock, VehicleClock
 from soter.errors import ConfigError, RobotUnavailable, Unsupported
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Capabilities, HeldMission, Robot, RobotSpec
-from soter.sdk.wire import WireFleet
+from soter.sdk.wire import WireFleet, describe
 
 _SYSTEM_MOST: Final = 254
 

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
-from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
@@ -27,6 +27,7 @@ from soter.conformance.harness import LIMITS
 from soter.errors import RobotUnavailable
 from soter.sdk import Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
+from soter.sdk.wire import describe
 
 _HOST: Final = "127.0.0.1"
 _LOOK_S: Final = 0.02

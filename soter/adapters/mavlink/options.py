@@ -155,11 +155,7 @@ class MavlinkConfig(BackendConfig):
     @model_validator(mode="after")
     def _knows_the_place(self) -> Self:
         plan = self.workspace.plan if isinstance(self.workspace, Site) else None
-        if plan is not None and self.connection is None:
-            raise ValueError(
-                "the simulated vehicles know rectangles with boxes along their axes only, not a workspace with polygons"
-            )
-        if plan is not None and plan.origin is not None:
+        if plan is not None and plan.origin is not None and self.connection is not None:
             # Autopilots reckon places on a sphere, by up to 0.6 % other than the ellipsoid: a metre in 200.
             raise ValueError(
                 "the workspace has places on earth, which autopilots reckon by up to 0.6 % otherwise: the fence would "

@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import socket
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import Any, Final
+from typing import Final
 
-from soter.geometry.workspace import Box, Workspace
-from soter.sdk import RobotSpec, RuleLimits, program
+from soter.sdk import program
 
 _MODULE: Final = "soter_sim.mavlink"
-
-
-def describe(
-    workspace: Workspace,
-    robots: Sequence[RobotSpec],
-    limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
-) -> dict[str, Any]:
-    """Return a world as `soter_sim.mavlink` reads it: metres, east and north, radians counter-clockwise from east."""
-    return {
-        "width_m": workspace.width_m,
-        "depth_m": workspace.depth_m,
-        "boxes": [_edges(box) for box in workspace.boxes],
-        "chargers": [_edges(place.charger) for place in workspace.robots],
-        "robots": [{name: value for name, value in asdict(spec).items() if name != "name"} for spec in robots],
-        "limits": asdict(limits),
-    }
 
 
 def free_port() -> int:
@@ -48,10 +28,10 @@ class MavlinkSimulator:
         RobotUnavailable: it does not start.
     """
 
-    def __init__(self, world: Mapping[str, Any], port: int, *options: str) -> None:
-        self.process: Final = program.start(_MODULE, "-", "--udp", str(port), *options)
+    def __init__(self, world: bytes, port: int, *options: str) -> None:
+        self.process: Final = program.start(_MODULE, "--udp", str(port), *options)
         try:
-            self.truth: Final[str] = program.hand_over(self.process, _MODULE, json.dumps(world).encode())["truth"]
+            self.truth: Final[str] = program.hand_over(self.process, _MODULE, world)["truth"]
         except BaseException:
             self.close()
             raise
@@ -63,7 +43,3 @@ class MavlinkSimulator:
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""
         program.end([self.process])
-
-
-def _edges(box: Box) -> tuple[float, float, float, float]:
-    return box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m

@@ -45,8 +45,6 @@ _LOST_S: Final = 1.0
 _INTRUDED_S: Final = 0.1
 """So long a robot is not driven after somebody else was seen to: not a lease, so that one message stops it for a tick
 or two, and who goes on keeps it stopped."""
-_REST_M_S: Final = 1e-3
-_REST_RAD_S: Final = 1e-2
 
 
 def wait_for(holds: Callable[[], bool], timeout_s: float) -> bool:
@@ -127,7 +125,8 @@ class StreamedRobot(Robot):
         promised = self.declared
         limits = DriveLimits(
             promised.v_max_m_s, promised.yaw_rate_max_rad_s, brake_m_s2=_BRAKE * promised.brake_m_s2,
-            yaw_accel_rad_s2=_YAW_ACCEL_RAD_S2,
+            yaw_accel_rad_s2=_YAW_ACCEL_RAD_S2, speed_noise_m_s=promised.speed_noise_m_s or 0.0,
+            position_noise_m=promised.position_noise_m,
         )  # fmt: skip
         self._drive: Final = Drive(limits, _PLANNED_PERIOD_S * rate)
         self._steering: Final = threading.Lock()
@@ -281,11 +280,7 @@ class StreamedRobot(Robot):
             gate, latest = self._gate, self._latest
             if gate is None or latest is None or gate.session != self._order.session or gate.seq < first:
                 return False
-            motion = latest[1]
-            return (
-                abs(motion.forward_m_s) + abs(motion.leftward_m_s) <= _REST_M_S
-                and abs(motion.turn_rad_s) <= _REST_RAD_S
-            )
+            return self.declared.rests(latest[0])
 
         while self.clock.steady_s() < until_s:
             self._say()
@@ -300,11 +295,11 @@ class StreamedRobot(Robot):
 
     def _refusal(self) -> str | None:
         """Return why the robot did not settle, as its mux reports it; None where its mux takes no order of ours."""
-        gate = self._gate
+        gate, latest = self._gate, self._latest
         if self._follows_another():
             return "its mux follows somebody else, whose lease lives; end the other program that commands it"
-        if gate is not None and gate.session == self._order.session:
-            return "it does not come to rest although nothing is asked of it; who else moves it?"
+        if gate is not None and gate.session == self._order.session and latest is not None:
+            return self.declared.unrest(latest[0])
         return None
 
     def _speaks_for(self, controller: str) -> bool:

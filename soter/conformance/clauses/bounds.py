@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
+from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
-from soter.conformance.judging import STILL_M
+from soter.conformance.judging import FIT_S, STILL_M, STILL_RAD
 from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
 from soter.errors import Unsupported
@@ -45,8 +45,8 @@ def latency(bench: Bench) -> None:
     bench.measure("latency_worst_s", max(seen), caps.latency_s + caps.jitter_s, bench.fit_s, cause)
     bench.measure(
         "setpoint_period_s", quantile(seen, 0.9) - quantile(seen, 0.1), caps.setpoint_period_s,
-        bench.read_s + caps.jitter_s, "calls at different moments wait for very different times: the vehicle looks at "
-        "its commands more seldom than setpoint_period_s says",
+        bench.fit_s - FIT_S + caps.jitter_s, "calls at different moments wait for very different times: the vehicle "
+        "looks at its commands more seldom than setpoint_period_s says",
     )  # fmt: skip
 
 
@@ -141,8 +141,7 @@ def _legs(bench: Bench) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]
 
 def _off_m(bench: Bench) -> float:
     """Return how far a place that was seen may be off because the measurement is."""
-    noise_m = 0.0 if bench.truth else 2.0 * bench.caps.position_noise_m
-    return 1e-4 + noise_m + bench.caps.v_max_m_s * bench.read_s
+    return 1e-4 + 2.0 * bench.noise_m + bench.caps.v_max_m_s * bench.read_s
 
 
 def _along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSample]) -> list[tuple[float, float]]:
@@ -223,7 +222,7 @@ def acceleration(bench: Bench) -> None:
     trials = Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())
     seen = [trial.start.rate_m_s2 for trial in trials]
     bench.measure(
-        "accel_m_s2", quantile(seen, 0.5), accel, share_off(bench) * accel,
+        "accel_m_s2", quantile(seen, 0.5), accel, share_off(bench, accel) * accel,
         "it gains speed faster than promised: accel_m_s2 is declared too small", spread=seen,
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from statistics import mean
 
-from soter.conformance.bench import STILL_RAD, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
@@ -200,7 +200,7 @@ def turning(bench: Bench) -> None:
         bench.run(begin_s + 2.0 * _TURN_ENDS_S + caps.sample_age_s, renew=renew)
         bench.measure(
             "turned_on_rad", abs(turn(at.heading_rad, bench.look(robot).heading_rad)),
-            caps.yaw_rate_max_rad_s * (begin_s + caps.sample_age_s + _TURN_ENDS_S), STILL_RAD,
+            caps.yaw_rate_max_rad_s * (begin_s + caps.sample_age_s + _TURN_ENDS_S), bench.still_rad,
             f"after {what} it goes on to turn: what it is told waits until the turn is done",
         )  # fmt: skip
         bench.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final, NamedTuple
 
 from pydantic import BaseModel, Field
@@ -11,9 +12,14 @@ from pydantic import BaseModel, Field
 from soter.controllers.base import Arena, Controller, ControllerOptions
 from soter.sdk import RobotState, Waypoint
 from soter.stack.site_terrain import SiteTerrain
+from soter.stack.terrain import Point
 
 BEYOND_M: Final = 1.0
 """How far beyond an edge an attack aims, so that the robot does not slow down before it."""
+
+Ring = list[Point]
+
+_SHARP: Final = 0.3
 
 Positive = Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
 
@@ -50,6 +56,37 @@ class Adversary(Controller, ABC):
 
     @abstractmethod
     def act(self, now_s: float, tick: int) -> None: ...
+
+
+def rings_where_control_is_lost(arena: Arena, facts: RobotFacts, spare_m: float) -> tuple[list[Ring], list[Ring]]:
+    """Return the outlines on which an AC may just be, along the fence and around what is kept out; lists may be empty.
+
+    Args:
+        arena: where.
+        facts: about the robots.
+        spare_m: how much inside the edge of what is allowed; negative is beyond it.
+    """
+    fence, kept_out = arena.terrain.workspace.outlines()
+    inset_m = facts.reach_m(arena.rta.geofence.delta_s) + spare_m
+    off_m = facts.reach_m(arena.rta.obstacle.delta_s) + spare_m
+    off_m += arena.terrain.body_radius_m + arena.rta.obstacle.phi_safe_m
+    return [moved(fence, -inset_m)] if fence else [], [moved(ring, off_m) for ring in kept_out]
+
+
+def moved(ring: Sequence[Point], by_m: float) -> Ring:
+    """Return the corners of a polygon with all of its sides moved outwards; sharp corners are cut short."""
+    sides = list(zip(ring, [*ring[1:], ring[0]], strict=True))
+    around = math.copysign(1.0, sum(ax * by - bx * ay for (ax, ay), (bx, by) in sides))
+    units = [
+        (around * (by - ay) / math.dist((ax, ay), (bx, by)), around * (ax - bx) / math.dist((ax, ay), (bx, by)))
+        for (ax, ay), (bx, by) in sides
+    ]
+    corners = []
+    for index, (x_m, y_m) in enumerate(ring):
+        (ax, ay), (bx, by) = units[index - 1], units[index]
+        scale = by_m / max(1.0 + ax * bx + ay * by, _SHARP)
+        corners.append((x_m + scale * (ax + bx), y_m + scale * (ay + by)))
+    return corners
 
 
 def towards(own: RobotState, x_m: float, y_m: float, speed_m_s: float | None = None) -> Waypoint:

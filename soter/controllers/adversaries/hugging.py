@@ -11,9 +11,9 @@ from soter.controllers.adversaries import base
 from soter.controllers.base import Arena
 from soter.rta import ControlReport, Report
 from soter.sdk import Waypoint
-from soter.stack.terrain import Point
 
 _CORNER_M = 0.03
+_ASIDE_M = 0.2
 _GIVE_UP_S = 60.0
 
 
@@ -40,45 +40,44 @@ class BoundaryHugging(base.Adversary):
 
     def begin(self, arena: Arena) -> None:
         super().begin(arena)
-        rta, facts, terrain, spare_m = arena.rta, self.options.facts, arena.terrain, self.options.spare_m
-        inset_m = facts.reach_m(rta.geofence.delta_s) + spare_m
-        width_m, depth_m = terrain.width_m - inset_m, terrain.depth_m - inset_m
-        self._rings: list[list[Point]] = [
-            [(inset_m, inset_m), (width_m, inset_m), (width_m, depth_m), (inset_m, depth_m)]
-        ]
-        off_m = terrain.body_radius_m + rta.obstacle.phi_safe_m + facts.reach_m(rta.obstacle.delta_s) + spare_m
-        for box in terrain.boxes:
-            low_x, low_y, high_x, high_y = (
-                box.low_x_m - off_m, box.low_y_m - off_m, box.high_x_m + off_m, box.high_y_m + off_m,
-            )  # fmt: skip
-            self._rings.append([(low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y)])
-        self._at = {robot_id: 4 * index for index, robot_id in enumerate(arena.ports)}
+        fence, kept_out = base.rings_where_control_is_lost(arena, self.options.facts, self.options.spare_m)
+        self._rings = fence + kept_out
+        many = max(len(self._rings), 1)
+        self._at = {robot_id: (index % many, 0) for index, robot_id in enumerate(arena.ports)}
         self._since_s = dict.fromkeys(arena.ports, 0.0)
-        self._asked: dict[int, int] = {}
+        self._asked: dict[int, tuple[int, int]] = {}
 
     def hear(self, report: Report) -> None:
         """A corner at which control was lost is left out."""
         if isinstance(report, ControlReport):
             self._asked.pop(report.robot_id, None)
-            self._at[report.robot_id] += not report.engaged
+            if not report.engaged:
+                self._go_on(report.robot_id)
+
+    def _go_on(self, robot_id: int) -> None:
+        number, corner = self._at[robot_id]
+        if self._rings:
+            round_it = corner + 1 == len(self._rings[number])
+            self._at[robot_id] = ((number + 1) % len(self._rings), 0) if round_it else (number, corner + 1)
 
     def act(self, now_s: float, tick: int) -> None:
         """Go on to the next corner."""
-        for index, (robot_id, port) in enumerate(self.arena.ports.items()):
+        for index, (robot_id, port) in enumerate(self.arena.ports.items() if self._rings else ()):
             own = port.state
             if own is None or not port.engaged:
                 continue
             at = self._at[robot_id]
-            ring = self._rings[at // 4 % len(self._rings)]
-            x_m, y_m = ring[at % 4 if index % 2 == 0 else -1 - at % 4]
+            ring = self._rings[at[0]][:: 1 if index % 2 == 0 else -1]
+            (before_x_m, before_y_m), (x_m, y_m) = ring[at[1] - 1], ring[at[1]]
             if self._asked.get(robot_id) != at:
                 self._asked[robot_id], self._since_s[robot_id] = at, now_s
                 # Straight across the room at top speed, along an edge at a creep.
-                far = min(abs(own.x_m - x_m), abs(own.y_m - y_m)) > 0.2
-                speed = None if far else self.options.speed_m_s
+                dx, dy = x_m - before_x_m, y_m - before_y_m
+                aside_m = abs(dx * (own.y_m - y_m) - dy * (own.x_m - x_m)) / math.hypot(dx, dy)
+                speed = None if aside_m > _ASIDE_M else self.options.speed_m_s
                 port.goto(Waypoint(x_m, y_m, 0.0, None, speed, 0.5 * _CORNER_M, 600.0))
             elif math.hypot(own.x_m - x_m, own.y_m - y_m) < _CORNER_M or now_s - self._since_s[robot_id] > _GIVE_UP_S:
-                self._at[robot_id] = at + 1
+                self._go_on(robot_id)
 
 
 class FastestToBoundary(base.Adversary):

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import math
 
-from soter.controllers.adversaries.base import Adversary, AdversaryOptions, Positive, towards
+from soter.controllers.adversaries.base import (
+    Adversary,
+    AdversaryOptions,
+    Positive,
+    rings_where_control_is_lost,
+    towards,
+)
 from soter.controllers.base import Arena
 from soter.sdk import Waypoint
 from soter.stack.terrain import Point
 
 _MOVED_M = 0.02
+_SPARE_M = 0.005
 
 
 class PincerOptions(AdversaryOptions):
@@ -37,12 +44,13 @@ class Pincer(Adversary):
         self._ids = sorted(arena.ports)
         self._until_s = -math.inf
         self._turn = -1
+        self._rings = rings_where_control_is_lost(arena, self.options.facts, _SPARE_M)
         self._place: Point = (0.0, 0.0)
         self._asked: dict[int, Point] = {}
 
     def act(self, now_s: float, tick: int) -> None:
         """Send the prey to its place and everybody else to the prey."""
-        if now_s >= self._until_s:
+        if now_s >= self._until_s and any(self._rings):
             self._until_s = now_s + self.options.turn_s
             self._turn += 1
             self._place = self._edge()
@@ -62,24 +70,11 @@ class Pincer(Adversary):
 
     def _edge(self) -> Point:
         """Return a place at an edge where an AC may just be: at the fence, in one of its corners, or beside a box."""
-        random, arena, facts = self._random, self.arena, self.options.facts
-        terrain = arena.terrain
-        width_m, depth_m = terrain.width_m, terrain.depth_m
-        inset_m = facts.reach_m(arena.rta.geofence.delta_s) + 0.005
-        low_high_x, low_high_y = (inset_m, width_m - inset_m), (inset_m, depth_m - inset_m)
-        kind = random.randrange(3)
-        if kind == 0 or (kind == 1 and not terrain.boxes):
-            return random.choice(low_high_x), random.choice(low_high_y)
-        if kind == 1:
-            box = random.choice(terrain.boxes)
-            off_m = terrain.body_radius_m + facts.reach_m(arena.rta.obstacle.delta_s) + 0.005
-            x_m, y_m = random.uniform(box.low_x_m, box.high_x_m), random.uniform(box.low_y_m, box.high_y_m)
-            if random.random() < 0.5:
-                x_m = random.choice((box.low_x_m - off_m, box.high_x_m + off_m))
-            else:
-                y_m = random.choice((box.low_y_m - off_m, box.high_y_m + off_m))
-        elif random.random() < 0.5:
-            x_m, y_m = random.choice(low_high_x), random.uniform(*low_high_y)
-        else:
-            x_m, y_m = random.uniform(*low_high_x), random.choice(low_high_y)
-        return min(max(x_m, inset_m), width_m - inset_m), min(max(y_m, inset_m), depth_m - inset_m)
+        random, (fence, kept_out) = self._random, self._rings
+        rings = random.choice([each for each in (fence, kept_out) if each])
+        ring = random.choice(rings)
+        corner = random.randrange(len(ring))
+        share = random.choice((0.0, random.random()))
+        (ax, ay), (bx, by) = ring[corner - 1], ring[corner]
+        inset_m = self.options.facts.reach_m(self.arena.rta.geofence.delta_s) + _SPARE_M
+        return self.arena.terrain.beside(ax + share * (bx - ax), ay + share * (by - ay), inset_m, None)

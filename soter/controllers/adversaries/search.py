@@ -13,6 +13,7 @@ from soter.config.tables import ModuleTable, RtaTable
 from soter.controllers.adversaries import base
 from soter.controllers.base import Arena
 from soter.sdk import RobotState
+from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Point, Terrain
 
 Floats = NDArray[np.float64]
@@ -93,12 +94,16 @@ class Rollout:
     def _margins(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Return every robot's margins in the order of `RULES`."""
         terrain = self._terrain
-        fence = np.minimum(np.minimum(x, terrain.width_m - x), np.minimum(y, terrain.depth_m - y))
-        clearance = np.full(x.shape, math.inf)
-        for box in terrain.boxes:
-            dx = np.maximum(np.maximum(box.low_x_m - x, x - box.high_x_m), 0.0)
-            dy = np.maximum(np.maximum(box.low_y_m - y, y - box.high_y_m), 0.0)
-            np.minimum(clearance, np.hypot(dx, dy), out=clearance)
+        if isinstance(terrain, SiteTerrain):
+            fence = np.vectorize(terrain.fence_m, [np.float64])(x, y)
+            clearance = np.vectorize(terrain.clearance_m, [np.float64])(x, y) + terrain.body_radius_m
+        else:
+            fence = np.minimum(np.minimum(x, terrain.width_m - x), np.minimum(y, terrain.depth_m - y))
+            clearance = np.full(x.shape, math.inf)
+            for box in terrain.boxes:
+                dx = np.maximum(np.maximum(box.low_x_m - x, x - box.high_x_m), 0.0)
+                dy = np.maximum(np.maximum(box.low_y_m - y, y - box.high_y_m), 0.0)
+                np.minimum(clearance, np.hypot(dx, dy), out=clearance)
         gaps = np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :])
         robots = np.arange(x.shape[1])
         gaps[:, robots, robots] = math.inf

@@ -18,7 +18,7 @@ from soter.adapters.mavlink.held_missions import read_missions
 from soter.adapters.mavlink.item_lists import MISSION, Item, ItemLists
 from soter.adapters.mavlink.link import Inbox, MavlinkLink
 from soter.adapters.mavlink.pymavlink_link import PymavlinkLink
-from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.cli import app
@@ -26,7 +26,8 @@ from soter.clock import VehicleClock
 from soter.config import load_mission
 from soter.errors import RobotUnavailable
 from soter.runner import run_mission
-from soter.sdk import HeldMission
+from soter.sdk import HeldMission, RuleLimits
+from soter.sdk.wire import describe
 from soter_sim.mavlink import mission as simulated
 from soter_sim.mavlink.frames import Origin
 from tests.adapters.mavlink.virtual import VirtualBackend, VirtualConfig, Wire
@@ -111,7 +112,7 @@ def test_one_that_does_not_answer_is_named_in_time() -> None:
 def connection() -> Iterator[str]:
     """Where two vehicles are, of which the first one holds the plan."""
     port = free_port()
-    with closing(MavlinkSimulator(describe(ROOM, SPECS), port, "--boot", "0.2")):
+    with closing(MavlinkSimulator(describe(ROOM, SPECS, RuleLimits()), port, "--boot", "0.2")):
         address = Address("udpin", "127.0.0.1", port)
         with closing(PymavlinkLink(VehicleClock(), address, 255, COMPONENTS)) as link:
             link.inboxes[1] = Inbox()

@@ -22,7 +22,7 @@ from soter.adapters.mavlink.harness import MavlinkHarness, PlainHarness
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.robot import MavlinkRobot
-from soter.adapters.mavlink.simulator import MavlinkSimulator, describe, free_port
+from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.config import load_mission
 from soter.conformance import CLAUSES as KIT
 from soter.conformance import WIDE_ROOMS, Verdict, find_harness, judge
@@ -31,7 +31,8 @@ from soter.errors import ConfigError, RobotUnavailable, Uncontrolled
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.runner import run_mission
-from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, Waypoint
+from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, RobotSpec, RuleLimits, Waypoint
+from soter.sdk.wire import describe
 
 AC, SC = Controller.AC, Controller.SC
 ROOM = Workspace(6.0, 5.0, (), (RobotPlace(1, 2.0, 3.0, Box(1.9, 2.9, 2.1, 3.1)),))
@@ -51,7 +52,7 @@ def config(**options: Any) -> MavlinkConfig:
 
 
 def simulator(stack: ExitStack, port: int, *options: str) -> MavlinkSimulator:
-    made = MavlinkSimulator(describe(ROOM, [SPEC]), port, "--rate", "50", "--boot", "0.5", *options)
+    made = MavlinkSimulator(describe(ROOM, [SPEC], RuleLimits()), port, "--rate", "50", "--boot", "0.5", *options)
     stack.callback(made.close)
     return made
 
@@ -161,7 +162,7 @@ def test_a_passphrase_that_is_none_is_named(tmp_path: Path) -> None:
 
 def test_vehicles_over_tcp(stack: ExitStack) -> None:
     with subprocess.Popen(
-        [sys.executable, "-m", "soter_sim.mavlink", "-", "--tcp", "0", "--rate", "50", "--boot", "0.5",
+        [sys.executable, "-m", "soter_sim.mavlink", "--tcp", "0", "--rate", "50", "--boot", "0.5",
          "--parent", str(os.getpid())],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     ) as process:  # fmt: skip
@@ -169,7 +170,7 @@ def test_vehicles_over_tcp(stack: ExitStack) -> None:
         stack.callback(process.terminate)
         assert process.stdin is not None
         assert process.stdout is not None
-        process.stdin.write(json.dumps(describe(ROOM, [SPEC])).encode())
+        process.stdin.write(describe(ROOM, [SPEC], RuleLimits()))
         process.stdin.close()
         ready = json.loads(process.stdout.readline())
         fleet = started(stack, connection=ready["links"][0], truth=ready["truth"])
@@ -238,6 +239,15 @@ def test_an_id_that_is_no_system_id_is_named(robot_id: int) -> None:
         MavlinkBackend().open(config(), [RobotSpec(robot_id, 2.0, 3.0, 0.0)])
 
 
+@pytest.mark.parametrize("name", ["l-hall.toml", "harbour.geojson"])
+def test_simulated_vehicles_live_in_a_world_of_any_shape(name: str) -> None:
+    chosen = {"backend": "mavlink", "workspace": name, "robots": 1, "duration_s": 4.0, "planner": "straight-line"}
+    result = run_mission(load_mission(EXAMPLES / "worlds" / "patrol.toml", chosen)).result
+    assert (result.status, result.violated) == ("completed", False)
+    assert result.min_margin is not None
+    assert result.min_margin["geofence"] < 100.0, "its truth has the fence"
+
+
 def test_closing_ends_the_simulated_vehicles(stack: ExitStack) -> None:
     fleet = started(stack)
     assert fleet.simulator is not None
@@ -249,7 +259,7 @@ def test_closing_ends_the_simulated_vehicles(stack: ExitStack) -> None:
 
 def test_a_simulator_that_does_not_start_says_so() -> None:
     with pytest.raises(RobotUnavailable, match="ended with code 2"):
-        MavlinkSimulator({"width_m": 1.0}, free_port())
+        MavlinkSimulator(b'{"width_m": 1.0}', free_port())
 
 
 @pytest.mark.parametrize("name", ["mavlink", "mavsdk"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -30,8 +31,8 @@ class Host:
 class Fake(StreamedRobot):
     """Keeps what it says; its mux takes every order at once."""
 
-    def __init__(self, host: Host, **options: Any) -> None:
-        super().__init__(RobotSpec(1, 0.0, 0.0, 0.0), VehicleClock(steady=host), **options)
+    def __init__(self, host: Host, promised: Capabilities | None = None, **options: Any) -> None:
+        super().__init__(RobotSpec(1, 0.0, 0.0, 0.0, promised=promised), VehicleClock(steady=host), **options)
         self.host = host
         self.velocities: list[tuple[str, float, float]] = []
         self.orders: list[Order] = []
@@ -98,6 +99,18 @@ def test_it_steers_at_each_odometry_and_only_while_its_lease_lives(robot: Fake) 
     robot.host.now_s += 0.1 * LEASE_S
     robot.hear(500.0 + LEASE_S)
     assert len(robot.velocities) == sent + 1
+
+
+@pytest.mark.parametrize("turned", [0.0, math.pi])
+def test_a_robot_whose_odometry_is_as_noisy_as_promised_drives(turned: float) -> None:
+    """Fused odometry shows some speed where a robot stands: with less than that allowed, it would stand for ever."""
+    robot = Fake(Host(), promised=replace(Fake.declared, speed_noise_m_s=0.03))
+    robot.hear(500.0, forward_m_s=0.03)
+    robot.init(1.0)
+    robot.renew_lease()
+    robot.goto(Waypoint(math.cos(turned), math.sin(turned)), Controller.SC)
+    _, forward_m_s, turn_rad_s = robot.velocities[-1]
+    assert forward_m_s > 0.1 or abs(turn_rad_s) > 0.5
 
 
 def test_what_it_knows_of_too_long_ago_it_does_not_steer_by(robot: Fake) -> None:

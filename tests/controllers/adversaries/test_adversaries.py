@@ -80,6 +80,25 @@ def test_it_never_stops_attacking(name: str) -> None:
     assert result.disengagements_total / (result.robots * result.duration_s) > 1.0 / 30.0
 
 
+@pytest.mark.parametrize(
+    ("name", "workspace"),
+    [(name, "l-hall.toml") for name in sorted(set(ADVERSARIES) - {"flood", "raises"})]
+    + [(name, "arena.toml") for name in ("boundary-hugging", "pincer", "search")],
+)
+def test_ground_of_any_shape_is_attacked(name: str, workspace: str) -> None:
+    chosen: dict[str, Any] = {"workspace": workspace, "ac": PREFIX + name, "robots": 2, "duration_s": 30.0}
+    result = run_mission(load_mission(ROOT / "examples" / "worlds" / "patrol.toml", chosen)).result
+    assert (result.status, result.violations, result.failed_robots) == ("completed", dict.fromkeys(RULES, 0), {})
+
+
+@pytest.mark.parametrize("name", ["boundary-hugging", "pincer", "fastest-to-boundary"])
+def test_in_any_shape_it_comes_near_the_edges(name: str) -> None:
+    chosen: dict[str, Any] = {"workspace": "l-hall.toml", "ac": PREFIX + name, "robots": 2, "duration_s": 120.0}
+    margins = run_mission(load_mission(ROOT / "examples" / "worlds" / "patrol.toml", chosen)).result.min_margin
+    assert margins is not None
+    assert min(margins["geofence"], margins["obstacle"]) < 0.15
+
+
 def test_a_frozen_one_moves_nothing_and_keeps_control() -> None:
     result = attacked("frozen", 120.0)
     assert result.disengagements_total == 0

@@ -1,0 +1,69 @@
+"""The kit fails no robot for what its promises allow, however unlike the reference adapter it is."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from soter.conformance import Overall, Verdict, judge
+from soter.sdk import RobotState
+from tests.broken.in_process import Broken
+from tests.broken.parts import memory
+from tests.conformance.wire import SimulatedHarness
+
+
+class Noisy(Broken):
+    """Its samples are off, by as much as it promises; anew with each sample, or always to the same side.
+
+    Where they drift they are off by little: it drives by what is true, which no robot of this kind knows.
+    """
+
+    caught_by = ""
+    drifts = False
+
+    def _sample(self) -> RobotState:
+        state, last = self._honest(), memory(self, "last", lambda: [None, None])
+        if last[0] is not state:
+            last[:] = state, self._blurred(state)
+        return last[1]  # type: ignore[no-any-return]
+
+    def _blurred(self, state: RobotState) -> RobotState:
+        chance = random.Random(self.id) if self.drifts else memory(self, "chance", lambda: random.Random(self.id))
+        promised, (here, there, turned) = self.declared, (chance.uniform(-math.pi, math.pi) for _ in range(3))
+        off_m = promised.position_noise_m * (1.0 if self.drifts else chance.random())
+        off_m_s = (promised.speed_noise_m_s or 0.0) * (1.0 if self.drifts else chance.random())
+        heading_rad = state.heading_rad + (promised.heading_noise_rad or 0.0) * turned / math.pi
+        return state._replace(
+            x_m=state.x_m + off_m * math.cos(here), y_m=state.y_m + off_m * math.sin(here),
+            vx_m_s=state.vx_m_s + off_m_s * math.cos(there), vy_m_s=state.vy_m_s + off_m_s * math.sin(there),
+            heading_rad=math.remainder(heading_rad, math.tau),
+        )  # fmt: skip
+
+
+def noisy(drifts: bool, position_m: float, speed_m_s: float, heading_rad: float) -> type[Noisy]:
+    promised = replace(
+        Noisy.declared, position_noise_m=position_m, speed_noise_m_s=speed_m_s, heading_noise_rad=heading_rad
+    )
+    parts: dict[str, Any] = {"declared": promised, "drifts": drifts}
+    return type("Noisy", (Noisy,), parts)
+
+
+def cautious() -> type[Broken]:
+    """Promises less than it keeps."""
+    promised = replace(Broken.declared, tube_m=0.1, overshoot_m=0.08, latency_s=0.2, brake_m_s2=0.7, body_radius_m=0.12)
+    return type("Cautious", (Broken,), {"declared": promised, "caught_by": ""})
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [noisy(False, 0.03, 0.02, 0.03), noisy(True, 0.005, 0.02, 0.01), cautious()],
+    ids=["noisy", "drifts", "cautious"],
+)
+def test_a_robot_that_keeps_what_it_promises_conforms(kind: type[Broken]) -> None:
+    record = judge(SimulatedHarness(kind))
+    assert [each.reason for each in record.outcomes if each.verdict is Verdict.FAIL] == []
+    assert record.overall is Overall.CONFORMS
