@@ -33,6 +33,7 @@ from soter.cli import (
     zenoh,
     zenoh_router,
 )
+from soter.cli.complete import answer
 from soter.cli.help import only, tidy
 from soter.cli.plain import emit, guard_streams
 
@@ -96,6 +97,8 @@ def main() -> None:
     tidy(command)
     before = {*threading.enumerate()}
     try:
+        if completes:
+            answer(lambda: command(prog_name="soter"))
         command(prog_name="soter")
     except SystemExit as end:
         if all(thread.daemon for thread in {*threading.enumerate()} - before):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from soter.cli.complete import missions
 from soter.cli.exits import ExitCode, Force, complain, guard
 from soter.cli.option import option, switch
 from soter.cli.overrides import Promising, Settings, load_with_engine, merge
@@ -44,6 +45,7 @@ def check(
             metavar="MISSION|module:NAME",
             help="A mission file, or a module of your own as module:package.module:name.",
             show_default=False,
+            autocompletion=missions,
         ),
     ] = None,
     backend: Promising = None,

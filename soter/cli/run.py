@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from soter.cli import complete
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
+from soter.cli.option import option
 from soter.cli.overrides import MaybeMission, Settings, from_here, load_with_engine, merge, module_list
 from soter.errors import ConfigError, option_error
 
@@ -39,7 +41,8 @@ Exit codes:
   1  ground truth counted a violation; with --strict also: an assumption failed, or a robot stalled for good, lost its
      AC for good, or never moved
   2  bad input, unusable backend, or a module that is ill-formed or not proved: nothing has moved
-  3  the run failed, or a robot was not under control for a time
+  3  the run failed, every robot lost its AC for good, as by an error in its script, or a robot was not under control
+     for a time
   130  interrupted by Ctrl-C; the robots are stopped
 """
 
@@ -54,26 +57,36 @@ def run(
     mission: MaybeMission = None,
     what: Annotated[
         str | None,
-        typer.Option(
-            "--mission", metavar="NAME", help="What is done: surveillance, FILE.py, FILE.py:Class or module:Class."
+        option(
+            "NAME",
+            "What is done: surveillance, FILE.py, FILE.py:Class or module:Class.",
+            "--mission",
+            autocompletion=complete.scripts,
         ),
     ] = None,
     backend: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which robots; `soter backends` lists them.")
+        str | None, option("NAME", "Which robots; `soter backends` lists them.", autocompletion=complete.backends)
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The backend's engine, such as pybullet or kinematic.")
+        str | None,
+        option("NAME", "The backend's engine, such as pybullet or kinematic.", autocompletion=complete.engines),
     ] = None,
     duration: Annotated[float | None, typer.Option(metavar="SECONDS", help="How long, in the robots' time.")] = None,
     seed: Annotated[int | None, typer.Option(metavar="N", help="Everything random is drawn from it.")] = None,
     targets: Annotated[
-        str | None, typer.Option(metavar="grid|uniform|hostile", help="Where the robots are sent.")
+        str | None, option("grid|uniform|hostile", "Where the robots are sent.", autocompletion=complete.targets)
     ] = None,
     robots: Annotated[int | None, typer.Option(metavar="N", help="Only the first N of the workspace.")] = None,
-    planner: Annotated[str | None, typer.Option(metavar="NAME", help="The untrusted motion planner.")] = None,
+    planner: Annotated[
+        str | None, option("NAME", "The untrusted motion planner.", autocompletion=complete.planners)
+    ] = None,
     ac: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class."),
+        option(
+            "NAME",
+            "Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class.",
+            autocompletion=complete.controllers,
+        ),
     ] = None,
     process: Annotated[
         str | None,
@@ -81,7 +94,7 @@ def run(
     ] = None,
     no_rta: Annotated[bool, typer.Option("--no-rta", help="Remove the decision modules, and nothing else.")] = False,
     modules: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Only these safety modules, separated by commas.")
+        str | None, option("A,B", "Only these safety modules, separated by commas.", autocompletion=complete.modules)
     ] = None,
     json: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the result; - is standard output.")
@@ -212,6 +225,8 @@ def run(
             troubles = done.result.troubles if strict else []
             if troubles:
                 complain(f"--strict: {'; '.join(troubles)}")
+            elif done.result.status == "completed" and done.result.abandoned:
+                complain(f"no robot has its AC any more: {'; '.join(done.result.abandoned)}")
             if stopped_by is None:
                 seen.stay()
         raise typer.Exit(_exit_code(done.result, stopped_by, troubles) if written else ExitCode.RUN_FAILED)
@@ -289,6 +304,6 @@ def _exit_code(result: RunResult, stopped_by: int | None, troubles: Sequence[str
         return 128 + stopped_by if stopped_by is not None else ExitCode.INTERRUPTED
     if result.violated:
         return ExitCode.VIOLATION
-    if result.status == "failed" or result.uncontrolled:
+    if result.status == "failed" or result.uncontrolled or result.abandoned:
         return ExitCode.RUN_FAILED
     return ExitCode.VIOLATION if troubles else ExitCode.OK
