@@ -34,6 +34,7 @@ from soter.cli import (
     zenoh_router,
 )
 from soter.cli.complete import answer
+from soter.cli.exits import ExitCode
 from soter.cli.help import only, tidy
 from soter.cli.plain import emit, guard_streams
 
@@ -93,8 +94,11 @@ def main() -> None:
     guard_streams()
     # Completion asks for options of commands that are not named yet.
     completes = any(name.endswith("_COMPLETE") for name in os.environ)
-    command = typer.main.get_command(app if completes else only(app, sys.argv))
-    tidy(command)
+    try:
+        command = typer.main.get_command(app if completes else only(app, sys.argv))
+        tidy(command)
+    except KeyboardInterrupt:
+        raise SystemExit(ExitCode.INTERRUPTED) from None
     before = {*threading.enumerate()}
     try:
         if completes:

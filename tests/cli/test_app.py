@@ -77,6 +77,16 @@ def test_help_has_a_short_name_too(
     assert "Usage: soter" in capsys.readouterr().out
 
 
+def test_ctrl_c_while_the_commands_are_read_leaves_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(typer.main, "get_command", interrupted)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+
+
 @pytest.mark.parametrize(
     ("typed", "completed"),
     [("soter rep", {"report", "replay"}), ("soter run --ba", {"--backend"}), ("soter campaign dr", {"draw"})],
