@@ -20,6 +20,7 @@ SoterError
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 
 class SoterError(Exception):
@@ -149,3 +150,11 @@ def nearest(name: str, allowed: list[str]) -> str:
 
     close = difflib.get_close_matches(name, allowed, n=1)
     return f", did you mean '{close[0]}'?" if close else ""
+
+
+def meant(path: Path) -> str:
+    """Return ", did you mean 'x'?" for a file that is not there where one like it is, else an empty string."""
+    try:
+        return nearest(path.name, sorted(other.name for other in path.parent.iterdir() if other.suffix == path.suffix))
+    except OSError:
+        return ""

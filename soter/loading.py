@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from soter.errors import ConfigError, account_of, nearest
+from soter.errors import ConfigError, account_of, meant, nearest
 
 _FILE: Final = re.compile(r"(?P<file>.+\.py)(:(?P<name>\w+))?", re.DOTALL)
 
@@ -117,7 +117,7 @@ def _from_file(path: Path, target: str, refused: Refused) -> ModuleType:
         return loaded
     spec = importlib.util.spec_from_file_location(name, path)
     if not path.is_file() or spec is None or spec.loader is None:
-        raise refused(f"it is '{target}', but there is no file '{path}'")
+        raise refused(f"it is '{target}', but there is no file '{path}'{meant(path)}")
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     module = importlib.util.module_from_spec(spec)

@@ -7,12 +7,12 @@ import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, Final, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from soter.errors import ConfigError, nearest
+from soter.errors import ConfigError, meant, nearest
 
 MAX_FILE_BYTES = 1_000_000
 """No mission and no workspace is longer; what is was not meant for us and is not even read."""
@@ -88,7 +88,8 @@ def read_limited(path: Path, what: str, most_bytes: int = MAX_FILE_BYTES) -> byt
                 raise ConfigError(f"it is a folder; name a {what}", source=source)
             if path.exists():
                 raise ConfigError(f"this {what} is a pipe or a device, allowed: a regular file", source=source)
-            raise ConfigError(f"this {what} does not exist{nearest(path.name, _beside(path))}", source=source)
+            raise ConfigError(f"this {what} does not exist{meant(path)}", source=source)
+        _refuse(_ENDINGS.get(path.suffix.lower()), what, source)
         with path.open("rb") as file:
             data = file.read(most_bytes + 1)
     except (OSError, ValueError) as failure:
@@ -106,12 +107,29 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def _beside(path: Path) -> list[str]:
-    """Return the names of the files that may have been meant, sorted."""
-    try:
-        return sorted(other.name for other in path.parent.iterdir() if other.suffix == path.suffix)
-    except OSError:
-        return []
+_WORKSPACE = "workspace file"
+_USES: Final = {
+    "mission file": "`soter run {name}` runs it",
+    "campaign file": "`soter campaign {name}` runs it",
+    _WORKSPACE: "a mission file names it, workspace = '{name}', and `soter workspace` shows what is in it",
+    "script": "`soter run --mission {name}` runs it, and a mission file may name it, mission = '{name}'",
+    "recording": "`soter info`, `report` and `replay` read it",
+}
+"""What there is to do with a file, by what it is."""
+
+_ENDINGS: Final = {
+    ".py": "script",
+    ".mcap": "recording",
+    **dict.fromkeys((".xml", ".geojson", ".plan", ".kml", ".yaml", ".yml"), _WORKSPACE),
+}
+_KEYS: Final = {"workspace": "mission file", "part": "campaign file", "fence": _WORKSPACE}
+"""What a TOML file is that has one of these keys; the first that it has counts."""
+
+
+def _refuse(found: str | None, wanted: str, source: str) -> None:
+    if found is not None and found != wanted and wanted in _USES:
+        use = _USES[found].format(name=Path(source).name)
+        raise ConfigError(f"it is a {found}, allowed: a {wanted}; {use}", source=source)
 
 
 _KEY_PART = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
@@ -149,16 +167,21 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
     return lines
 
 
-def parse_toml(data: bytes, source: str) -> tuple[dict[str, Any], dict[tuple[str, ...], int]]:
+def parse_toml(data: bytes, source: str, what: str) -> tuple[dict[str, Any], dict[tuple[str, ...], int]]:
     """Return the tables in the bytes of a TOML file, and the lines of its keys; see `key_lines`.
 
+    Args:
+        data: the bytes.
+        source: names the file in errors.
+        what: it should be, such as "mission file".
+
     Raises:
-        ConfigError: it is no TOML; the error has the line.
+        ConfigError: it is no TOML, which the error has the line of, or plainly a file of another kind.
     """
     try:
         # Some editors begin a file with a byte order mark, which TOML lets readers ignore.
         text = data.decode().removeprefix("\ufeff")
-        return tomllib.loads(text), key_lines(text)
+        tables = tomllib.loads(text)
     except UnicodeDecodeError as failure:
         line = data[: failure.start].count(b"\n") + 1
         raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
@@ -167,6 +190,8 @@ def parse_toml(data: bytes, source: str) -> tuple[dict[str, Any], dict[tuple[str
         raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
     except RecursionError as failure:
         raise ConfigError(TOO_DEEP, source=source) from failure
+    _refuse(next((kind for key, kind in _KEYS.items() if key in tables), None), what, source)
+    return tables, key_lines(text)
 
 
 def _syntax_error(message: str) -> tuple[str, int | None]:

@@ -103,7 +103,7 @@ def load_campaign(path: Path, overrides: Mapping[str, object] | None = None, onl
     """
     source = str(path)
     data = read_limited(path, "campaign file")
-    raw, lines = parse_toml(data, source)
+    raw, lines = parse_toml(data, source, "campaign file")
     shared = {key: raw.pop(key) for key in [*raw] if key in PartTable.model_fields and key != "name"}
     parts = raw.get("part")
     if isinstance(parts, list):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from soter.cli import complete
 from soter.cli.exits import ExitCode, Force, StopSignals, guard
 from soter.cli.option import option, switch
 from soter.cli.overrides import MissionArgument, Settings, load_with_engine, merge
@@ -44,8 +45,12 @@ def ablate(
     mission: MissionArgument,
     seeds: Annotated[str, option("A,B", "Each variant runs once with each.")] = "1,2",
     duration: Annotated[float, option("SECONDS", "Of each run, in the robots' time.")] = 1800.0,
-    backend: Annotated[str, option("NAME", "Simulated robots of this process.")] = "kinematic",
-    targets: Annotated[str, option("grid|uniform|hostile", "Where robots are sent.")] = "hostile",
+    backend: Annotated[
+        str, option("NAME", "Simulated robots of this process.", autocompletion=complete.engines)
+    ] = "kinematic",
+    targets: Annotated[
+        str, option("grid|uniform|hostile", "Where robots are sent.", autocompletion=complete.targets)
+    ] = "hostile",
     only: Annotated[str | None, option("PATTERN", "Only variants of which group or group/name match.")] = None,
     jobs: Annotated[int, option("N", "Runs at a time.", min=1)] = 1,
     force_ill_formed: Annotated[

@@ -33,6 +33,8 @@ from soter.cli import (
     zenoh,
     zenoh_router,
 )
+from soter.cli.complete import answer
+from soter.cli.exits import ExitCode
 from soter.cli.help import only, tidy
 from soter.cli.plain import emit, guard_streams
 
@@ -92,10 +94,15 @@ def main() -> None:
     guard_streams()
     # Completion asks for options of commands that are not named yet.
     completes = any(name.endswith("_COMPLETE") for name in os.environ)
-    command = typer.main.get_command(app if completes else only(app, sys.argv))
-    tidy(command)
+    try:
+        command = typer.main.get_command(app if completes else only(app, sys.argv))
+        tidy(command)
+    except KeyboardInterrupt:
+        raise SystemExit(ExitCode.INTERRUPTED) from None
     before = {*threading.enumerate()}
     try:
+        if completes:
+            answer(lambda: command(prog_name="soter"))
         command(prog_name="soter")
     except SystemExit as end:
         if all(thread.daemon for thread in {*threading.enumerate()} - before):

@@ -144,7 +144,12 @@ def _new_store(given: Path | None, file: Path, fresh: bool) -> Path:
     from soter.campaign.store import Store
 
     if given is None:
-        RUNS.mkdir(exist_ok=True)
+        try:
+            RUNS.mkdir(exist_ok=True)
+        except OSError as failure:
+            raise option_error(
+                "--store", f"it is not given, and no folder '{RUNS}' can be made here: {failure.strerror or failure}"
+            ) from failure
         given = RUNS / f"{file.stem}.sqlite"
     if fresh and given.exists():
         # Only a campaign's own store is thrown away, and none that is being written.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from soter.cli.complete import missions
 from soter.cli.exits import ExitCode, Force, guard
 from soter.cli.option import option, switch
 from soter.cli.overrides import Promising, Settings, load_with_engine, merge
@@ -45,6 +46,7 @@ def check(
             metavar="MISSION|module:NAME",
             help="A mission file, or a module of your own as module:package.module:name.",
             show_default=False,
+            autocompletion=missions,
         ),
     ] = None,
     backend: Promising = None,

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from soter.cli import complete
 from soter.cli.exits import Force, guard
 from soter.cli.option import option
 from soter.errors import ConfigError
@@ -22,7 +23,13 @@ Exit codes:
 
 def compare(
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="FILE.mcap", help="The recordings, two or more.", show_default=False)
+        list[Path],
+        typer.Argument(
+            metavar="FILE.mcap",
+            help="The recordings, two or more.",
+            show_default=False,
+            autocompletion=complete.recordings,
+        ),
     ],
     output: Annotated[Path, option("PAGE.html", "Where the page goes.", "--output", "-o")] = Path("compare.html"),
     force: Force = False,

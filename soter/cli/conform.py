@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from soter.cli.complete import robots
 from soter.cli.exits import ExitCode, Force, StopSignals, guard
 from soter.cli.given import RobotNumber, Room, read_given
 from soter.cli.option import option, switch
@@ -37,6 +38,7 @@ def conform(
             metavar="BACKEND|MODULE:HARNESS|MISSION",
             help="A backend's name, a harness of your own, or a mission file with a robot that is there already.",
             show_default=False,
+            autocompletion=robots,
         ),
     ] = None,
     only: Annotated[

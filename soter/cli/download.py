@@ -9,7 +9,7 @@ import typer
 
 from soter.cli.exits import ExitCode, Force, StopSignals, guard
 from soter.cli.option import option
-from soter.cli.overrides import MissionArgument, Settings
+from soter.cli.overrides import MissionArgument, OtherBackend, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,7 +33,7 @@ Exit codes:
 
 def download(
     mission: MissionArgument,
-    backend: Annotated[str | None, option("NAME", "Another backend than the mission file's.", "--backend")] = None,
+    backend: OtherBackend = None,
     settings: Settings = None,
     timeout: Annotated[float, option("SECONDS", "How long to wait for the vehicles.", min=0.1, max=600.0)] = 10.0,
     output: Annotated[

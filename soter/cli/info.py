@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from soter.cli.exits import Force, guard
 from soter.cli.option import option, switch
+from soter.cli.overrides import RecordingArgument
 from soter.cli.plain import emit
 from soter.errors import option_error
 
@@ -29,7 +28,7 @@ Exit codes:
 
 
 def info(
-    recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
+    recording: RecordingArgument,
     json: Annotated[bool, switch("--json", "Print it as JSON.")] = False,
     csv: Annotated[Path | None, option("FOLDER", "Write everything into CSV files there.", "--csv")] = None,
     force: Force = False,

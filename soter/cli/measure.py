@@ -10,7 +10,7 @@ import typer
 from soter.cli.exits import ExitCode, Force, StopSignals, guard
 from soter.cli.given import RobotNumber, Room, read_given
 from soter.cli.option import option
-from soter.cli.overrides import MissionArgument, Settings
+from soter.cli.overrides import MissionArgument, OtherBackend, Settings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,7 +35,7 @@ def measure(
     mission: MissionArgument,
     room: Room = None,
     robot: RobotNumber = None,
-    backend: Annotated[str | None, option("NAME", "Another backend than the mission file's.", "--backend")] = None,
+    backend: OtherBackend = None,
     settings: Settings = None,
     margin: Annotated[float, option("SHARE", "What is spared of each figure.", min=0.0, max=0.9)] = 0.2,
     output: Annotated[Path | None, option("FILE", "Write the promise table, as TOML.", "--output", "-o")] = None,

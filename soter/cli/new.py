@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -80,18 +81,24 @@ def write_adapter(name: str, folder: Path) -> list[Path]:
     """Write the package of an adapter into a folder that is new or empty, and return its files.
 
     Raises:
-        ConfigError: there is something in the folder's place, or it cannot be written.
+        ConfigError: there is something in the folder's place, or it cannot be written; then nothing is left in it.
     """
-    written = []
+    written: list[Path] = []
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"there is something at '{folder}' already; name a new folder with --out")
         for source in sorted(_TEMPLATES.rglob(f"*{_SUFFIX}")):
             path = folder / _filled(str(source.relative_to(_TEMPLATES)).removesuffix(_SUFFIX), name)
+            written.append(path)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(_filled(source.read_text(encoding="utf-8"), name), encoding="utf-8")
-            written.append(path)
     except OSError as failure:
+        # It was new or empty, and is again, so that the command can be given once more.
+        for path in written:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+                for parent in path.relative_to(folder).parents:
+                    (folder / parent).rmdir()
         raise ConfigError(f"'{folder}' cannot be written: {failure}") from failure
     return written
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from soter.cli.complete import backends, missions, recordings
 from soter.cli.option import option
 from soter.errors import option_error
 
@@ -16,13 +17,27 @@ if TYPE_CHECKING:
     from soter.config import MissionFile
 
 MissionArgument = Annotated[
-    Path, typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False)
+    Path,
+    typer.Argument(metavar="MISSION", help="The mission file (TOML).", show_default=False, autocompletion=missions),
 ]
 MaybeMission = Annotated[
     Path | None,
-    typer.Argument(metavar="MISSION", help="The mission file (TOML); a room of 5 m with two robots without one."),
+    typer.Argument(
+        metavar="MISSION", help="The mission file (TOML); a room of 5 m with two robots without one.",
+        autocompletion=missions,
+    ),
+]  # fmt: skip
+Promising = Annotated[
+    str | None,
+    option("NAME", "Whose robots' declared capabilities; none is opened.", "--backend", autocompletion=backends),
 ]
-Promising = Annotated[str | None, option("NAME", "Whose robots' declared capabilities; none is opened.", "--backend")]
+OtherBackend = Annotated[
+    str | None, option("NAME", "Another backend than the mission file's.", "--backend", autocompletion=backends)
+]
+RecordingArgument = Annotated[
+    Path,
+    typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False, autocompletion=recordings),
+]
 Settings = Annotated[
     list[str] | None,
     option("KEY=VALUE", "Override any key of the mission file; may be repeated.", "--set"),

@@ -10,7 +10,7 @@ import typer
 
 from soter.cli.exits import guard
 from soter.cli.option import option, switch
-from soter.cli.overrides import merge
+from soter.cli.overrides import RecordingArgument, merge
 from soter.cli.plain import emit
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class ReplayExit(IntEnum):
 
 
 def replay(
-    recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
+    recording: RecordingArgument,
     settings: Annotated[
         list[str] | None,
         option(

@@ -10,6 +10,7 @@ import typer
 
 from soter.cli.exits import ExitCode, Force, complain, guard
 from soter.cli.option import option
+from soter.cli.overrides import RecordingArgument
 from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ Exit codes:
 
 
 def report(
-    recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
+    recording: RecordingArgument,
     output: Annotated[
         Path | None,
         option(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from soter.cli import complete
 from soter.cli.exits import ExitCode, Force, StopSignals, complain, guard
 from soter.cli.option import option, switch
 from soter.cli.overrides import MaybeMission, Settings, from_here, load_with_engine, merge, module_list
@@ -36,7 +37,8 @@ Exit codes:
   1  ground truth counted a violation; with --strict also: an assumption failed, or a robot stalled for good, lost its
      AC for good, or never moved
   2  bad input, unusable backend, or a module that is ill-formed or not proved: nothing has moved
-  3  the run failed, or a robot was not under control for a time
+  3  the run failed, every robot lost its AC for good, as by an error in its script, or a robot was not under control
+     for a time
   130  interrupted by Ctrl-C; the robots are stopped
 """
 
@@ -44,23 +46,45 @@ Exit codes:
 def run(
     mission: MaybeMission = None,
     what: Annotated[
-        str | None, option("NAME", "What is done: surveillance, FILE.py, FILE.py:Class or module:Class.", "--mission")
+        str | None,
+        option(
+            "NAME",
+            "What is done: surveillance, FILE.py, FILE.py:Class or module:Class.",
+            "--mission",
+            autocompletion=complete.scripts,
+        ),
     ] = None,
-    backend: Annotated[str | None, option("NAME", "Which robots; `soter backends` lists them.")] = None,
-    engine: Annotated[str | None, option("NAME", "The backend's engine, such as pybullet or kinematic.")] = None,
+    backend: Annotated[
+        str | None, option("NAME", "Which robots; `soter backends` lists them.", autocompletion=complete.backends)
+    ] = None,
+    engine: Annotated[
+        str | None,
+        option("NAME", "The backend's engine, such as pybullet or kinematic.", autocompletion=complete.engines),
+    ] = None,
     duration: Annotated[float | None, option("SECONDS", "How long, in the robots' time.")] = None,
     seed: Annotated[int | None, option("N", "Everything random is drawn from it.")] = None,
-    targets: Annotated[str | None, option("grid|uniform|hostile", "Where the robots are sent.")] = None,
+    targets: Annotated[
+        str | None, option("grid|uniform|hostile", "Where the robots are sent.", autocompletion=complete.targets)
+    ] = None,
     robots: Annotated[int | None, option("N", "Only the first N of the workspace.")] = None,
-    planner: Annotated[str | None, option("NAME", "The untrusted motion planner.")] = None,
+    planner: Annotated[
+        str | None, option("NAME", "The untrusted motion planner.", autocompletion=complete.planners)
+    ] = None,
     ac: Annotated[
-        str | None, option("NAME", "Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class.")
+        str | None,
+        option(
+            "NAME",
+            "Who the ACs are: mission, adversary:NAME, FILE.py:Class or module:Class.",
+            autocompletion=complete.controllers,
+        ),
     ] = None,
     process: Annotated[
         str | None, option("NAME", "Which process of a distributed mission this is, see docs/distribution.md.")
     ] = None,
     no_rta: Annotated[bool, switch("--no-rta", "Remove the decision modules, and nothing else.")] = False,
-    modules: Annotated[str | None, option("A,B", "Only these safety modules, separated by commas.")] = None,
+    modules: Annotated[
+        str | None, option("A,B", "Only these safety modules, separated by commas.", autocompletion=complete.modules)
+    ] = None,
     json: Annotated[Path | None, option("FILE", "Write the result; - is standard output.", "--json")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw the run.")] = None,
     record: Annotated[
@@ -191,6 +215,8 @@ def run(
             troubles = done.result.troubles if strict else []
             if troubles:
                 complain(f"--strict: {'; '.join(troubles)}")
+            elif done.result.status == "completed" and done.result.abandoned:
+                complain(f"no robot has its AC any more: {'; '.join(done.result.abandoned)}")
             if stop.received is None:
                 seen.stay()
         raise typer.Exit(_exit_code(done.result, stop.received, troubles) if written else ExitCode.RUN_FAILED)
@@ -223,6 +249,6 @@ def _exit_code(result: RunResult, stopped_by: int | None, troubles: Sequence[str
         return 128 + stopped_by if stopped_by is not None else ExitCode.INTERRUPTED
     if result.violated:
         return ExitCode.VIOLATION
-    if result.status == "failed" or result.uncontrolled:
+    if result.status == "failed" or result.uncontrolled or result.abandoned:
         return ExitCode.RUN_FAILED
     return ExitCode.VIOLATION if troubles else ExitCode.OK

@@ -201,7 +201,7 @@ def outcome(result: RunResult) -> tuple[str, str]:
         return f"interrupted after {_time(result.duration_s)}; the robots are stopped", "bold yellow"
     if result.violated:
         return f"{result.status}, with violations", "bold red"
-    if result.robots and len(result.failed_robots) == result.robots:
+    if result.abandoned:
         return f"{result.status}, but no robot has its AC any more", "bold red"
     return result.status, "bold green"
 

@@ -9,6 +9,7 @@ import typer
 
 from soter.cli.exits import ExitCode, guard
 from soter.cli.option import option
+from soter.cli.overrides import RecordingArgument
 from soter.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ Exit codes:
 
 
 def verify(
-    recording: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="The recording.", show_default=False)],
+    recording: RecordingArgument,
     key: Annotated[Path | None, option("KEY.pem", "The public key (Ed25519) that must have signed it.")] = None,
 ) -> None:
     """Say whether a recording is what was written. Without a key, that only tells what happened by accident."""

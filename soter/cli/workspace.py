@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from soter.cli.exits import ExitCode, Force, guard
-from soter.cli.option import option
+from soter.cli.option import option, switch
+from soter.cli.plain import emit
 from soter.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def workspace(
     ],
     to: Annotated[Path | None, option("FILE", "Write it as .toml, in metres, or as .geojson.", "--to")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw it.")] = None,
-    json: Annotated[Path | None, option("FILE", "Write what was found; - is standard output.", "--json")] = None,
+    json: Annotated[bool, switch("--json", "Print what was found as JSON.")] = False,
     radius: Annotated[float, option("METRES", "Radius of the robots' bodies.", min=0.0)] = 0.105,
     clearance: Annotated[
         float, option("METRES", "What ways keep from what is kept out of, and the fence.", min=0.0)
@@ -47,15 +48,15 @@ def workspace(
 ) -> None:
     """Show a workspace, check it, convert it, draw it: where a body fits, and which stations can be reached."""
     with guard():
-        import json as json_text
+        from json import dumps
 
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, json_output, picture_output, refuse_clashes, unwritten
+        from soter.cli.outputs import Output, picture_output, refuse_clashes, unwritten
         from soter.geometry.reading import read_workspace
 
-        refuse_clashes({"--to": to, "--picture": picture, "--json": json}, (file,), force=force)
+        refuse_clashes({"--to": to, "--picture": picture}, (file,), force=force)
         made = read_workspace(file, inhabited=False)
-        files: list[tuple[Any, bytes]] = []
+        files: list[tuple[Output, bytes]] = []
         if to is not None:
             files.append((Output(to, "--to"), _converted(made, file, to)))
         if picture is not None:
@@ -63,17 +64,16 @@ def workspace(
 
             files.append((picture_output(picture), workspace_png(made)))
         found = _found(made, radius, clearance)
-        if json is not None:
-            files.append((json_output(json), json_text.dumps(found, indent=2).encode() + b"\n"))
-        console = make_console(stderr=str(json) == "-")
-        for key, value in found.items():
-            console.print(f"{key:<18} {_words(value)}", soft_wrap=True, highlight=False, markup=False)
         with unwritten("it"):
             for output, data in files:
                 output.write(data)
-        for path in (to, picture):
-            if path is not None:
-                console.print(f"{'written':<18} {path}", soft_wrap=True, highlight=False, markup=False)
+        if json:
+            emit(dumps(found, indent=2))
+        else:
+            console = make_console()
+            lines = [(key, _words(value)) for key, value in found.items()]
+            for key, words in [*lines, *(("written", str(path)) for path in (to, picture) if path is not None)]:
+                console.print(f"{key:<18} {words}", soft_wrap=True, highlight=False, markup=False)
         if found["unreachable"]:
             raise typer.Exit(ExitCode.VIOLATION)
 

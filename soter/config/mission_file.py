@@ -281,13 +281,7 @@ def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None
 
 def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
     """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
-    raw, lines = parse_toml(data, source)
-    if "fence" in raw and "workspace" not in raw:
-        raise ConfigError(
-            "it is a workspace, allowed: a mission file, which names one: "
-            f"workspace = '{Path(source).name}'; `soter workspace` shows what is in this one",
-            source=source,
-        )
+    raw, lines = parse_toml(data, source, "mission file")
     return _checked(raw, source, overrides, lines)
 
 

@@ -128,7 +128,7 @@ def read(data: bytes, source: str) -> Draft:
     Raises:
         ConfigError: it is no TOML, or a key or a value in it is not allowed.
     """
-    tables, lines = parse_toml(data, source)
+    tables, lines = parse_toml(data, source, "workspace file")
     try:
         table = SiteTable.model_validate(tables)
     except ValidationError as failure:

@@ -100,8 +100,9 @@ class MissionEnd:
         self._seen = 0
 
     def say(self, message: Started | Refused) -> None:
-        """Send a first message."""
-        self._link.send(encode(message))
+        """Send a first message. Lost where the supervisor is gone, which `wait` then says."""
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self._link.send(encode(message))
 
     def busy(self, handler: str) -> None:
         """Name the handler that does not end; any thread may. Lost where the supervisor does not read."""

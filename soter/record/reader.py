@@ -14,7 +14,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 from msgspec import UNSET, Struct
 from zstandard import ZstdError
 
-from soter.errors import ConfigError
+from soter.errors import ConfigError, meant
 from soter.geometry.site import Site, SitePlan
 from soter.geometry.workspace import Workspace
 from soter.geometry.workspace_xml import parse_workspace
@@ -251,7 +251,11 @@ class Recording:
         try:
             return prove(self.path)
         except OSError as failure:
-            raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
+            raise self._unreadable(failure) from failure
+
+    def _unreadable(self, failure: OSError) -> BadRecording:
+        other = meant(self.path) if isinstance(failure, FileNotFoundError) else ""
+        return BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}{other}")
 
     def _open(self) -> BinaryIO:
         return opened(self.path)
@@ -298,7 +302,7 @@ class Recording:
                     else:
                         yield from self._unpacked(unpacker, record, stream)
         except OSError as failure:
-            raise BadRecording(f"'{self.path}' cannot be read: {failure.strerror or failure}") from failure
+            raise self._unreadable(failure) from failure
 
     def _unpacked(self, unpacker: Unpacker, chunk: Chunk, stream: BinaryIO) -> Iterator[Any]:
         try:

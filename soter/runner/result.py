@@ -239,6 +239,15 @@ class RunResult(BaseModel, frozen=True):
         return self.violations is not None and any(self.violations.values())
 
     @property
+    def abandoned(self) -> list[str]:
+        """Why each robot lost its AC for good, a text each; empty unless all did, so that nobody did the mission."""
+        return self._given_up if self.robots and len(self.failed_robots) == self.robots else []
+
+    @property
+    def _given_up(self) -> list[str]:
+        return [f"robot {robot} lost its AC: {why}" for robot, why in self.failed_robots.items()]
+
+    @property
     def troubles(self) -> list[str]:
         """What went wrong without breaking a rule, a text each; `soter run --strict` wants none."""
         failed = [
@@ -255,9 +264,8 @@ class RunResult(BaseModel, frozen=True):
             f"robot {robot} was not under control for {each.lasted_s:g} s, first after {each.first_s:g} s: {each.cause}"
             for robot, each in self.uncontrolled.items()
         ]
-        given_up = [f"robot {robot} lost its AC: {why}" for robot, why in self.failed_robots.items()]
         never = [f"robot {robot} never moved" for robot in self.never_moved]
-        return [*lost, *failed, *stalled, *given_up, *never]
+        return [*lost, *failed, *stalled, *self._given_up, *never]
 
 
 @dataclass(frozen=True)

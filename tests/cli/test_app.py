@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -76,6 +77,16 @@ def test_help_has_a_short_name_too(
     assert "Usage: soter" in capsys.readouterr().out
 
 
+def test_ctrl_c_while_the_commands_are_read_leaves_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(typer.main, "get_command", interrupted)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+
+
 @pytest.mark.parametrize(
     ("typed", "completed"),
     [("soter rep", {"report", "replay"}), ("soter run --ba", {"--backend"}), ("soter campaign dr", {"draw"})],
@@ -87,6 +98,48 @@ def test_the_shell_completes_commands_and_options(
     monkeypatch.setenv("_SOTER_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", typed)
     monkeypatch.setenv("COMP_CWORD", str(typed.count(" ")))
+    with pytest.raises(SystemExit):
+        main()
+    assert {*capsys.readouterr().out.split()} == completed
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        (["run", "--backend", "mav"], {"mavlink", "mavsdk"}),
+        (["run", "--engine", ""], {"pybullet", "kinematic"}),
+        (["run", "--targets", "h"], {"hostile"}),
+        (["run", "--planner", "ompl-rrt"], {"ompl-rrtstar", "ompl-rrtconnect"}),
+        (["run", "--modules", "geofence,b"], {"geofence,battery"}),
+        (["run", "--mission", ""], {"surveillance", "patrol.py", "more/"}),
+        (["run", "--ac", "mi"], {"mission"}),
+        (["run", "--ac", "adversary:p"], {"adversary:pincer"}),
+        # As bash asks, for which a colon and an equals sign end a word.
+        (["run", "--ac", "adversary", ":", "p"], {"pincer"}),
+        (["run", "--ac", "=", "adversary", ":", "p"], {"pincer"}),
+        (["run", "--ac", "=", "m"], {"mission"}),
+        (["check", ""], {"room.toml", "more/"}),
+        # A folder that is alone would be taken for the end of the word.
+        (["check", "m"], {"more/one.toml", "more/two.toml"}),
+        (["check", "more/t"], {"more/two.toml"}),
+        (["check", "nowhere/"], set()),
+        (["conform", "r"], {"ros2", "room.toml"}),
+        (["info", "run"], {"run.mcap"}),
+    ],
+    ids=" ".join,
+)
+def test_the_shell_completes_values(
+    typed: list[str], completed: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    (tmp_path / "more").mkdir()
+    for name in ("room.toml", "patrol.py", "run.mcap", ".hidden.toml", "more/one.toml", "more/two.toml"):
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["soter"])
+    monkeypatch.setenv("_SOTER_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "\n".join(["soter", *typed]))
+    monkeypatch.setenv("COMP_CWORD", str(len(typed)))
     with pytest.raises(SystemExit):
         main()
     assert {*capsys.readouterr().out.split()} == completed

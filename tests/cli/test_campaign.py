@@ -190,3 +190,12 @@ def test_the_examples_are_campaigns_and_their_parts_run(path: Path) -> None:
             json.dumps(dict(job.settings))
             if part.mission != "random" and part.name != "fleet":
                 assert run_mission(job.load(), accept_unproved=part.accept_unproved).result.status == "completed"
+
+
+def test_where_no_store_can_be_made_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path, {"seeds": [1]}, {})
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").touch()
+    done = soter("campaign", path)
+    assert done.exit_code == 2
+    assert "--store: it is not given, and no folder 'runs' can be made here: File exists" in done.stderr

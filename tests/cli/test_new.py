@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from errno import ENOSPC
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,20 @@ def test_an_empty_folder_is_filled(tmp_path: Path, capsys: pytest.CaptureFixture
     adapter("crawler", tmp_path)
     assert (tmp_path / "soter_crawler" / "adapter.py").is_file()
     assert f"pip install -e {tmp_path}" in capsys.readouterr().out
+
+
+def test_on_a_full_disk_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Path.write_text
+
+    def full(self: Path, text: str, **more: str) -> int:
+        whole(self, text[:10], **more)
+        if self.name == "tests.yml":
+            return len(text)
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(ConfigError, match=r"cannot be written: .*No space left"):
+        write_adapter("crawler", tmp_path / "new")
+    assert [*tmp_path.iterdir()] == []
+    monkeypatch.undo()
+    assert write_adapter("crawler", tmp_path / "new")

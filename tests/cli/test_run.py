@@ -196,6 +196,19 @@ def test_a_robot_without_its_ac_fails_a_strict_run(monkeypatch: pytest.MonkeyPat
     assert (done.exit_code, done.stderr) == (1, "error: --strict: robot 2 lost its AC: ValueError: no place\n")
 
 
+@pytest.mark.parametrize(("more", "said"), [((), "no robot has its AC any more"), (("--strict",), "--strict")])
+def test_a_run_whose_scripts_all_failed_has_failed(tmp_path: Path, more: tuple[str, ...], said: str) -> None:
+    script = tmp_path / "patrol.py"
+    script.write_text(
+        "from soter import Mission\n\n\nclass Patrol(Mission):\n"
+        "    async def run(self, robot):\n        raise RuntimeError('oops')\n"
+    )
+    done = ran(*QUICK, "--mission", script, "--quiet", *more)
+    assert (done.exit_code, done.stdout) == (3, "")
+    assert done.stderr.startswith(f"error: {said}: robot 1 lost its AC: its script failed: RuntimeError: oops (")
+    assert "robot 2 lost its AC: its script failed" in done.stderr
+
+
 def test_a_failed_assumption_is_in_the_summary_and_fails_a_strict_run() -> None:
     fault = "fault=[{kind='bias', x_m=0.2, start_s=5.0, declared=false, robot=1}]"
     done = ran(*QUICK, "--set", fault, "--strict")

@@ -34,7 +34,7 @@ def workspace(*words: object) -> Result:
 
 
 def found(*words: object) -> dict[str, object]:
-    done = workspace(*words, "--json", "-")
+    done = workspace(*words, "--json")
     assert done.exit_code == 0, done.output
     said = json.loads(done.stdout)
     assert isinstance(said, dict)
@@ -68,9 +68,9 @@ def test_a_map_is_shown_and_drawn_without_stations(tmp_path: Path) -> None:
 
 def test_a_station_that_no_way_leads_to(tmp_path: Path) -> None:
     (tmp_path / "walled.toml").write_text(WALLED)
-    done = workspace(tmp_path / "walled.toml", "--json", tmp_path / "found.json")
+    done = workspace(tmp_path / "walled.toml", "--json")
     assert done.exit_code == 1
-    said = json.loads((tmp_path / "found.json").read_text())
+    said = json.loads(done.stdout)
     assert (said["unreachable"], said["way_m"]) == ([2], {"1": 0.0})
     assert workspace(tmp_path / "walled.toml", "--clearance", "none").exit_code == 2
 

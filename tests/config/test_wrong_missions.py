@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from soter.config import parse_mission
+from soter.campaign.plan import load_campaign
+from soter.config import load_mission, parse_mission
 from soter.errors import ConfigError
+from soter.geometry.reading import read_workspace
 from tests.config.text import CHEAP, error
 
 ALL_KEYS = (
@@ -209,9 +211,33 @@ def test_all_that_is_wrong_is_listed_in_the_order_of_the_file() -> None:
     ]
 
 
-def test_a_workspace_is_no_mission() -> None:
-    with pytest.raises(ConfigError, match=r"room\.toml: it is a workspace, .* workspace = 'room\.toml'"):
-        parse_mission(b"[fence]\npolygon = [[0, 0], [4, 0], [4, 4]]\n", "worlds/room.toml")
+@pytest.mark.parametrize(
+    ("name", "text", "kind", "use"),
+    [
+        ("room.toml", "[fence]\npolygon = [[0, 0], [4, 0], [4, 4]]\n", "workspace file", "workspace = 'room.toml'"),
+        ("room.xml", "<configuration/>", "workspace file", "workspace = 'room.xml'"),
+        ("park.geojson", "{}", "workspace file", "workspace = 'park.geojson'"),
+        ("hello.py", "import soter\n", "script", "`soter run --mission hello.py`"),
+        ("run.mcap", 10**6 * "x", "recording", "`soter info`"),
+        ("grid.toml", "title = 'a'\n[[part]]\nname = 'b'\n", "campaign file", "`soter campaign grid.toml`"),
+    ],
+)
+def test_a_file_of_another_kind_is_called_by_its_name(
+    name: str, text: str, kind: str, use: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_mission(tmp_path / name)
+    assert f"{name}: it is a {kind}, allowed: a mission file; " in str(refused.value)
+    assert use in str(refused.value)
+
+
+def test_a_mission_is_no_workspace_and_no_campaign(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text('workspace = "room.xml"\n')
+    with pytest.raises(ConfigError, match=r"it is a mission file, allowed: a workspace file; `soter run m\.toml` runs"):
+        read_workspace(tmp_path / "m.toml")
+    with pytest.raises(ConfigError, match=r"it is a mission file, allowed: a campaign file; `soter run m\.toml` runs"):
+        load_campaign(tmp_path / "m.toml")
 
 
 def test_a_huge_value_and_a_huge_name_do_not_fill_the_screen() -> None:

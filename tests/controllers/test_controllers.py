@@ -256,6 +256,7 @@ def test_options_come_from_the_table_of_the_class(folder: Path) -> None:
     ("overrides", "key", "words"),
     [
         ({"ac": "nowhere.py:Wanders"}, "ac", "there is no file '.*nowhere.py'"),
+        ({"ac": "won.py:Wanders"}, "ac", "there is no file '.*won.py', did you mean 'own.py'"),
         ({"ac": "own.py:Wander"}, "ac", "no 'Wander' in it, did you mean 'Wanders'"),
         ({"ac": "own.py"}, "ac", "say which"),
         ({"ac": "own.py:NoController"}, "ac", "a subclass of Controller"),

@@ -18,6 +18,7 @@ from soter.isolation.messages import (
     Busy,
     PeerSeen,
     Reported,
+    Started,
     TargetGiven,
     Tick,
     Turn,
@@ -36,6 +37,14 @@ def pair() -> Iterator[Pair]:
     made.end.wait()
     yield made
     made.close()
+
+
+def test_a_supervisor_that_went_before_it_was_told_is_gone_and_no_fault() -> None:
+    pair = Pair()
+    pair.supervisor.close()
+    pair.end.say(Started())
+    assert pair.end.wait() is None
+    pair.close()
 
 
 def tick(pair: Pair, number: int, *reports: Reported, states: tuple[RobotState, ...] | None = None) -> None:

@@ -245,9 +245,11 @@ def test_damage_is_found(tmp_path: Path) -> None:
 
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.mcap"
-    with pytest.raises(BadRecording, match="cannot be read"):
+    with pytest.raises(BadRecording, match=r"cannot be read: No such file or directory$"):
         Recording(other)
     other.write_bytes(b"nothing")
+    with pytest.raises(BadRecording, match=r"No such file or directory, did you mean 'other\.mcap'\?"):
+        Recording(tmp_path / "othr.mcap")
     with pytest.raises(BadRecording):
         Recording(other)
     other.write_bytes(b"")

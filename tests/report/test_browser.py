@@ -513,6 +513,21 @@ def test_nothing_overlaps_at_any_size(browser: Any, hostile: Made, width: int) -
             assert looks_wrong(page) == []
 
 
+def test_a_long_cause_can_be_read_whole_at_any_size(browser: Any, tmp_path: Path) -> None:
+    recorded(tmp_path / "run.mcap", duration_s=90.0, battery__initial={"1": 0.12, "2": 0.12})
+    recording = Recording(tmp_path / "run.mcap")
+    (tmp_path / "run.html").write_text(make_page(recording), encoding="utf-8")
+    switch = max(recording.content().disengagements, key=lambda each: len(each.cause))
+    assert len(switch.cause) > 90
+    for width, height in SIZES.items():
+        size = {"width": width, "height": height}
+        with opened(browser, tmp_path / "run.html", f"#t={switch.time_s}", viewport=size) as page:
+            why = page.locator(".robot .why").nth(switch.robot_id - 1)
+            assert switch.cause in why.inner_text()
+            assert why.evaluate("each => each.scrollHeight - each.clientHeight") <= 0
+            assert looks_wrong(page) == []
+
+
 def test_violations_are_the_first_thing_that_one_sees(browser: Any, hostile: Made) -> None:
     violations = hostile.content.violations
     assert violations

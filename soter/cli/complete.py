@@ -1,0 +1,126 @@
+"""What a shell completes beyond commands and options: their values. Nothing is imported before it is asked for."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Final, get_args
+
+ENGINES: Final = ("pybullet", "kinematic")
+
+
+def backends() -> list[str]:
+    """Return the names of all registered backends."""
+    from soter.registry import backend_names
+
+    return backend_names()
+
+
+def engines() -> list[str]:
+    """Return the engines of simulated robots."""
+    return [*ENGINES]
+
+
+def targets() -> list[str]:
+    """Return the sets that targets are drawn from."""
+    from soter.config.tables import Targets
+
+    return [*get_args(Targets)]
+
+
+def planners() -> list[str]:
+    """Return the planners of this distribution."""
+    from soter.stack.planners.names import BUILT_IN
+
+    return [*BUILT_IN]
+
+
+def modules(incomplete: str) -> list[str]:
+    """Return the modules that a list separated by commas may go on with."""
+    from soter.config.tables import MODULES
+
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in MODULES if name not in before.split(",")]
+
+
+def scripts(incomplete: str) -> list[str]:
+    """Return what a mission may be: the surveillance mission, and scripts."""
+    from soter.config.tables import SURVEILLANCE
+
+    return [SURVEILLANCE, *_files(incomplete, ".py")]
+
+
+def controllers(incomplete: str) -> list[str]:
+    """Return who the ACs may be: the mission's, adversaries, and files with classes of one's own."""
+    from soter.controllers.names import ADVERSARIES, MISSION, PREFIX
+
+    return [MISSION, *(PREFIX + name for name in ADVERSARIES), *_files(incomplete, ".py")]
+
+
+def missions(incomplete: str) -> list[str]:
+    """Return mission files."""
+    return _files(incomplete, ".toml")
+
+
+def robots(incomplete: str) -> list[str]:
+    """Return whose robots a conformance kit may try: backends, and mission files."""
+    return [*backends(), *missions(incomplete)]
+
+
+def recordings(incomplete: str) -> list[str]:
+    """Return recordings."""
+    return _files(incomplete, ".mcap")
+
+
+def _files(incomplete: str, ending: str) -> list[str]:
+    """Return files of one kind and folders that begin so; a folder that is alone stands for what is in it.
+
+    A shell would take a folder for the end of the word.
+    """
+    folder = Path(incomplete).parent if not incomplete.endswith("/") else Path(incomplete)
+    name = incomplete.rpartition("/")[2]
+    prefix = incomplete[: len(incomplete) - len(name)]
+    try:
+        found = sorted(each for each in folder.iterdir() if each.name.startswith(name))
+    except OSError:
+        return []
+    hidden = name.startswith(".")
+    shown = [each for each in found if hidden or not each.name.startswith(".")]
+    folders = [f"{prefix}{each.name}/" for each in shown if each.is_dir()]
+    files = [prefix + each.name for each in shown if each.suffix == ending and each.is_file()]
+    return files + folders if files or len(folders) != 1 else _files(folders[0], ending)
+
+
+def answer(command: Callable[[], object]) -> None:
+    """Answer a shell that asks what may follow.
+
+    Bash takes colons and equals signs for words of their own, asks with them so, and puts what it is told in place of
+    what stands behind them.
+    """
+    cut = _join() if "COMP_CWORD" in os.environ else 0
+    said = io.StringIO()
+    try:
+        with redirect_stdout(said):
+            command()
+    finally:
+        sys.stdout.write("".join(line[cut:] for line in said.getvalue().splitlines(keepends=True)))
+
+
+def _join() -> int:
+    """Make one word of what bash has split; return how many characters of an answer it has to be spared."""
+    words, at = os.environ["COMP_WORDS"].split("\n"), int(os.environ["COMP_CWORD"])
+    if at >= len(words):
+        return 0
+    joined: list[str] = []
+    for word in words[: at + 1]:
+        if joined and (word.startswith((":", "=")) or joined[-1].endswith((":", "="))):
+            joined[-1] += word
+        else:
+            joined.append(word)
+    os.environ["COMP_WORDS"], os.environ["COMP_CWORD"] = "\n".join(joined), str(len(joined) - 1)
+    value = joined[-1].partition("=")[2] if joined[-1].startswith("-") else joined[-1]
+    return value.rfind(":") + 1 if words[at] != joined[-1] else 0
