@@ -239,6 +239,7 @@ def test_closing_ends_the_lease_and_waits_until_the_robot_stands(robot: Rig) -> 
         (lambda each: each._replace(gate=GateReport("other", 7, "SC", True)), "it follows somebody else"),
         (lambda each: each._replace(gate=GateReport("other", 7, "SC", False)), "takes no command"),
         (lambda each: each._replace(vx_m_s=0.1), "does not come to rest"),
+        (lambda each: each._replace(gate=each.gate._replace(seq=1000)), "another program commands it under the same"),
         (lambda each: each._replace(robot=2), r"0 reports were heard within 1 s; is its process running"),
     ],
 )
@@ -249,6 +250,14 @@ def test_a_robot_that_cannot_be_had_says_why(changed: Callable[[Report], Report]
         robot.init(1.0)
     robot.close(1.0)
     assert robot.released
+
+
+def test_what_another_program_is_told_under_the_same_name_is_not_taken_for_ones_own(robot: Rig) -> None:
+    assert robot.read_state().controller is SC
+    robot.changed = lambda each: each._replace(gate=each.gate._replace(seq=robot.said[-1].seq + 1))
+    robot.step()
+    state = robot.read_state()
+    assert (state.controller, state.goal_id) == (None, None)
 
 
 def test_a_robot_that_is_gone_is_not_waited_for_long(robot: Rig) -> None:

@@ -8,9 +8,11 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.clauses import bounds, deadman, goto
 from soter.conformance.figure import Failed
+from soter.sdk import Controller
 
 _NARROWER = ("v_max_m_s", "yaw_rate_max_rad_s", "lease_s")
 _SHARE = 0.75
+_TWO = 2
 
 
 @clause("truth.capabilities.asked", tier=Tier.TRUTH)
@@ -20,7 +22,9 @@ def asked(bench: Bench) -> None:
     bench.open_one()
     wanted = replace(bench.caps, **{name: _SHARE * getattr(bench.caps, name) for name in _NARROWER})
     bench.close()
-    bench.opener = lambda: bench.harness.promising(wanted)
+    # Beside one of which nothing is asked, so that what is asked of one and counts for all shows.
+    bench.judged = min(_TWO, bench.harness.robots_most)
+    bench.opener = lambda: bench.harness.promising(wanted, bench.judged)
     for check in (goto.v_max, bounds.yaw_rate, deadman.lease):
         robot = bench.open_one()
         wider = robot.capabilities.widened_beyond(wanted)
@@ -36,3 +40,13 @@ def asked(bench: Bench) -> None:
         except Failed as failure:
             raise Failed(f"asked to promise less, it keeps to what its kind declares: {failure}") from failure
         bench.close()
+    if bench.judged == _TWO:
+        other, _ = bench.open(_TWO)
+        goal = other.goto(bench.place(other, 0.9), Controller.AC)
+        bench.run(bench.way_s(), lambda: not goal.active)
+        seen, _ = bench.fastest(other)
+        bench.require(
+            seen.speed_m_s > 0.5 * (1.0 + _SHARE) * other.capabilities.v_max_m_s,
+            f"robot {other.id}, of which nothing is asked, goes no faster than {seen.speed_m_s:.2f} m/s beside one "
+            "that was asked to go slowly: what one robot is asked for counts for all",
+        )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.judging import STILL_M
-from soter.conformance.track import TrackSample, quantile, turn
+from soter.conformance.track import CRUISE_S, Ramp, TrackSample, fit_start, quantile, turn
 from soter.conformance.trials import Shuttle, measure_braking, share_off
 from soter.errors import Unsupported
 from soter.sdk import Controller, Robot, Waypoint
@@ -17,6 +18,7 @@ from soter.sdk import Controller, Robot, Waypoint
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
 _TRIALS = 16
 _STOPS = 12
+_REVERSALS = 3
 _WAKES = 200
 _RESTS_S = 8.0
 _BUSY_S = 0.02
@@ -226,6 +228,29 @@ def acceleration(bench: Bench) -> None:
         "accel_m_s2", quantile(seen, 0.5), accel, share_off(bench) * accel,
         "it gains speed faster than promised: accel_m_s2 is declared too small", spread=seen,
     )  # fmt: skip
+    back = [ramp.rate_m_s2 for ramp in _reversals(bench, robot) if ramp is not None]
+    if back:
+        bench.measure(
+            "accel_m_s2", quantile(back, 0.5), accel, share_off(bench) * accel,
+            "where it turns from forwards to backwards without a rest it gains speed faster than promised", spread=back,
+        )  # fmt: skip
+
+
+def _reversals(bench: Bench, robot: Robot) -> Iterator[Ramp | None]:
+    """Yield how the robot got going backwards right from its way forwards."""
+    for _ in range(bench.trials(_REVERSALS) if bench.caps.reverses else 0):
+        bench.go(robot, bench.place(robot, -0.3))
+        bench.run(SETTLE_S)
+        bench.get_going(robot, bench.place(robot, 0.9), closely=True)
+        at, called_s = bench.look(robot), bench.now_s
+        with suppress(Unsupported):
+            back = bench.place(robot, -0.85)._replace(heading_rad=at.heading_rad)
+            robot.goto(back, Controller.AC)
+            ramps_s = bench.caps.v_max_m_s * (1.0 / bench.caps.brake_m_s2 + 1.0 / (bench.caps.accel_m_s2 or math.inf))
+            bench.run(bench.caps.latency_s + bench.caps.jitter_s + ramps_s + 2.0 * CRUISE_S, closely=True)
+            seen = bench.since(robot, called_s)
+            turns_s = max(seen, key=lambda each: each.distance_m(back.x_m, back.y_m)).at_s
+            yield fit_start([each for each in seen if each.at_s >= turns_s], turns_s)
 
 
 @clause("bounds.pivot", truth=True, needs=("pivots_first",))

@@ -293,7 +293,8 @@ def v_max(bench: Bench) -> None:
         seen, off = bench.fastest(robot)
         bench.measure(
             "v_max_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-            f"{where}the speed cap is not clamped to v_max_m_s, or v_max_m_s is declared too small",
+            f"{where}the speed cap is not clamped to v_max_m_s, or along each axis by itself, so that a diagonal goes "
+            "faster; or v_max_m_s is declared too small",
         )  # fmt: skip
 
     goal = None
