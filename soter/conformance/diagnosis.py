@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
@@ -70,9 +71,10 @@ def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> It
 
 def _moves_at_no_speed(track: Sequence[TrackSample], who: str) -> Iterator[str]:
     """Yield what is wrong where places move, and velocities never say so."""
-    first, last = track[0].state, track[-1].state
-    way_m = math.hypot(last.x_m - first.x_m, last.y_m - first.y_m)
-    if way_m > _OFF_M and all(math.hypot(each.state.vx_m_s, each.state.vy_m_s) <= MOVING_M_S for each in track):
+    seen = [each.state for each in track]
+    near = [(a, b) for a, b in pairwise(seen) if b.stamp_s - a.stamp_s <= _OLD_S]
+    way_m = sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in near if len(near) >= _MANY)
+    if way_m > _OFF_M and all(math.hypot(each.vx_m_s, each.vy_m_s) <= MOVING_M_S for each in seen):
         yield (
             f"the samples of {who} say that it stands, while they put it {way_m:.2f} m farther on: no velocity, or one "
             "that is taken from one read to the next"

@@ -32,7 +32,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ("bounds.braking",),
         (
             "median of 6 stops on its way forwards and of 6 backwards, each from its own first deceleration on; 10 % "
-            "too weak fails in process, 20 % on a wire"
+            "too weak fails in process, 20 % on a wire; 4 from half the speed, four times less sharply"
         ),
     ),
     "body_radius_m": (
@@ -50,7 +50,10 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "sample_age_s": (
         ("state.age",),
-        "several reads a tick for 8 s while it drives: 95 % within it, 99.5 % within it and jitter_s",
+        (
+            "several reads a tick for 8 s while it drives: 95 % within it, 99.5 % within it and jitter_s; on a wire, "
+            "where the host may have stood still, again for 8 s if they were not"
+        ),
     ),
     "jitter_s": (("bounds.jitter",), "200 wakes: 95 % within it, 99 % within twice of it"),
     "setpoint_period_s": (

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from soter.onboard.mux import Mux
 from soter.sdk import Controller, Goal, RobotState
+from soter_sim import LIMITS
 from tests.broken.edits import driven, edited, sampled, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
@@ -20,6 +21,7 @@ _SOON_S: Final = 0.2
 _GAINS_S: Final = 0.5
 _REST_M_S: Final = 1e-3
 _GENTLE_M_S2: Final = 0.5
+_TOP_M_S: Final = LIMITS.v_max_m_s
 _LIMITS: Final[dict[int, Any]] = {}
 
 
@@ -87,6 +89,16 @@ def _renewals_add_up(self: Any, *arguments: Any) -> None:
     self._vehicle.mux = self._mux = _Adds(Controller.SC, self._mux.lease_s)
 
 
+def _brakes_by_the_cap(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    most, goal = memory(robot, "cap", lambda: [_TOP_M_S]), robot._mux.command
+    if goal is not None:
+        most[0] = min(goal.target.speed_m_s or _TOP_M_S, _TOP_M_S)
+    slowest = abs(state[4]) - most[0] / _TOP_M_S * LIMITS.brake_m_s2 * robot._world.period_s
+    if goal is None and abs(speed) < slowest:
+        speed = math.copysign(slowest, state[4])
+    return speed, rate
+
+
 WAYS: Final[tuple[type[Broken], ...]] = (
     edited("ByAxis", "Limits its speed along each axis by itself, so that a diagonal goes faster.", "goto.v_max",
            "diagonal", declared=replace(Broken.declared, v_max_m_s=_SLOW_M_S), _connect=with_control(_by_axis)),
@@ -104,6 +116,11 @@ WAYS: Final[tuple[type[Broken], ...]] = (
     sampled("WholePercent", "Says the charge in whole per cent, and takes none for unknown, which is full.",
             "state.nearly_flat", "another unit",
             lambda _, s: s._replace(battery=(round(100.0 * (s.battery or 0.0)) or 100) / 100.0)),
+    sampled("AntennaAhead", "Says the place of an antenna 8 cm ahead of its middle.", "state.start", "antenna",
+            lambda _, s: s._replace(x_m=s.x_m + 0.08 * math.cos(s.heading_rad),
+                                    y_m=s.y_m + 0.08 * math.sin(s.heading_rad))),
+    edited("BrakesByTheCap", "Brakes the more gently the lower the speed cap of its goal was.", "bounds.braking",
+           "at half its speed", _connect=with_control(_brakes_by_the_cap)),
 )  # fmt: skip
 
 
@@ -136,6 +153,23 @@ def _old_place(self: Any) -> RobotState | None:
     return before[0]  # type: ignore[no-any-return]
 
 
+def _echoed(self: Any) -> RobotState | None:
+    found = WireRobot._sample(self)
+    return None if found is None else found._replace(controller=self.wanted.in_charge)
+
+
+def _inherits(self: Any, intent: Intent, clock_s: float) -> None:
+    left = self.mux.command
+    if intent.session != self.session and self.follows(intent, clock_s):
+        memory(self, "left", list)[:] = [left]
+    Vehicle.take(self, intent, clock_s)
+    if intent.goal is not None:
+        memory(self, "left", list).clear()
+    elif intent.session == self.session:
+        # Nobody has told it to drop that.
+        self.mux.command = next(iter(memory(self, "left", list)), None)
+
+
 WAYS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     driven("StrangersRenew", "Renews the lease with what a program says that it does not follow.",
            "authority.one_program", "renews the lease of the first", take=_strangers_renew),
@@ -143,6 +177,10 @@ WAYS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            "too few digits", take=_single),
     wired("HeardByBeginning", "Has robots hear what is for one whose name begins with their own.", "several.chosen",
           "name begins with", want=_by_beginning),
+    wired("Echoes", "Reports who it put in charge, and not what the robot says.", "link.delay", "what was sent",
+          _sample=_echoed),
+    driven("HeirToTheGoal", "Takes up the goal of a program that died when the next one renews.",
+           "authority.one_program", "ends with it", take=_inherits),
     wired("OldPlace", "Has the place of the sample before in one of 25, stamped anew.", "truth.bounds.noise",
           "stamps newer", _sample=_old_place),
 )  # fmt: skip

@@ -344,6 +344,20 @@ def one_program(bench: Bench) -> None:
             bench.caps.v_max_m_s * (bench.orphaned_s() + bench.caps.sample_age_s), bench.still_m,
             "what a second program says renews the lease of the first one, which is silent",
         )  # fmt: skip
+        before = bench.look(robot)
+        bench.run(1.0, lambda: _renews(fleet.robots[0]), renew=False)
+        revived_m = bench.look(robot).distance_m(before.x_m, before.y_m)
+        bench.require(
+            revived_m <= bench.still_m,
+            f"once the second program renews its own lease the robot drives {revived_m:.2f} m to where the first one "
+            "had sent it: what one has asked for ends with it",
+        )
+
+
+def _renews(robot: Robot) -> bool:
+    with suppress(SoterError):
+        robot.renew_lease()
+    return False
 
 
 def _intrude(bench: Bench, mine: Robot, other: Robot) -> None:

@@ -19,6 +19,8 @@ _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
 _TRIALS = 16
 _STOPS = 12
 _REVERSALS = 3
+_SLOW_STOPS = 4
+_BLUR = 4.0
 _WAKES = 200
 _RESTS_S = 8.0
 _BUSY_S = 0.02
@@ -213,8 +215,12 @@ def overshoot(bench: Bench) -> None:
 def braking(bench: Bench) -> None:
     """From the first deceleration on the robot stops as brake_m_s2 promises, whatever latency_s would still allow."""
     robot = bench.open_one()
-    trials = [*Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
+    shuttle, cap_m_s = Shuttle(bench, robot), 0.5 * bench.caps.v_max_m_s
+    trials = [*shuttle.trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
     measure_braking(bench, trials, "after a cancel")
+    slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
+    # From half the speed there is a quarter of the way to see it by.
+    measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
 
 
 @clause("bounds.acceleration", truth=True, needs=("accel_m_s2",))

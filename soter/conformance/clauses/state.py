@@ -14,7 +14,10 @@ from soter.conformance.track import TrackSample, quantile, turn
 from soter.errors import Unsupported
 from soter.sdk import Controller, Link, Robot, RobotState
 
-_FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
+_FRAME_CAUSE = (
+    "axes swapped or mirrored (NED for ENU?), another origin or unit, or the place of an antenna or axle and not of "
+    "its middle"
+)
 _HEADING_RAD = 0.15
 _MANY_SAMPLES = 1500
 _MANY_S = 12.0
@@ -289,10 +292,9 @@ def stamps(bench: Bench) -> None:
 def age(bench: Bench) -> None:
     """When it is read, the latest sample is no older than declared."""
     robot = bench.open_one()
-    # It arrives on the way, so that samples of rest are among them.
-    bench.get_going(robot, bench.place(robot, 0.9))
     # Of all that are open: they may share what carries their samples.
-    ages: dict[int, list[float]] = {each.id: [] for each in bench.fleet.robots}
+    ages: dict[int, list[float]] = {}
+    rare_s = bench.caps.sample_age_s + bench.caps.jitter_s
 
     def look() -> bool:
         for each in bench.fleet.robots:
@@ -301,7 +303,14 @@ def age(bench: Bench) -> None:
             ages[each.id].append(each.read_state().age_s(now_s))
         return False
 
-    bench.run(_AGES_S, look, closely=True)
+    # On a wire a host that stands still for once may make a stretch of them old; what is the robot's comes again.
+    for ahead in (0.9,) if bench.caps.in_process else (0.9, -0.9):
+        # It arrives on the way, so that samples of rest are among them.
+        bench.get_going(robot, bench.place(robot, ahead))
+        ages.update({each.id: [] for each in bench.fleet.robots})
+        bench.run(_AGES_S, look, closely=True)
+        if max(quantile(seen, 0.995) for seen in ages.values()) <= rare_s:
+            break
     for number, seen in ages.items():
         cause = (
             f"samples of robot {number} queue up (keep only the latest), come too seldom"
@@ -309,9 +318,7 @@ def age(bench: Bench) -> None:
         )
         # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
         bench.measure("sample_age_s", quantile(seen, 0.95), bench.caps.sample_age_s, 1e-4, cause, spread=seen)
-        bench.measure(
-            "sample_age_rare_s", quantile(seen, 0.995), bench.caps.sample_age_s + bench.caps.jitter_s, 1e-4, cause
-        )
+        bench.measure("sample_age_rare_s", quantile(seen, 0.995), rare_s, 1e-4, cause)
 
 
 @clause("state.never_waits")
