@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, STILL_RAD, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.judging import STILL_M
-from soter.conformance.track import CRUISE_S, Ramp, TrackSample, fit_start, quantile, turn
-from soter.conformance.trials import Shuttle, measure_braking, share_off
+from soter.conformance.track import TrackSample, quantile, turn
+from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, Robot, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
 _TRIALS = 16
-_STOPS = 12
-_REVERSALS = 3
-_SLOW_STOPS = 4
-_BLUR = 4.0
 _WAKES = 200
 _RESTS_S = 8.0
 _BUSY_S = 0.02
@@ -211,59 +206,11 @@ def overshoot(bench: Bench) -> None:
     )  # fmt: skip
 
 
-@clause("bounds.braking", truth=True)
-def braking(bench: Bench) -> None:
-    """From the first deceleration on the robot stops as brake_m_s2 promises, whatever latency_s would still allow."""
-    robot = bench.open_one()
-    shuttle, cap_m_s = Shuttle(bench, robot), 0.5 * bench.caps.v_max_m_s
-    trials = [*shuttle.trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
-    measure_braking(bench, trials, "after a cancel")
-    slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
-    # From half the speed there is a quarter of the way to see it by.
-    measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
-
-
-@clause("bounds.acceleration", truth=True, needs=("accel_m_s2",))
-def acceleration(bench: Bench) -> None:
-    """The robot gains speed no faster than accel_m_s2."""
-    robot = bench.open_one()
-    accel = bench.caps.accel_m_s2 or 0.0
-    trials = Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())
-    seen = [trial.start.rate_m_s2 for trial in trials]
-    bench.measure(
-        "accel_m_s2", quantile(seen, 0.5), accel, share_off(bench) * accel,
-        "it gains speed faster than promised: accel_m_s2 is declared too small", spread=seen,
-    )  # fmt: skip
-    back = [ramp.rate_m_s2 for ramp in _reversals(bench, robot) if ramp is not None]
-    if back:
-        bench.measure(
-            "accel_m_s2", quantile(back, 0.5), accel, share_off(bench) * accel,
-            "where it turns from forwards to backwards without a rest it gains speed faster than promised", spread=back,
-        )  # fmt: skip
-
-
-def _reversals(bench: Bench, robot: Robot) -> Iterator[Ramp | None]:
-    """Yield how the robot got going backwards right from its way forwards."""
-    for _ in range(bench.trials(_REVERSALS) if bench.caps.reverses else 0):
-        bench.go(robot, bench.place(robot, -0.3))
-        bench.run(SETTLE_S)
-        bench.get_going(robot, bench.place(robot, 0.9), closely=True)
-        at, called_s = bench.look(robot), bench.now_s
-        with suppress(Unsupported):
-            back = bench.place(robot, -0.85)._replace(heading_rad=at.heading_rad)
-            robot.goto(back, Controller.AC)
-            ramps_s = bench.caps.v_max_m_s * (1.0 / bench.caps.brake_m_s2 + 1.0 / (bench.caps.accel_m_s2 or math.inf))
-            bench.run(bench.caps.latency_s + bench.caps.jitter_s + ramps_s + 2.0 * CRUISE_S, closely=True)
-            seen = bench.since(robot, called_s)
-            turns_s = max(seen, key=lambda each: each.distance_m(back.x_m, back.y_m)).at_s
-            yield fit_start([each for each in seen if each.at_s >= turns_s], turns_s)
-
-
 @clause("bounds.pivot", truth=True, needs=("pivots_first",))
 def pivot(bench: Bench) -> None:
     """Where declared, the robot turns in place before it drives."""
     robot = bench.open_one()
-    for ahead, left in ((-0.4, 0.5), (0.3, -0.4)):
+    for ahead, left in ((-0.4, 0.5), (0.3, -0.4))[: bench.trials(2)]:
         began, began_s = bench.look(robot), bench.now_s
         target = bench.place(robot, ahead, left)
         bench.go(robot, target)

@@ -304,7 +304,7 @@ def age(bench: Bench) -> None:
         return False
 
     # On a wire a host that stands still for once may make a stretch of them old; what is the robot's comes again.
-    for ahead in (0.9,) if bench.caps.in_process else (0.9, -0.9):
+    for ahead in (0.9,) if bench.caps.in_process else (0.9, 0.0):
         # It arrives on the way, so that samples of rest are among them.
         bench.get_going(robot, bench.place(robot, ahead))
         ages.update({each.id: [] for each in bench.fleet.robots})
