@@ -52,7 +52,7 @@ class Bench(Judging):
         fleet = self.open_raw(robots)
         for robot in fleet.robots:
             robot.init(self.harness.connect_timeout_s)
-        self.capabilities = fleet.robots[0].capabilities
+        self.capabilities = fleet.robots[-1].capabilities
         for name in _TIMES:
             seconds = getattr(self.capabilities, name)
             self.require(

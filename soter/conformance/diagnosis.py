@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
@@ -39,6 +40,7 @@ def explain(bench: Judging) -> str:
             found.append(f"the last sample of {who} is {age_s:.1f} s old, nothing has been heard since")
         else:
             found += _off_the_truth(bench, track, who)
+            found += _moves_at_no_speed(track, who)
         scatter_m, allowed_m = _scatter_m(track), bench.caps.position_noise_m
         if scatter_m > 2.0 * allowed_m + _SLIP_M:
             found.append(
@@ -65,6 +67,18 @@ def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> It
             yield f"the samples of {who} put it {off_m:.2f} m from where it really is: {why}"
     elif frozen_s > _FROZEN_S and math.hypot(state.vx_m_s, state.vy_m_s) > MOVING_M_S:
         yield f"the samples of {who} say that it moves, but {frozen}"
+
+
+def _moves_at_no_speed(track: Sequence[TrackSample], who: str) -> Iterator[str]:
+    """Yield what is wrong where places move, and velocities never say so."""
+    seen = [each.state for each in track]
+    near = [(a, b) for a, b in pairwise(seen) if b.stamp_s - a.stamp_s <= _OLD_S]
+    way_m = sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in near if len(near) >= _MANY)
+    if way_m > _OFF_M and all(math.hypot(each.vx_m_s, each.vy_m_s) <= MOVING_M_S for each in seen):
+        yield (
+            f"the samples of {who} say that it stands, while they put it {way_m:.2f} m farther on: no velocity, or one "
+            "that is taken from one read to the next"
+        )
 
 
 def _scatter_m(track: Sequence[TrackSample]) -> float:

@@ -14,8 +14,9 @@ from soter.registry import load_backend
 from soter.sdk import Backend, Capabilities, Fleet, RobotSpec
 
 # Rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
-# from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices.
-_STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2), (12, 142.7, 70.4, 2.6))
+# from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices;
+# and one begins with another, as names do by which a wire may look things up.
+_STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2), (37, 142.7, 70.4, 2.6))
 
 
 def open_floor() -> Workspace:
@@ -45,9 +46,9 @@ class InProcessHarness(Harness):
         """Return a fleet in a fresh world."""
         return self._opened(specs_at(_places(robots)))
 
-    def promising(self, promised: Capabilities) -> Fleet:
-        """Return a robot of its own kind in a fresh world."""
-        return self._opened(specs_at(_places(1), promised))
+    def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
+        """Return robots of which the last is of its own kind, in a fresh world."""
+        return self._opened(specs_at(_places(robots), promised))
 
     def charged(self, charge: float) -> Fleet:
         """Return a robot with a charge of its own in a fresh world."""

@@ -38,12 +38,11 @@ def specs_at(
 
     Args:
         places: where they start.
-        promised: what they are asked to promise.
+        promised: what the last of them is asked to promise.
         charge: what is left in their batteries, and stays; None for a low charge that changes as they drive.
     """
-    specs = [
-        RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S, promised=promised) for at in places
-    ]
+    specs = [RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S) for at in places]
+    specs[-1] = replace(specs[-1], promised=promised)
     if charge is None:
         return specs
     return [
@@ -170,8 +169,11 @@ class Harness(ABC):
         """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
         raise NotImplementedError
 
-    def promising(self, promised: Capabilities) -> Fleet:
-        """Return a fleet of one fresh robot, as `open` does, that was asked to promise this (`RobotSpec.promised`)."""
+    def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
+        """Return a fleet of fresh robots, as `open` does, of which the last was asked to promise this.
+
+        It is `RobotSpec.promised` of that robot; of the others nothing is asked.
+        """
         raise NotImplementedError
 
     def charged(self, charge: float) -> Fleet:

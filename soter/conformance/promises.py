@@ -32,7 +32,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ("bounds.braking",),
         (
             "median of 6 stops on its way forwards and of 6 backwards, each from its own first deceleration on; 10 % "
-            "too weak fails in process, 20 % on a wire"
+            "too weak fails in process, 20 % on a wire; 4 from half the speed, four times less sharply"
         ),
     ),
     "body_radius_m": (
@@ -50,7 +50,10 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "sample_age_s": (
         ("state.age",),
-        "several reads a tick for 8 s while it drives: 95 % within it, 99.5 % within it and jitter_s",
+        (
+            "several reads a tick for 8 s while it drives: 95 % within it, 99.5 % within it and jitter_s; on a wire, "
+            "where the host may have stood still, again for 8 s if they were not"
+        ),
     ),
     "jitter_s": (("bounds.jitter",), "200 wakes: 95 % within it, 99 % within twice of it"),
     "setpoint_period_s": (
@@ -80,7 +83,13 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ),
     ),
     "pivots_first": (("bounds.pivot",), "no farther than tube_m from its place before it looks along its way"),
-    "accel_m_s2": (("bounds.acceleration",), "median of 12 starts; 10 % too fast fails in process, 20 % on a wire"),
+    "accel_m_s2": (
+        ("bounds.acceleration",),
+        (
+            "median of 12 starts, and of 3 on its way from forwards to backwards; 10 % too fast fails in process, 20 % "
+            "on a wire"
+        ),
+    ),
     "speed_noise_m_s": (
         ("truth.bounds.velocity", "state.velocity", "bounds.rest"),
         (

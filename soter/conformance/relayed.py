@@ -55,12 +55,13 @@ WIDE_ROOMS: Final = Workspace(
     (
         RobotPlace(7, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
         RobotPlace(3, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
-        RobotPlace(12, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
+        RobotPlace(37, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
     ),
 )  # fmt: skip
 """Three rooms of 2.4 m, for robots that take their time to stop.
 
-Ids are neither 1 and 2 nor in order: they are no indices.
+Ids are neither 1 and 2 nor in order: they are no indices. One begins with another, as names do by which a wire may look
+things up.
 """
 
 
@@ -91,7 +92,7 @@ class RelayedHarness(Harness):
         self._order: Sequence[int] | None = None
 
     def specs(self, robots: int) -> list[RobotSpec]:
-        """Return the first robots of `WIDE_ROOMS`, with what they are asked to promise, and their charge."""
+        """Return the first robots of `WIDE_ROOMS`, with what the last of them is asked to promise, and their charge."""
         return in_wide_rooms(robots, self._promised, self._charge)
 
     def asked(self, robots: int) -> list[RobotSpec]:
@@ -99,9 +100,9 @@ class RelayedHarness(Harness):
         there = self.specs(robots)
         return there if self._order is None else [there[each] for each in self._order]
 
-    def promising(self, promised: Capabilities) -> Fleet:
+    def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
         self._promised = promised
-        return self.open(1)
+        return self.open(robots)
 
     def charged(self, charge: float) -> Fleet:
         self._charge = charge

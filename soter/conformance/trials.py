@@ -36,13 +36,22 @@ class Trial(NamedTuple):
     backwards: bool
 
 
-def measure_braking(bench: Bench, trials: Sequence[Trial], what: str) -> None:
+def measure_braking(
+    bench: Bench, trials: Sequence[Trial], what: str, name: str = "brake_m_s2", blur: float = 1.0
+) -> None:
     """Judge how hard a robot braked, each time from its own first deceleration on.
 
     Each way is judged by itself; on a wire, where one trial is off by more, only if there are enough of each.
+
+    Args:
+        bench: of the trials.
+        trials: which.
+        what: stopped it, in words.
+        name: of the figure.
+        blur: by how many times less sharply it is seen than from full speed.
     """
     brake = bench.caps.brake_m_s2
-    share = share_off(bench, brake, at_least=True)
+    share = blur * share_off(bench, brake, at_least=True)
     ways = {
         way: [each.end.rate_m_s2 for each in trials if each.backwards is backwards]
         for backwards, way in ((False, ""), (True, " on its way backwards"))
@@ -53,7 +62,7 @@ def measure_braking(bench: Bench, trials: Sequence[Trial], what: str) -> None:
         if seen:
             # Two of three may have met a host that was busy; brakes that are weak are so every time.
             bench.measure(
-                "brake_m_s2", max(seen) if len(seen) <= _ENOUGH else median(seen), brake, share * brake,
+                name, max(seen) if len(seen) <= _ENOUGH else median(seen), brake, share * brake,
                 f"{what}{way} it ran on too far once it had begun to brake: brake_m_s2 is declared better than it is",
                 at_least=True, spread=seen,
             )  # fmt: skip
@@ -110,6 +119,7 @@ class Shuttle:
         waits_s: float = 0.0,
         renew: bool = True,
         cause: str = "a stop does not stop",
+        speed_m_s: float | None = None,
         after: Callable[[], object] = lambda: None,
     ) -> Iterator[Trial]:
         """Yield how the robot got going after a goto, and how it came to rest after `stop`.
@@ -120,6 +130,7 @@ class Shuttle:
             waits_s: how much later than at once it may begin to stop.
             renew: whether the lease is renewed while it comes to rest.
             cause: the likely cause if it does not.
+            speed_m_s: a cap on the speed, or None.
             after: called after every trial, with the robot at rest.
         """
         bench, robot = self._bench, self._robot
@@ -133,7 +144,8 @@ class Shuttle:
             self._driven += 1
             self._wait_oddly()
             sent_s = bench.now_s
-            goal = self._go(self._behind if backwards and self._behind else self.end)
+            target = self._behind if backwards and self._behind else self.end
+            goal = self._go(target._replace(speed_m_s=speed_m_s))
             self._wait_oddly()
             called_s = bench.now_s
             stop(goal)

@@ -97,7 +97,7 @@ class CommandedRobot(Robot):
         if self.__heard < SETTLED:
             return
         # What it says of who is in charge is about us only if it listens to us.
-        ours = report.gate.session == self.__command.session
+        ours = self.__is_ours(report, 0)
         state = RobotState(
             robot_id=self.id,
             stamp_s=self.__clock.to_fleet_s(self.id, report.stamp_s),
@@ -183,7 +183,16 @@ class CommandedRobot(Robot):
         if latest is None:
             return False
         state, report = latest
-        return report.gate.session == self.__command.session and report.gate.seq >= first and self.declared.rests(state)
+        return self.__is_ours(report, first) and self.declared.rests(state)
+
+    def __is_ours(self, report: Report, first: int) -> bool:
+        """Return whether the robot follows this very program, by a command from this number on.
+
+        Sessions are drawn at random here. Under a name that an adapter put in their place, such as the robot's, two
+        programs would be one: the numbers of the other one, which was never said here, tell.
+        """
+        gate, own = report.gate, self.__command
+        return gate.session == own.session and first <= gate.seq <= own.seq
 
     def __refusal(self, timeout_s: float) -> str:
         latest = self.__latest
@@ -193,6 +202,8 @@ class CommandedRobot(Robot):
                 "right?"
             )
         state, gate = latest[0], latest[1].gate
+        if gate.session == self.__command.session and gate.seq > self.__command.seq:
+            return "another program commands it under the same name; `_encode` must pass on the session as it is"
         if gate.session == self.__command.session:
             return self.declared.unrest(state)
         if gate.alive:

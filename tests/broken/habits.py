@@ -163,7 +163,7 @@ HABITS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     wired("SparesMessages", "Drops what is sent within 0.03 s of something else, since the next says it all again.",
           "bounds.latency", "some are dropped", want=_spared),
     wired("NamedAfterRobot", "Has every program say the name of the robot for its own.", "authority.one_program",
-          "took the robot away", __init__=_named_after_robot),
+          "by a name of its own", __init__=_named_after_robot),
     wired("NeverStale", "Calls a link good on which nothing was heard for 5 s.", "link.age", "stale_after_s",
           stale_after_s=5.0, down_after_s=30.0),
     wired("HealsAndKeeps", "Opens a socket anew while nothing is heard, and keeps the old ones.", "resources.outages",

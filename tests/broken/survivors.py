@@ -71,7 +71,8 @@ SURVIVORS: Final = (
     Survivor(
         "Does otherwise once its charge is low, behind a harness without the hook `charged`, or between the charges of "
         "the trials.",
-        "They begin with a tenth, and `state.nearly_flat` with half a hundredth; real batteries are what they are.",
+        "They begin with a tenth, and `state.nearly_flat` with a fifth of a hundredth; real batteries are what they "
+        "are.",
         "A robot that goes home by itself then heeds no lease: the battery's module ends most runs before. Try it "
         "with a battery that is nearly flat.",
     ),

@@ -18,6 +18,7 @@ from tests.broken.promised import PROMISES
 from tests.broken.samples import SAMPLES
 from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.survivors import SURVIVORS
+from tests.broken.ways import WAYS, WAYS_ON_WIRE
 from tests.broken.wire_mutants import WIRE_MUTANTS
 from tests.conformance.wire import SimulatedHarness, WireHarness
 from tests.project.source import ROOT
@@ -34,8 +35,8 @@ def _written(base: Kind, *modules: ModuleType) -> tuple[Kind, ...]:
 
 BROKEN: Final[tuple[Kind, ...]] = (
     *_written(in_process.Broken, samples, goals, lives), *SAMPLES, *TARGETS, *PROMISES, *DUTIES, *SELDOM, *CORNERS,
-    *DRIVERS, *HABITS, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
-    *DRIVERS_ON_WIRE, *HABITS_ON_WIRE,
+    *DRIVERS, *HABITS, *WAYS, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE,
+    *DRIVERS_ON_WIRE, *HABITS_ON_WIRE, *WAYS_ON_WIRE,
 )  # fmt: skip
 
 

@@ -283,8 +283,8 @@ class SimulatedHarness(Harness):
     def open(self, robots: int) -> Fleet:
         return SimulatedFleet(self.kind, specs_of(robots), self.engine)
 
-    def promising(self, promised: Capabilities) -> Fleet:
-        return SimulatedFleet(self.kind, specs_of(1, promised), self.engine)
+    def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
+        return SimulatedFleet(self.kind, specs_of(robots, promised), self.engine)
 
     def charged(self, charge: float) -> Fleet:
         return SimulatedFleet(self.kind, specs_of(1, charge=charge), self.engine)
@@ -349,8 +349,8 @@ class WireHarness(Harness):
     def open(self, robots: int) -> Fleet:
         return self._opened(specs_of(robots))
 
-    def promising(self, promised: Capabilities) -> Fleet:
-        return self._opened(specs_of(1, promised))
+    def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
+        return self._opened(specs_of(robots, promised))
 
     def charged(self, charge: float) -> Fleet:
         return self._opened(specs_of(1, charge=charge))

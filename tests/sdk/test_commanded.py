@@ -241,6 +241,7 @@ def test_closing_ends_the_lease_and_waits_until_the_robot_stands(robot: Rig) -> 
         (lambda each: each._replace(gate=GateReport("other", 7, "SC", False)), "takes no command"),
         (lambda each: each._replace(vx_m_s=0.1), r"reports 0.100 m/s and .*promise\.speed_noise_m_s = None"),
         (lambda each: each._replace(yaw_rate_rad_s=0.2), r"reports 0.000 m/s and 0.200 rad/s.*speed_noise_m_s = None"),
+        (lambda each: each._replace(gate=each.gate._replace(seq=1000)), "another program commands it under the same"),
         (lambda each: each._replace(robot=2), r"0 reports were heard within 1 s; is its process running"),
     ],
 )
@@ -260,6 +261,14 @@ def test_a_robot_that_seems_to_move_as_its_noise_has_it_is_ready(monkeypatch: py
     robot.init(1.0)
     robot.close(1.0)
     assert robot.host_s < 101.0, "nobody waited"
+
+
+def test_what_another_program_is_told_under_the_same_name_is_not_taken_for_ones_own(robot: Rig) -> None:
+    assert robot.read_state().controller is SC
+    robot.changed = lambda each: each._replace(gate=each.gate._replace(seq=robot.said[-1].seq + 1))
+    robot.step()
+    state = robot.read_state()
+    assert (state.controller, state.goal_id) == (None, None)
 
 
 def test_a_robot_that_is_gone_is_not_waited_for_long(robot: Rig) -> None:

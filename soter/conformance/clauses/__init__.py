@@ -13,6 +13,7 @@ from soter.conformance.clauses import deadman as deadman
 from soter.conformance.clauses import clocks as clocks
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import bounds as bounds
+from soter.conformance.clauses import ramps as ramps
 from soter.conformance.clauses import contact as contact
 from soter.conformance.clauses import asked as asked
 from soter.conformance.clauses import endurance as endurance

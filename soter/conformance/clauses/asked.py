@@ -8,9 +8,11 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.clauses import bounds, deadman, goto
 from soter.conformance.figure import Failed
+from soter.sdk import Controller
 
 _NARROWER = ("v_max_m_s", "yaw_rate_max_rad_s", "lease_s")
 _SHARE = 0.75
+_TWO = 2
 
 
 @clause("truth.capabilities.asked", tier=Tier.TRUTH)
@@ -36,3 +38,15 @@ def asked(bench: Bench) -> None:
         except Failed as failure:
             raise Failed(f"asked to promise less, it keeps to what its kind declares: {failure}") from failure
         bench.close()
+    if bench.harness.robots_most >= _TWO:
+        bench.opener = lambda: bench.harness.promising(wanted, _TWO)
+        robots = bench.open(_TWO)
+        goals = [robot.goto(bench.place(robot, 0.9), Controller.AC) for robot in robots]
+        bench.run(bench.way_s(), lambda: not any(goal.active for goal in goals))
+        free_m_s, asked_m_s = (bench.fastest(robot)[0].speed_m_s for robot in robots)
+        bench.require(
+            asked_m_s < 0.5 * (1.0 + _SHARE) * robots[0].capabilities.v_max_m_s < free_m_s,
+            f"robot {robots[0].id}, of which nothing is asked, goes {free_m_s:.2f} m/s, and beside it robot "
+            f"{robots[1].id}, asked for {wanted.v_max_m_s:.2f} m/s at most, {asked_m_s:.2f} m/s: what one is asked for "
+            "counts for all, or for another",
+        )

@@ -15,7 +15,8 @@ from soter.sdk import Robot, RobotState, Truth
 _PERCENT = 0.01
 _DRIVES_S = 10.0
 _RESTS_S = 30.0
-_FLAT = 0.005
+_FLAT = 0.002
+"""So little that whole per cent show nothing, which some take for unknown."""
 
 
 @clause("state.charge", needs=("reports_battery",))

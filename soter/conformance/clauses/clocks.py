@@ -16,6 +16,8 @@ _STEP_AGE_S = 0.1
 _CHARGE = 0.02
 _OFF_RAD = 0.1
 _AWAY = 0.1
+_EVEN = 0.85
+_SLOW = 0.2
 # Vehicle time at whose multiples what is counted in so many digits or bits begins anew.
 _SOON = ((60.0, "the seconds of a minute"), (65.536, "milliseconds in 16 bits"))
 # Where clocks can be set, both at once, and what else begins anew no sooner than after an hour, or after fifty days.
@@ -92,6 +94,13 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
     robot.goto(ahead, Controller.AC)
     last_s = wraps_s - 0.5 * caps.lease_s
     bench.run(last_s - TICK_S - bench.now_s)
+    seen = bench.since(robot, last_s - 0.5 * leg_s)
+    slow = sum(each.speed_m_s < _EVEN * caps.v_max_m_s for each in seen) / max(len(seen), 1)
+    bench.require(
+        slow <= _SLOW,
+        f"while its clock shows next to a multiple of {every_s:g} s it stops and goes, though its lease is renewed: "
+        "renewals are said in too few digits for so large a time, such as a float of 32 bits",
+    )
     clock.sleep_until(last_s)
     robot.renew_lease()
     clock.sleep_until(last_s + bench.orphaned_s() + caps.sample_age_s)

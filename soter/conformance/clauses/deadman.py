@@ -75,9 +75,10 @@ def lease(bench: Bench) -> None:
     told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
     stops = [
         *shuttle.trials(
-            many, lambda _: robot.renew_lease(), waits_s=caps.lease_s, renew=False, cause="the lease never ends"
+            many, lambda _: robot.renew_lease(), waits_s=caps.lease_s, renew=False,
+            cause="the lease never ends, or renewals add up",
         )
-    ]
+    ]  # fmt: skip
     seen = [trial.end.begins_s for trial in stops]
     cause = "the vehicle's lease is longer than lease_s, or is counted from something later than the renewal" + _RENEWED
     # Each trial falls into the vehicle's period somewhere, which sets two such means apart.

@@ -165,7 +165,7 @@ def cancel_early(bench: Bench) -> None:
 
 @clause("goal.cancel_own")
 def cancel_own(bench: Bench) -> None:
-    """cancel() of a goal that has ended touches no other goal."""
+    """cancel() of a goal that has ended touches no other goal, nor does any that of the goal right behind it."""
     robot = bench.open_one()
     first = robot.goto(bench.place(robot, 0.8), Controller.AC)
     second = bench.get_going(robot, bench.place(robot, 0.7))
@@ -173,6 +173,9 @@ def cancel_own(bench: Bench) -> None:
     bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once; a late cancel() changes nothing")
     bench.require_status(second, GoalStatus.ACTIVE, "cancel() ended a goal that it does not name")
     bench.arrive(second, "cancel() of an old goal stopped the robot: stop acts on its own goal only")
+    bench.get_going(robot, bench.place(robot, -0.7)).cancel()
+    behind = robot.goto(bench.place(robot, -0.3), Controller.AC)
+    bench.arrive(behind, "a goal that is sent right behind a cancel is lost: both wait, and the stop is done last")
 
 
 @clause("goal.timeout", truth=True)

@@ -244,7 +244,7 @@ def loss(bench: Bench) -> None:
 
 @clause("link.delay", tier=Tier.WIRE, hooks=("delay",))
 def delay(bench: Bench) -> None:
-    """Under delay samples say how old they are, and goals are still reached."""
+    """Under delay samples say how old they are, and who is in charge there and not here; goals are still reached."""
     robot = bench.open_one()
     late_s = 4 * TICK_S
     bench.run(1.0)
@@ -259,6 +259,16 @@ def delay(bench: Bench) -> None:
         f"with every message {late_s:.3f} s later samples are said to be {grown_s:.3f} s older: they are stamped on "
         "arrival; stamp them by the vehicle's clock",
     )
+    called_s = bench.now_s
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.run(1.0)
+    said_s = [each.at_s for each in bench.since(robot, called_s - late_s) if each.state.controller is Controller.SC]
+    bench.require(
+        min(said_s, default=math.inf) >= called_s + 0.5 * late_s,
+        f"with every message {late_s:.3f} s later the SC is said to be in charge in a sample that was taken before the "
+        "robot can have heard of it: that is what was sent, and not what the robot says",
+    )
+    robot.switch_ac_sc(Controller.AC, "conformance")
     # A vehicle may refuse renewals that are older than the lease.
     bench.harness.delay(0.25 * bench.caps.lease_s)
     _arrives(bench, robot, "a delay of a quarter of the lease")

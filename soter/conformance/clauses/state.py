@@ -14,9 +14,12 @@ from soter.conformance.figure import NotTested
 from soter.conformance.judging import STILL_M, STILL_RAD
 from soter.conformance.track import TrackSample, quantile, turn
 from soter.errors import Unsupported
-from soter.sdk import Controller, Link, Robot
+from soter.sdk import Controller, Link, Robot, RobotState
 
-_FRAME_CAUSE = "axes swapped or mirrored (NED for ENU?), or another origin or unit"
+_FRAME_CAUSE = (
+    "axes swapped or mirrored (NED for ENU?), another origin or unit, or the place of an antenna or axle and not of "
+    "its middle"
+)
 _NEAR_M = 0.01
 _HEADING_RAD = 0.15
 _STRAIGHT_RAD = 0.02
@@ -28,6 +31,7 @@ _RATE = 2e-3
 _AGES_S = 8.0
 _VELOCITY = 0.05
 _TURNED_RAD = 0.01
+_MOTION = slice(RobotState._fields.index("x_m"), RobotState._fields.index("yaw_rate_rad_s"))
 _ROUND_RAD = 0.6
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
@@ -312,10 +316,9 @@ def stamps(bench: Bench) -> None:
 def age(bench: Bench) -> None:
     """When it is read, the latest sample is no older than declared."""
     robot = bench.open_one()
-    # It arrives on the way, so that samples of rest are among them.
-    bench.get_going(robot, bench.place(robot, 0.9))
     # Of all that are open: they may share what carries their samples.
-    ages: dict[int, list[float]] = {each.id: [] for each in bench.fleet.robots}
+    ages: dict[int, list[float]] = {}
+    rare_s = bench.caps.sample_age_s + bench.caps.jitter_s
 
     def look() -> bool:
         for each in bench.fleet.robots:
@@ -324,7 +327,14 @@ def age(bench: Bench) -> None:
             ages[each.id].append(each.read_state().age_s(now_s))
         return False
 
-    bench.run(_AGES_S, look, closely=True)
+    # On a wire a host that stands still for once may make a stretch of them old; what is the robot's comes again.
+    for ahead in (0.9,) if bench.caps.in_process else (0.9, 0.0):
+        # It arrives on the way, so that samples of rest are among them.
+        bench.get_going(robot, bench.place(robot, ahead))
+        ages.update({each.id: [] for each in bench.fleet.robots})
+        bench.run(_AGES_S, look, closely=True)
+        if max(quantile(seen, 0.995) for seen in ages.values()) <= rare_s:
+            break
     for number, seen in ages.items():
         cause = (
             f"samples of robot {number} queue up (keep only the latest), come too seldom"
@@ -332,23 +342,28 @@ def age(bench: Bench) -> None:
         )
         # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
         bench.measure("sample_age_s", quantile(seen, 0.95), bench.caps.sample_age_s, 1e-4, cause, spread=seen)
-        bench.measure(
-            "sample_age_rare_s", quantile(seen, 0.995), bench.caps.sample_age_s + bench.caps.jitter_s, 1e-4, cause
-        )
+        bench.measure("sample_age_rare_s", quantile(seen, 0.995), rare_s, 1e-4, cause)
 
 
 @clause("state.never_waits")
 def never_waits(bench: Bench) -> None:
-    """read_state() returns the latest sample at once: no fleet time passes, and next to no host time."""
+    """read_state() returns the latest sample at once, however often: no fleet time passes, and next to no host time."""
     robot = bench.open_one()
+    robot.goto(bench.place(robot, 0.9), Controller.AC)
     slowest_s, passed_s = 0.0, 0.0
     for _ in range(50):
         before_s, host_s = bench.now_s, time.perf_counter()
-        for _ in range(5):
-            robot.read_state()
+        read = [robot.read_state() for _ in range(5)]
         slowest_s += time.perf_counter() - host_s
         passed_s = max(passed_s, bench.now_s - before_s)
-        bench.run(TICK_S)
+        for first, second in pairwise(read):
+            bench.require(
+                second.stamp_s > first.stamp_s or second[_MOTION] == first[_MOTION],
+                "two samples with one stamp tell different places or velocities: what they say comes of when they are "
+                "read, such as a velocity taken from one read to the next",
+            )
+        robot.renew_lease()
+        bench.fleet.clock.sleep_until(bench.now_s + TICK_S)
     bench.require(
         slowest_s / 250 < 0.01 and (passed_s == 0.0 or not bench.caps.in_process),
         f"read_state() took {slowest_s / 250 * 1e3:.1f} ms of host time and up to {passed_s:.3f} s of fleet time: it "

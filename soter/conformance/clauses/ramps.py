@@ -1,0 +1,70 @@
+"""Ramps: how hard a robot brakes, and how it gains speed, each compared with what is declared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import clause
+from soter.conformance.track import CRUISE_S, Ramp, fit_start, quantile
+from soter.conformance.trials import Shuttle, measure_braking, share_off
+from soter.errors import Unsupported
+from soter.sdk import Controller, Robot
+
+_STOPS = 12
+_REVERSALS = 3
+_SLOW_STOPS = 4
+_BLUR = 4.0
+
+
+@clause("bounds.braking", truth=True)
+def braking(bench: Bench) -> None:
+    """From the first deceleration on the robot stops as brake_m_s2 promises, whatever latency_s would still allow."""
+    robot = bench.open_one()
+    shuttle, cap_m_s = Shuttle(bench, robot), 0.5 * bench.caps.v_max_m_s
+    trials = [*shuttle.trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
+    measure_braking(bench, trials, "after a cancel")
+    slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
+    # From half the speed there is a quarter of the way to see it by.
+    measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
+
+
+@clause("bounds.acceleration", truth=True, needs=("accel_m_s2",))
+def acceleration(bench: Bench) -> None:
+    """The robot gains speed no faster than accel_m_s2."""
+    robot = bench.open_one()
+    accel = bench.caps.accel_m_s2 or 0.0
+    trials = Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())
+    seen = [trial.start.rate_m_s2 for trial in trials]
+    bench.measure(
+        "accel_m_s2", quantile(seen, 0.5), accel, share_off(bench, accel) * accel,
+        "it gains speed faster than promised: accel_m_s2 is declared too small", spread=seen,
+    )  # fmt: skip
+    back = [ramp.rate_m_s2 for ramp in _reversals(bench, robot)]
+    if back:
+        bench.measure(
+            "accel_m_s2", quantile(back, 0.5), accel, share_off(bench, accel) * accel,
+            "where it turns from forwards to backwards without a rest it gains speed faster than promised", spread=back,
+        )  # fmt: skip
+
+
+def _reversals(bench: Bench, robot: Robot) -> Iterator[Ramp]:
+    """Yield how the robot got going backwards right from its way forwards."""
+    for _ in range(bench.trials(_REVERSALS) if bench.caps.reverses else 0):
+        bench.go(robot, bench.place(robot, -0.3))
+        bench.run(SETTLE_S)
+        bench.get_going(robot, bench.place(robot, 0.9), closely=True)
+        at, called_s = bench.look(robot), bench.now_s
+        with suppress(Unsupported):
+            back = bench.place(robot, -0.85)._replace(heading_rad=at.heading_rad)
+            robot.goto(back, Controller.AC)
+            ramps_s = bench.caps.v_max_m_s * (1.0 / bench.caps.brake_m_s2 + 1.0 / (bench.caps.accel_m_s2 or math.inf))
+            bench.run(bench.caps.latency_s + bench.caps.jitter_s + ramps_s + 2.0 * CRUISE_S, closely=True)
+            seen = bench.since(robot, called_s)
+            turns_s = max(seen, key=lambda each: each.distance_m(back.x_m, back.y_m)).at_s
+            ramp = fit_start([each for each in seen if each.at_s >= turns_s], turns_s)
+            if ramp is not None:
+                bench.scatter_m = max(bench.scatter_m, ramp.scatter_m)
+                yield ramp
