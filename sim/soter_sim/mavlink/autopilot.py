@@ -324,11 +324,11 @@ class Autopilot:
         now_s = world_s - self.booted_s
         if self.mode is Mode.GUIDED:
             wanted = self.guided.setpoint(now_s)
+            if self._flaws is not None:
+                wanted = self._flaws.steered(wanted, self._vehicle.sample(), self.parameters["SIM_WIND_SPD"])
             if self.backwards and isinstance(wanted, Place) and wanted.heading_rad is None:
                 wanted = wanted.backwards_from(self._vehicle.sample())
-            if self._flaws is None:
-                return wanted
-            return self._flaws.steered(wanted, self._vehicle.sample(), self.parameters["SIM_WIND_SPD"])
+            return wanted
         return None if self.route is None else self.route.setpoint(self.sample(), now_s)
 
     def _reached(self, seq: int) -> None:

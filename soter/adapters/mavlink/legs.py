@@ -50,6 +50,17 @@ class TargetLeg(NamedTuple):
         course_rad = math.atan2(target.y_m - self.y_m, target.x_m - self.x_m)
         return abs(wrapped_rad(target.heading_rad - course_rad))
 
+    def ended(self, at: RobotState, noise_m: float) -> bool:
+        """Whether the robot has driven it, as far as it can know that, and has arrived.
+
+        A rover that is told a place again, and has rolled a little beyond it, turns round in place and goes back.
+        """
+        target = self.target
+        # Where it was when it was sent there, and where it is now, may both be wrong.
+        near_m = 2.0 * noise_m
+        driven = math.hypot(target.x_m - self.x_m, target.y_m - self.y_m) > near_m
+        return driven and math.hypot(target.x_m - at.x_m, target.y_m - at.y_m) <= min(near_m, target.radius_m)
+
     def looking_ahead(self, at: RobotState) -> Waypoint:
         """Return what a copter is to do now: turn to where it will go, then go there, so that it sees where it goes.
 

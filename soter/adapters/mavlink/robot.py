@@ -288,7 +288,8 @@ class MavlinkRobot(Robot):
         left_s = promised.lease_s - (now_s - self._renewed_s)
         # Where samples wait on the link targets may wait as well, and arrive when nobody stands behind them any more.
         late = now_s - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
-        if left_s <= 0.0 or late:
+        ended = not self._sampler.flies and leg.ended(at, promised.position_noise_m)
+        if left_s <= 0.0 or late or ended:
             self._setpoints.stand(self._charge)
             return
         self._setpoints.cap_speed(target.speed_m_s)
