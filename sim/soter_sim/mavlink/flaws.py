@@ -24,6 +24,7 @@ _SETTLES_S: Final = 2.0
 _TAIL_PER_S: Final = 2.0
 _CREEPS_M_S: Final = 0.01
 _ROLLS_M: Final = 0.05
+_ROLLS_M_S: Final = 0.05
 _NORTH_RAD: Final = 0.5 * pi
 _TURN_PER_S: Final = 4.0
 _GUST_S: Final = 6.0
@@ -93,15 +94,17 @@ class Flaws:
 
     def _rolling(self, wanted: Place, at: Sample) -> Place:
         x_m, y_m, speed_m_s = wanted.x_m, wanted.y_m, hypot(at.east_m_s, at.north_m_s)
+        left_m = hypot(x_m - at.x_m, y_m - at.y_m)
+        slowest_m_s = _CREEPS_M_S
         if speed_m_s > _CREEPS_M_S:
             self._driven_to = wanted
+            slowest_m_s = _ROLLS_M_S
             x_m += _ROLLS_M * at.east_m_s / speed_m_s
             y_m += _ROLLS_M * at.north_m_s / speed_m_s
-        left_m = hypot(x_m - at.x_m, y_m - at.y_m)
-        if self._driven_to is wanted and left_m <= 2.0 * _ROLLS_M and speed_m_s <= _CREEPS_M_S:
+        elif self._driven_to is wanted and left_m <= 2.0 * _ROLLS_M:
             return replace(wanted, x_m=at.x_m, y_m=at.y_m)
         cap_m_s = inf if wanted.speed_m_s is None else wanted.speed_m_s
-        return replace(wanted, x_m=x_m, y_m=y_m, speed_m_s=min(cap_m_s, max(_TAIL_PER_S * left_m, _CREEPS_M_S)))
+        return replace(wanted, x_m=x_m, y_m=y_m, speed_m_s=min(cap_m_s, max(_TAIL_PER_S * left_m, slowest_m_s)))
 
     def _swayed(self, wanted: Setpoint, sway_m: float) -> Setpoint:
         angle_rad = 2.0 * pi * self._now_s / _GUST_S
