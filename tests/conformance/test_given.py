@@ -98,6 +98,15 @@ def test_ways_are_judged_as_well_as_a_robot_knows_where_it_is(noise_m: float, ve
     assert truth.verdict is verdict, truth.reason
 
 
+@pytest.mark.parametrize(("v_max_m_s", "still_m"), [(0.22, 0.005), (1.0, 0.02)])
+def test_who_has_driven_fast_may_come_to_rest_as_slowly_as_that(v_max_m_s: float, still_m: float) -> None:
+    # Of an ArduRover 15 mm were seen in the second after it had to be at rest from 0.95 m/s.
+    bench = Bench(GivenHarness(given(3.0, v_max_m_s=v_max_m_s)), truth=True)
+    bench.open_one()
+    assert bench.still_m == pytest.approx(still_m)
+    bench.close()
+
+
 def test_measuring_finds_what_a_robot_does_and_what_was_promised_too_well() -> None:
     # It is built for what it promises; what it is said to promise here is something else.
     better = {"brake_m_s2": 3.0, "latency_s": 0.0, "v_max_m_s": 1.0}

@@ -293,6 +293,9 @@ class MavlinkRobot(Robot):
             self._setpoints.stand(self._charge)
             return
         self._setpoints.cap_speed(target.speed_m_s)
+        if not self._sampler.flies:
+            # A rover brakes harder than it promises, and so begins later to come to rest at the same place.
+            left_s = max(left_s - promised.setpoint_period_s, 0.0)
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)

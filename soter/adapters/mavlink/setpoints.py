@@ -26,8 +26,8 @@ _NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", 
 _KEPT: Final = 64
 """Places that were sent last, by which those of others are told from ours: those of a second or more."""
 
-_SPEED_SHARE: Final = 0.95
-"""Part of the promised top speed that an autopilot without a clamp is asked for: it swings beyond what it is asked."""
+_SWINGS: Final = 0.05
+"""How far an autopilot without a clamp swings beyond the speed that it is asked for, as part of its top speed."""
 
 
 class Setpoints:
@@ -87,10 +87,9 @@ class Setpoints:
 
     def cap_speed(self, speed_m_s: float | None) -> None:
         """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
-        most_m_s = _SPEED_SHARE * self._v_max_m_s
-        self._insist(
-            mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, most_m_s if speed_m_s is None else min(speed_m_s, most_m_s), -1.0
-        )
+        most_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
+        asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, 0.5 * most_m_s)
+        self._insist(mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, asked_m_s, -1.0)
 
     def drive_backwards(self, backwards: bool) -> None:
         """Tell a rover to drive to places backwards, or forwards, until told otherwise.
