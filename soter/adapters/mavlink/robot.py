@@ -294,8 +294,8 @@ class MavlinkRobot(Robot):
             return
         self._setpoints.cap_speed(target.speed_m_s)
         if not self._sampler.flies:
-            # A rover brakes harder than it promises, and so begins later to come to rest at the same place.
-            left_s = max(left_s - promised.setpoint_period_s, 0.0)
+            # It acts on a target half a period late on average, and brakes harder and later than it promises.
+            left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)

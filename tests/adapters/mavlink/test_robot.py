@@ -104,7 +104,8 @@ def test_without_a_lease_of_its_own_the_vehicle_is_never_sent_further_than_ours_
     tick(puppet, robot)
     robot.goto(FAR, SC)
     promised = robot.declared
-    full_m = promised.v_max_m_s * promised.lease_s + promised.v_max_m_s**2 / (2.0 * promised.brake_m_s2)
+    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    full_m = promised.v_max_m_s * lease_s + promised.v_max_m_s**2 / (2.0 * promised.brake_m_s2)
     assert puppet.targets()[-1][1]["y"] == pytest.approx(full_m)
     for _ in range(4):
         puppet.live(0.05)
