@@ -26,7 +26,7 @@ _NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", 
 _KEPT: Final = 64
 """Places that were sent last, by which those of others are told from ours: those of a second or more."""
 
-_SWINGS: Final = 0.05
+_SWINGS: Final = 0.08
 """How far an autopilot without a clamp swings beyond the speed that it is asked for, as part of its top speed."""
 
 

@@ -180,7 +180,7 @@ def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None
         robot.init(60.0)
         robot.switch_ac_sc(Controller.AC, "test")
         robot.goto(Waypoint(spec.x_m + 2.0, spec.y_m + 1.0, radius_m=0.3), Controller.AC)
-        turned_rad = 0.0
+        turned_rad, x_m, y_m = 0.0, math.nan, math.nan
         for _ in range(240):
             fleet.clock.sleep_until(fleet.clock.now() + 0.05)
             robot.read_state()

@@ -138,7 +138,7 @@ def test_without_a_gate_a_speed_cap_is_asked_for_once(puppet: Puppet) -> None:
     tick(puppet, robot, 4)
     caps = [fields["param2"] for fields in puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)]
     # It swings beyond what it is asked for.
-    assert caps == pytest.approx([0.089] * len(caps))
+    assert caps == pytest.approx([0.0824] * len(caps))
     assert len(caps) <= 2
 
 
