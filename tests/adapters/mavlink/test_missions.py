@@ -199,7 +199,7 @@ def test_a_safe_controllers_leg_back_is_driven_backwards() -> None:
 
 def test_clauses_of_the_kit_pass_on_one_that_it_did_not_start() -> None:
     # Its tail is that of the usual parameters, not of those of the example.
-    config, spec = given_rover(brake_m_s2=1.0)
+    config, spec = given_rover(brake_m_s2=0.9)
     record = judge(find_harness(Given(BACKEND, config, spec, 10.0)), select(["bounds.rest", "deadman.silence"]))
     tried = {each.clause.id: each.verdict for each in record.outcomes}
     assert tried == dict.fromkeys(("bounds.rest", "deadman.silence", "truth.deadman.silence"), Verdict.PASS)
