@@ -16,6 +16,7 @@ from soter.sdk import Capabilities, Fleet, Goal, GoalStatus, Robot, Waypoint
 STILL_M: Final = 0.005
 
 STILL_RAD: Final = 0.03
+_FADES_M_PER_M_S: Final = 0.02
 
 READ_S: Final = 0.003
 """A pose of the truth that took longer than this to read says nothing of when it was."""
@@ -118,8 +119,9 @@ class Judging:
 
     @property
     def still_m(self) -> float:
-        """A robot whose pose changes by no more than this is at rest."""
-        return STILL_M + 2.0 * self.noise_m
+        """A robot whose pose changes by no more than this in a second is at rest; the end of a fast motion fades."""
+        fades_m = 0.0 if self.capabilities is None else _FADES_M_PER_M_S * self.capabilities.v_max_m_s
+        return max(STILL_M, fades_m) + 2.0 * self.noise_m
 
     @property
     def still_rad(self) -> float:

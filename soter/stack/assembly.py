@@ -156,6 +156,7 @@ def assemble(
         ),
         lambda robot_id, x_m, y_m: safe[robot_id].declared.dock.path.legs(x_m, y_m),
         lambda bound: safe[bound.robot_id].declared.dock.docked(bound.situation),
+        2.0 * (worst.noise_m + worst.v_max_m_s * worst.sample_age_s),
     )
     supervisors: list[RobotSupervisor] = []
     for robot in robots:

@@ -13,7 +13,7 @@ from soter.sdk import Controller
 from soter.stack.terrain import Point, length_m
 
 NEAR_M: Final = 0.6
-"""Robots nearer than this meet; 0.1 m beyond phi_safer where that is more."""
+"""Robots nearer than this meet; so far beyond phi_safer where that is more that who is farther is given back."""
 
 MEMORY_S: Final = 3.0
 """An encounter ends so long after its robots were last near each other."""
@@ -113,6 +113,7 @@ class RightOfWay:
         apart_m: how far from a robot's path others must be, so that every leg along it is certified.
         legs: the return path of a robot from a place, as its corners.
         docked: whether a robot stands on its station.
+        unsure_m: how much farther than `safer_m` robots may be and not be given back, as they and their peers are seen.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class RightOfWay:
         apart_m: Callable[[int], float] = lambda _: NEAR_M,
         legs: Callable[[int, float, float], Sequence[Point]] = lambda *_: (),
         docked: Callable[[RobotSupervisor], bool] = lambda _: False,
+        unsure_m: float = 0.0,
     ) -> None:
         self._apart_m: Final = apart_m
         self._legs: Final = legs
@@ -130,7 +132,7 @@ class RightOfWay:
         self._homing: dict[int, _Homing] = {}
         self._to_leave: dict[int, Path] = {}
         self._safer_m: Final = safer_m
-        self._near_m: Final = max(NEAR_M, safer_m + 0.1)
+        self._near_m: Final = max(NEAR_M, safer_m + max(0.1, unsure_m))
         self._clear_m: Final = max(CLEAR_M, safer_m + 0.2)
         self._remote_needs_charge: Final = needs_charge
         self._met_s: dict[tuple[int, int], float] = {}

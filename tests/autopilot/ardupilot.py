@@ -53,6 +53,13 @@ class _World:
         self._step += 1
 
 
+class _Server(TruthServer):
+    """Tells nothing of charges, of which SIM_STATE says nothing."""
+
+    def _told(self) -> dict[str, Any]:
+        return {name: what for name, what in super()._told().items() if name != "charges"}
+
+
 class Autopilots:
     """One ArduPilot a robot, each with the truth of its own simulator.
 
@@ -92,7 +99,7 @@ class Autopilots:
         self._armed: Final[dict[int, bool]] = {}
         self._program, self._folder, self._model = program, folder, model
         self._world: Final = _World(workspace, robots, fastest_m_s, limits)
-        self._server: Final = TruthServer(self._world)  # type: ignore[arg-type]
+        self._server: Final = _Server(self._world)  # type: ignore[arg-type]
         self.truth: Final = self._server.address
         self._sockets: Final = {spec.id: _bound() for spec in robots}
         self._peers: Final[dict[int, tuple[str, int]]] = {}

@@ -53,7 +53,9 @@ def test_the_value_that_would_do_does() -> None:
 
 def test_what_would_do_is_said_by_key_all_at_once_and_does() -> None:
     mission = str(EXAMPLES / "ardurover" / "mission.toml")
-    fast = ("--set", "backends.mavlink.promise.v_max_m_s=1.6", "--budget", "2")
+    promise = {"v_max_m_s": 1.6, "brake_m_s2": 1.0, "lease_s": 0.3}
+    fast = [word for key, value in promise.items() for word in ("--set", f"backends.mavlink.promise.{key}={value}")]
+    fast += ["--budget", "2"]
     done = check(mission, *fast)
     assert done.exit_code == 1, done.output
     tables = tomllib.loads(done.output.partition("together would do:")[2])["rta"]

@@ -101,6 +101,23 @@ def test_what_cannot_be_tried_is_named_and_costs_the_whole_verdict() -> None:
     assert overall(record.outcomes, in_process=False) is Overall.FAILS
 
 
+@pytest.mark.parametrize(("noise_m", "verdict"), [(0.15, Verdict.PASS), (0.25, Verdict.NOT_TESTED)])
+def test_ways_are_judged_as_well_as_a_robot_knows_where_it_is(noise_m: float, verdict: Verdict) -> None:
+    # It is taken for there when it is as near as that, and legs that are no longer say nothing.
+    record = judge(GivenHarness(given(3.0, position_noise_m=noise_m)), select(["state.frame"]))
+    (truth,) = [each for each in record.outcomes if each.clause.id == "truth.state.frame"]
+    assert truth.verdict is verdict, truth.reason
+
+
+@pytest.mark.parametrize(("v_max_m_s", "still_m"), [(0.22, 0.005), (1.0, 0.02)])
+def test_who_has_driven_fast_may_come_to_rest_as_slowly_as_that(v_max_m_s: float, still_m: float) -> None:
+    # Of an ArduRover 15 mm were seen in the second after it had to be at rest from 0.95 m/s.
+    bench = Bench(GivenHarness(given(3.0, v_max_m_s=v_max_m_s)), truth=True)
+    bench.open_one()
+    assert bench.still_m == pytest.approx(still_m)
+    bench.close()
+
+
 def test_measuring_finds_what_a_robot_does_and_what_was_promised_too_well() -> None:
     # It is built for what it promises; what it is said to promise here is something else.
     better = {"brake_m_s2": 3.0, "latency_s": 0.0, "v_max_m_s": 1.0}

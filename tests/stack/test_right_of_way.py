@@ -65,6 +65,16 @@ def test_robots_that_are_near_meet_and_the_lowest_id_goes_first() -> None:
     assert [meeting.rule.first(number) for number in (1, 2, 3)] == [True, False, True]
 
 
+@pytest.mark.parametrize(("unsure_m", "order"), [(0.3, (1, 2)), (0.0, None)])
+def test_robots_that_are_not_given_back_because_they_are_seen_badly_meet_too(
+    unsure_m: float, order: tuple[int, int] | None
+) -> None:
+    # Two that both took themselves for the first held for ever, between phi_safer and where they would be given back.
+    meeting = Meeting((0.0, 0.0), (1.15, 0.0), rule=RightOfWay(safer_m=0.9, unsure_m=unsure_m))
+    meeting.look(0.0)
+    assert meeting.order() == order
+
+
 def test_who_meets_is_passed_on() -> None:
     meeting = Meeting((1.0, 0.0), (0.0, 0.0), (1.5, 0.0), (0.5, 0.0), (9.0, 0.0))
     meeting.look(0.0)

@@ -58,6 +58,7 @@ class Autopilot:
         booted_s: the world's time at which its clock began.
         now_s: its own time, since then.
         speed_m_s: the speed that DO_CHANGE_SPEED has set, or None.
+        backwards: a rover drives to places in GUIDED backwards (DO_SET_REVERSE), until its mode changes.
         route: what it is doing by itself, or None.
         failed: the fail-safe that has taken it over, or None.
     """
@@ -100,6 +101,7 @@ class Autopilot:
         self.route: Route | None = None
         self.home: tuple[float, float, float] | None = None
         self.speed_m_s: float | None = None
+        self.backwards = False
         self._told_ready = False
         self.fence.enabled = bool(self.parameters["FENCE_ENABLE"])
         self.failed: str | None = None
@@ -168,6 +170,7 @@ class Autopilot:
             return refusal
         logger.info("robot %d: %s -> %s: %s", self.id, self.mode.value, mode.value, reason)
         self.mode = mode
+        self.backwards = False
         # What was under way is not taken up again when the mode comes back.
         self.guided.halt()
         self.route = self._make_route(mode)
@@ -321,9 +324,11 @@ class Autopilot:
         now_s = world_s - self.booted_s
         if self.mode is Mode.GUIDED:
             wanted = self.guided.setpoint(now_s)
-            if self._flaws is None:
-                return wanted
-            return self._flaws.steered(wanted, self._vehicle.sample(), self.parameters["SIM_WIND_SPD"])
+            if self._flaws is not None:
+                wanted = self._flaws.steered(wanted, self._vehicle.sample(), self.parameters["SIM_WIND_SPD"])
+            if self.backwards and isinstance(wanted, Place) and wanted.heading_rad is None:
+                wanted = wanted.backwards_from(self._vehicle.sample())
+            return wanted
         return None if self.route is None else self.route.setpoint(self.sample(), now_s)
 
     def _reached(self, seq: int) -> None:

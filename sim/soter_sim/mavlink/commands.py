@@ -200,6 +200,13 @@ def _change_speed(autopilot: Autopilot, command: Command, _most_hz: float) -> in
     return ACCEPTED
 
 
+def _set_reverse(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
+    if autopilot.kind.flies:
+        return UNSUPPORTED
+    autopilot.backwards = command.params[0] == 1.0
+    return ACCEPTED
+
+
 def _set_mission_current(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     seq = command.params[0]
     # Written so that NaN fails too.
@@ -301,6 +308,7 @@ _HANDLERS: Final[Mapping[int, Handler]] = {
     mav.MAV_CMD_NAV_TAKEOFF: _take_off,
     mav.MAV_CMD_DO_REPOSITION: _reposition,
     mav.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
+    mav.MAV_CMD_DO_SET_REVERSE: _set_reverse,
     mav.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_current,
     mav.MAV_CMD_DO_FENCE_ENABLE: _enable_fence,
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,

@@ -23,6 +23,8 @@ _NOTICES_S: Final = 7.0
 _SETTLES_S: Final = 2.0
 _TAIL_PER_S: Final = 2.0
 _CREEPS_M_S: Final = 0.01
+_ROLLS_M: Final = 0.05
+_ROLLS_M_S: Final = 0.05
 _NORTH_RAD: Final = 0.5 * pi
 _TURN_PER_S: Final = 4.0
 _GUST_S: Final = 6.0
@@ -38,6 +40,7 @@ class Flaws:
     - **Masks.** A rover takes a velocity of nothing without a yaw rate for the heading north, and pivots to it.
     - **Places.** A rover comes near to one at a speed that falls with what is left, so that it never gets fast on its
       way to a near one, and has a long tail.
+    - **Rolling on.** A rover comes to rest a little beyond a place. If that is sent again, it turns round to get back.
     - **Arming** is refused for a while after the EKF has got ready.
     - **Wind** (SIM_WIND_SPD, in m/s) comes in gusts and sways a copter: by up to 0.3 m in one of 5 m/s.
 
@@ -52,6 +55,7 @@ class Flaws:
     def __init__(self, *, flies: bool) -> None:
         self._flies: Final = flies
         self._now_s = 0.0
+        self._driven_to: Place | None = None
         self.lost = False
         self.fix_s = 0.0
 
@@ -79,9 +83,7 @@ class Flaws:
         if self._flies:
             return self._swayed(wanted, _SWAY_M_PER_M_S * wind_m_s)
         if isinstance(wanted, Place):
-            left_m = hypot(wanted.x_m - at.x_m, wanted.y_m - at.y_m)
-            cap_m_s = inf if wanted.speed_m_s is None else wanted.speed_m_s
-            return replace(wanted, speed_m_s=min(cap_m_s, max(_TAIL_PER_S * left_m, _CREEPS_M_S)))
+            return self._rolling(wanted, at)
         if (
             isinstance(wanted, Velocity)
             and wanted.yaw_rate_rad_s is None
@@ -89,6 +91,20 @@ class Flaws:
         ):
             return replace(wanted, yaw_rate_rad_s=_TURN_PER_S * wrapped_rad(_NORTH_RAD - at.heading_rad))
         return wanted
+
+    def _rolling(self, wanted: Place, at: Sample) -> Place:
+        x_m, y_m, speed_m_s = wanted.x_m, wanted.y_m, hypot(at.east_m_s, at.north_m_s)
+        left_m = hypot(x_m - at.x_m, y_m - at.y_m)
+        slowest_m_s = _CREEPS_M_S
+        if speed_m_s > _CREEPS_M_S:
+            self._driven_to = wanted
+            slowest_m_s = _ROLLS_M_S
+            x_m += _ROLLS_M * at.east_m_s / speed_m_s
+            y_m += _ROLLS_M * at.north_m_s / speed_m_s
+        elif self._driven_to is wanted and left_m <= 2.0 * _ROLLS_M:
+            return replace(wanted, x_m=at.x_m, y_m=at.y_m)
+        cap_m_s = inf if wanted.speed_m_s is None else wanted.speed_m_s
+        return replace(wanted, x_m=x_m, y_m=y_m, speed_m_s=min(cap_m_s, max(_TAIL_PER_S * left_m, slowest_m_s)))
 
     def _swayed(self, wanted: Setpoint, sway_m: float) -> Setpoint:
         angle_rad = 2.0 * pi * self._now_s / _GUST_S

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from math import atan2, hypot
+from typing import Final, NamedTuple, Protocol
+
+_NEAR_M: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +27,12 @@ class Place:
     z_m: float = 0.0
     heading_rad: float | None = None
     speed_m_s: float | None = None
+
+    def backwards_from(self, at: Sample) -> Place:
+        """Return the same place with the heading that a rover has which backs to it; at it, with the one it has."""
+        dx_m, dy_m = at.x_m - self.x_m, at.y_m - self.y_m
+        near = hypot(dx_m, dy_m) < _NEAR_M
+        return replace(self, heading_rad=at.heading_rad if near else atan2(dy_m, dx_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

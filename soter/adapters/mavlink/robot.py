@@ -14,72 +14,24 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
-from soter.adapters.mavlink.frames import Frame, turned_rad, wrapped_rad
+from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.legs import TargetLeg, reach_m
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.obedience import Obedience
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
 from soter.adapters.mavlink.preparation import Preparation
 from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import Vehicle
+from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
-from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState, Waypoint
+from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
 from soter.sdk.robot import FUTURE_S
-
-_SHORT_M: Final = 1e-6
-_AHEAD_RAD: Final = 0.05
-_WORTH_A_TURN_M: Final = 0.15
-
-
-class TargetLeg(NamedTuple):
-    """The straight way to a target; the dead man of vehicles without one is a target no further than the lease covers.
-
-    A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
-    instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls
-    silent the vehicle comes to rest there by itself.
-    """
-
-    x_m: float
-    y_m: float
-    z_m: float
-    target: Waypoint
-
-    def looking_ahead(self, at: RobotState) -> Waypoint:
-        """Return what a copter is to do now: turn to where it will go, then go there, so that it sees where it goes.
-
-        A target with a heading, or one that is quite near, is flown to as it is.
-        """
-        target = self.target
-        dx_m, dy_m = target.x_m - self.x_m, target.y_m - self.y_m
-        if target.heading_rad is not None or math.hypot(dx_m, dy_m) < _WORTH_A_TURN_M:
-            return target
-        course_rad = math.atan2(dy_m, dx_m)
-        gone_m = math.hypot(at.x_m - self.x_m, at.y_m - self.y_m)
-        if abs(wrapped_rad(course_rad - at.heading_rad)) > _AHEAD_RAD and gone_m < _WORTH_A_TURN_M:
-            return target._replace(x_m=self.x_m, y_m=self.y_m, z_m=self.z_m, heading_rad=course_rad)
-        return target._replace(heading_rad=course_rad)
-
-    def ahead(self, at: RobotState, reach_m: float) -> tuple[float, float, float]:
-        """Return the point on the way that is `reach_m` ahead of a vehicle, or the target where that is nearer."""
-        dx_m, dy_m, dz_m = self.target.x_m - self.x_m, self.target.y_m - self.y_m, self.target.z_m - self.z_m
-        length_m = math.hypot(dx_m, dy_m, dz_m)
-        if length_m < _SHORT_M:
-            return self.target.x_m, self.target.y_m, self.target.z_m
-        gone = (at.x_m - self.x_m) * dx_m + (at.y_m - self.y_m) * dy_m + (at.z_m - self.z_m) * dz_m
-        share = min(max(gone / length_m, 0.0) + reach_m, length_m) / length_m
-        return self.x_m + share * dx_m, self.y_m + share * dy_m, self.z_m + share * dz_m
-
-
-def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:
-    """Return how far ahead a target may be: what is driven in the rest of the lease, and the way to stop after it."""
-    return v_m_s * lease_left_s + v_m_s * v_m_s / (2.0 * brake_m_s2)
-
 
 logger = logging.getLogger(__name__)
 
@@ -163,7 +115,7 @@ class MavlinkRobot(Robot):
             raise RobotUnavailable(f"robot {self.id}: it is ready, but does not say where it is")
         found = self.declared
         if not self._gated:
-            reverses = found.reverses and self._sampler.flies
+            reverses = found.reverses and (self._sampler.flies or self._vehicle.kind == ARDUROVER)
             # It does pivot first. But its last target outlives the lease, and it ends the turn to it: no farther from
             # its place than the lease allows, but later.
             found = replace(found, reports_controller=False, reverses=reverses, pivots_first=False)
@@ -173,10 +125,14 @@ class MavlinkRobot(Robot):
         target, at = goal.target, self._known()
         if not self._sampler.flies and abs(target.z_m) > target.radius_m:
             raise Unsupported(f"robot {self.id}: it stays on the ground, and the target has z_m = {target.z_m:g}")
+        leg = None if at is None else TargetLeg(at.x_m, at.y_m, at.z_m, target)
         if target.heading_rad is not None and not self._gated and not self._sampler.flies:
-            raise Unsupported(f"robot {self.id}: its autopilot takes no heading to arrive with")
-        if at is not None:
-            self._leg = TargetLeg(at.x_m, at.y_m, at.z_m, target)
+            if not self._reverses:
+                raise Unsupported(f"robot {self.id}: its autopilot takes no heading to arrive with")
+            if leg is not None and not leg.along:
+                raise Unsupported(f"robot {self.id}: its autopilot arrives with no heading but that of its way")
+        if leg is not None:
+            self._leg = leg
             self._send_target(at)
 
     def _sample(self) -> RobotState | None:
@@ -270,6 +226,11 @@ class MavlinkRobot(Robot):
             raise RobotUnavailable(f"robot {self.id}: {failure}") from failure
         return preparation.ready
 
+    @property
+    def _reverses(self) -> bool:
+        """Whether it is a rover without a gate that is told which way to drive."""
+        return not self._gated and self._vehicle.kind == ARDUROVER and self.declared.reverses
+
     def _timed(self) -> bool:
         """Return whether its clock is known so well that what it says is not of the future, which nobody believes."""
         sample = self._known()
@@ -281,7 +242,8 @@ class MavlinkRobot(Robot):
         assert preparation.origin is not None
         plane_m = self._config.height_m if kind.flies else 0.0
         frame = Frame.between(self._config.geo_origin, preparation.origin, plane_m)
-        self._sampler.frame = self._setpoints.frame = frame
+        self._sampler.frame = frame
+        self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
         self._gated = preparation.gated is True
         self._obedience.begin(None if self._gated or kind.is_px4 else preparation.origin)
@@ -326,11 +288,17 @@ class MavlinkRobot(Robot):
         left_s = promised.lease_s - (now_s - self._renewed_s)
         # Where samples wait on the link targets may wait as well, and arrive when nobody stands behind them any more.
         late = now_s - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
-        if left_s <= 0.0 or late:
+        ended = not self._sampler.flies and leg.ended(at, promised.position_noise_m)
+        if left_s <= 0.0 or late or ended:
             self._setpoints.stand(self._charge)
             return
         self._setpoints.cap_speed(target.speed_m_s)
+        if not self._sampler.flies:
+            # It acts on a target half a period late on average, and brakes harder and later than it promises.
+            left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
+        if self._reverses:
+            self._setpoints.drive_backwards(leg.backwards)
         yaw_rad = None if target.heading_rad is None else turned_rad(target.heading_rad)
         self._setpoints.go_plainly(self._charge, *leg._replace(target=target).ahead(at, ahead_m), yaw_rad)
 

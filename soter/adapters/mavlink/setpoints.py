@@ -26,8 +26,8 @@ _NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", 
 _KEPT: Final = 64
 """Places that were sent last, by which those of others are told from ours: those of a second or more."""
 
-_SPEED_SHARE: Final = 0.95
-"""Part of the promised top speed that an autopilot without a clamp is asked for: it swings beyond what it is asked."""
+_SWINGS: Final = 0.08
+"""How far an autopilot without a clamp swings beyond the speed that it is asked for, as part of its top speed."""
 
 
 class Setpoints:
@@ -36,9 +36,14 @@ class Setpoints:
     def __init__(self, vehicle: Vehicle, v_max_m_s: float) -> None:
         self._vehicle: Final = vehicle
         self._v_max_m_s: Final = v_max_m_s
-        self._speed_m_s: float | None = None
+        self._told: Final[dict[int, tuple[tuple[float, ...], float]]] = {}
         self._sent: Final[deque[tuple[float, float]]] = deque(maxlen=_KEPT)
         self.frame = Frame()
+
+    def begin(self, frame: Frame) -> None:
+        """Begin anew with a vehicle that was made ready: it may have forgotten how fast it is to go, and which way."""
+        self.frame = frame
+        self._told.clear()
 
     def stand(self, by: Controller) -> None:
         """Tell the vehicle to stop and stay: a velocity of nothing, which every autopilot takes at once.
@@ -82,12 +87,27 @@ class Setpoints:
 
     def cap_speed(self, speed_m_s: float | None) -> None:
         """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
-        most_m_s = _SPEED_SHARE * self._v_max_m_s
-        cap_m_s = most_m_s if speed_m_s is None else min(speed_m_s, most_m_s)
-        if cap_m_s != self._speed_m_s:
-            self._vehicle.command(KEEPER, mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, cap_m_s, -1.0)
-            ack = self._vehicle.ack(mav.MAV_CMD_DO_CHANGE_SPEED, -math.inf)
-            self._speed_m_s = cap_m_s if ack is not None and ack.accepted else None
+        most_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
+        asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, 0.5 * most_m_s)
+        self._insist(mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, asked_m_s, -1.0)
+
+    def drive_backwards(self, backwards: bool) -> None:
+        """Tell a rover to drive to places backwards, or forwards, until told otherwise.
+
+        Where this is lost the rover turns round before it drives: to the same place, on the same way.
+        """
+        self._insist(mav.MAV_CMD_DO_SET_REVERSE, float(backwards))
+
+    def _insist(self, command: int, *params: float) -> None:
+        """Send a command until it is accepted, and anew when it says something else."""
+        vehicle = self._vehicle
+        told, since_s = self._told.get(command, ((), 0.0))
+        if told != params:
+            since_s = vehicle.now_s
+            self._told[command] = params, since_s
+        ack = vehicle.ack(command, since_s)
+        if ack is None or not ack.accepted:
+            vehicle.command(KEEPER, command, *params)
 
     def off_m(self, north_m: float, east_m: float) -> float:
         """Return how far a place, seen from the origin of its EKF, is from the nearest of those that were sent last."""

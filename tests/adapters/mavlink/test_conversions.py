@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.frames import Frame, GeoPoint, turned_rad
+from soter.adapters.mavlink.legs import TargetLeg, reach_m
 from soter.adapters.mavlink.options import MavlinkConfig
-from soter.adapters.mavlink.robot import TargetLeg, reach_m
 from soter.adapters.mavlink.sampling import ChargeFilter
 from soter.adapters.mavlink.transport import Address
 from soter.adapters.mavlink.vehicle import kind_of, px4_mode

@@ -18,7 +18,7 @@ from soter.config import load_mission
 from soter.conformance import Verdict, find_harness, judge, select
 from soter.conformance.given import Given
 from soter.runner import RunResult, run_mission
-from soter.sdk import RobotSpec
+from soter.sdk import Controller, RobotSpec, Waypoint
 from tests.adapters.mavlink.virtual import BACKEND, VirtualBackend, VirtualConfig, Wire
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
@@ -28,7 +28,11 @@ HOLD, MANUAL = 4.0, 0.0
 
 
 def options(like: str) -> dict[str, Any]:
-    return dict(tomllib.loads((EXAMPLES / like / "mission.toml").read_text(encoding="utf-8"))["backends"]["mavlink"])
+    """Return the options of an example; in virtual time the vehicles' period is no longer than a sample is old."""
+    given = dict(tomllib.loads((EXAMPLES / like / "mission.toml").read_text(encoding="utf-8"))["backends"]["mavlink"])
+    promise = given["promise"]
+    waits_s = promise["latency_s"] + promise["setpoint_period_s"]
+    return given | {"promise": promise | {"setpoint_period_s": 0.1, "latency_s": waits_s - 0.1}}
 
 
 def run(
@@ -159,13 +163,43 @@ def test_when_nobody_is_heard_any_more_a_vehicle_is_at_rest_well_within_what_is_
     assert max(ways_m) <= 0.8 * (promise["v_max_m_s"] * unheard_s + stops_m + promise["overshoot_m"])
 
 
-def test_clauses_of_the_kit_pass_on_one_that_it_did_not_start() -> None:
-    mission = load_mission(EXAMPLES / "ardurover" / "mission.toml")
-    workspace = mission.read_workspace()
+def given_rover(**promise: Any) -> tuple[VirtualConfig, RobotSpec]:
+    """Return the first rover of the example, as a mission file has it."""
+    workspace = load_mission(EXAMPLES / "ardurover" / "mission.toml").read_workspace()
     given = {key: value for key, value in options("ardurover").items() if key != "connection"}
+    given["promise"] = {**given["promise"], **promise}
     config = VirtualConfig.model_validate({**given, "like": "ardurover", "workspace": workspace})
     start = workspace.robots[0]
-    spec = RobotSpec(start.id, start.x_m, start.y_m, 0.3, promised=VirtualBackend.promises(config))
+    return config, RobotSpec(start.id, start.x_m, start.y_m, 0.3, promised=VirtualBackend.promises(config))
+
+
+def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None:
+    config, spec = given_rover()
+    with VirtualBackend().open(config, [spec]) as fleet:
+        (robot,) = fleet.robots
+        robot.init(60.0)
+        robot.switch_ac_sc(Controller.AC, "test")
+        robot.goto(Waypoint(spec.x_m + 2.0, spec.y_m + 1.0, radius_m=0.3), Controller.AC)
+        turned_rad, x_m, y_m = 0.0, math.nan, math.nan
+        for _ in range(240):
+            fleet.clock.sleep_until(fleet.clock.now() + 0.05)
+            robot.read_state()
+            robot.renew_lease()
+            x_m, y_m, heading_rad = VirtualBackend.wire.world.truth.pose(1)
+            turned_rad = max(turned_rad, abs(math.remainder(heading_rad - 0.3, math.tau)))
+        assert math.dist((x_m, y_m), (spec.x_m + 2.0, spec.y_m + 1.0)) <= 0.3
+        assert turned_rad < 0.5
+
+
+def test_a_safe_controllers_leg_back_is_driven_backwards() -> None:
+    config, spec = given_rover(reverses=True)
+    record = judge(find_harness(Given(BACKEND, config, spec, 10.0)), select(["state.backwards", "goto.heading"]))
+    assert {each.verdict for each in record.outcomes} == {Verdict.PASS}, record.outcomes
+
+
+def test_clauses_of_the_kit_pass_on_one_that_it_did_not_start() -> None:
+    # Its tail is that of the usual parameters, not of those of the example.
+    config, spec = given_rover(brake_m_s2=0.9)
     record = judge(find_harness(Given(BACKEND, config, spec, 10.0)), select(["bounds.rest", "deadman.silence"]))
     tried = {each.clause.id: each.verdict for each in record.outcomes}
     assert tried == dict.fromkeys(("bounds.rest", "deadman.silence", "truth.deadman.silence"), Verdict.PASS)

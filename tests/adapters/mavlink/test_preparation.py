@@ -175,11 +175,22 @@ def test_px4_is_sent_targets_before_it_is_asked_to_take_them_and_from_then_on(pu
     assert names.count("SET_POSITION_TARGET_LOCAL_NED") >= 2
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "reverses"), [(mav.MAV_AUTOPILOT_ARDUPILOTMEGA, True), (mav.MAV_AUTOPILOT_PX4, False)]
+)
+def test_without_a_gate_only_an_ardurover_is_told_which_way_to_drive(
+    puppet: Puppet, autopilot: int, reverses: bool
+) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, autopilot), False
+    assert robot_of(puppet).declared.reverses
+    assert ready(puppet).capabilities.reverses is reverses
+
+
 def test_without_a_gate_it_promises_less(puppet: Puppet) -> None:
     puppet.gate, puppet.percent = False, -1
     robot = ready(puppet)
     found = robot.capabilities
-    assert (found.reports_controller, found.reverses, found.reports_battery) == (False, False, False)
+    assert (found.reports_controller, found.pivots_first, found.reports_battery) == (False, False, False)
     puppet.live()
     assert robot.read_state().controller is None
 

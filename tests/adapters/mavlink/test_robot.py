@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -103,7 +104,8 @@ def test_without_a_lease_of_its_own_the_vehicle_is_never_sent_further_than_ours_
     tick(puppet, robot)
     robot.goto(FAR, SC)
     promised = robot.declared
-    full_m = promised.v_max_m_s * promised.lease_s + promised.v_max_m_s**2 / (2.0 * promised.brake_m_s2)
+    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    full_m = promised.v_max_m_s * lease_s + promised.v_max_m_s**2 / (2.0 * promised.brake_m_s2)
     assert puppet.targets()[-1][1]["y"] == pytest.approx(full_m)
     for _ in range(4):
         puppet.live(0.05)
@@ -135,16 +137,42 @@ def test_without_a_gate_a_speed_cap_is_asked_for_once(puppet: Puppet) -> None:
     robot.goto(FAR._replace(speed_m_s=0.1), SC)
     tick(puppet, robot, 4)
     caps = [fields["param2"] for fields in puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)]
-    assert caps[0] == 0.1
-    assert set(caps) == {0.1}
+    # It swings beyond what it is asked for.
+    assert caps == pytest.approx([0.0824] * len(caps))
     assert len(caps) <= 2
 
 
 def test_what_it_lacks_it_refuses_without_a_gate(puppet: Puppet) -> None:
     puppet.gate = False
     robot = ready(puppet)
-    with pytest.raises(Unsupported, match="takes no heading"):
-        robot.goto(FAR._replace(heading_rad=1.0), SC)
+    puppet.sent.clear()
+    for refused in (FAR._replace(heading_rad=1.0), Waypoint(1.0, 1.0, heading_rad=0.0)):
+        with pytest.raises(Unsupported, match="no heading but that of its way"):
+            robot.goto(refused, SC)
+    assert not puppet.sent
+
+
+def test_a_rover_without_a_gate_is_told_which_way_to_drive_until_it_has_answered(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot)
+    puppet.sent.clear()
+    for heading_rad in (math.pi, 0.0, None):
+        robot.goto(Waypoint(3.0, 1.0, heading_rad=heading_rad), SC)
+        tick(puppet, robot, 4)
+    told = [fields["param1"] for fields in puppet.commands(mav.MAV_CMD_DO_SET_REVERSE)]
+    assert list(dict.fromkeys(told)) == [1.0, 0.0]
+    assert len(told) <= 4
+    # Before the target that is meant by it.
+    sent = [name for _, name, _ in puppet.sent if name in ("COMMAND_LONG", "SET_POSITION_TARGET_LOCAL_NED")]
+    assert sent[0] == "COMMAND_LONG"
+    # A vehicle that was made ready again may have forgotten it.
+    robot.goto(Waypoint(3.0, 1.0, heading_rad=math.pi), SC)
+    tick(puppet, robot, 4)
+    puppet.reboot()
+    puppet.sent.clear()
+    tick(puppet, robot, 120)
+    assert puppet.commands(mav.MAV_CMD_DO_SET_REVERSE)[0]["param1"] == 1.0
 
 
 # --- the end -------------------------------------------------------------------------------------------------

@@ -134,6 +134,27 @@ def test_speed_is_changed_for_the_leg_under_way_too() -> None:
             assert rig.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, bad) == DENIED
 
 
+def test_a_rover_backs_to_places_until_its_mode_changes() -> None:
+    with Rig() as rig:
+        rig.guided()
+        assert rig.command(mav.MAV_CMD_DO_SET_REVERSE, 1) == ACCEPTED
+        rig.target(4.0, 5.0)
+        rig.run(6.0)
+        assert rig.at() == pytest.approx((4.0, 5.0), abs=0.02)
+        assert rig.simulation.world.truth.pose(1)[2] == pytest.approx(0.0, abs=0.02)
+        rig.autopilot.set_mode(rig.autopilot.kind.stop, "test")
+        rig.guided()
+        rig.target(3.0, 5.0)
+        rig.run(8.0)
+        assert rig.at() == pytest.approx((3.0, 5.0), abs=0.02)
+        assert abs(rig.simulation.world.truth.pose(1)[2]) == pytest.approx(math.pi, abs=0.05)
+
+
+def test_a_copter_has_no_back() -> None:
+    with Rig(vehicle="copter") as rig:
+        assert rig.command(mav.MAV_CMD_DO_SET_REVERSE, 1) == UNSUPPORTED
+
+
 def test_a_long_text_comes_in_numbered_parts() -> None:
     with Rig() as rig:
         rig.client.take("STATUSTEXT")

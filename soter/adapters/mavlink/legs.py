@@ -1,0 +1,92 @@
+"""The way to a target, as vehicles without a gate, a lease and headings of their own are led along it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from soter.adapters.mavlink.frames import wrapped_rad
+from soter.sdk import RobotState, Waypoint
+
+_SHORT_M: Final = 1e-6
+_AHEAD_RAD: Final = 0.05
+_WORTH_A_TURN_M: Final = 0.15
+_ALONG_RAD: Final = 0.5
+_HAS_COURSE_M: Final = 0.3
+
+
+class TargetLeg(NamedTuple):
+    """The straight way to a target; the dead man of vehicles without one is a target no further than the lease covers.
+
+    A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
+    instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls
+    silent the vehicle comes to rest there by itself.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    target: Waypoint
+
+    @property
+    def backwards(self) -> bool:
+        """Whether driving it backwards arrives closer to the heading that is asked for."""
+        return self._off_rad() > 0.5 * math.pi
+
+    @property
+    def along(self) -> bool:
+        """Whether it ends with the heading that is asked for by itself, driven forwards or backwards.
+
+        A short one may have a slant: where the robot is was known a little later than the heading was chosen.
+        """
+        length_m = math.hypot(self.target.x_m - self.x_m, self.target.y_m - self.y_m)
+        slant_rad = _ALONG_RAD if length_m > _HAS_COURSE_M else math.inf
+        return length_m > _SHORT_M and min(self._off_rad(), math.pi - self._off_rad()) <= slant_rad
+
+    def _off_rad(self) -> float:
+        target = self.target
+        if target.heading_rad is None:
+            return 0.0
+        course_rad = math.atan2(target.y_m - self.y_m, target.x_m - self.x_m)
+        return abs(wrapped_rad(target.heading_rad - course_rad))
+
+    def ended(self, at: RobotState, noise_m: float) -> bool:
+        """Whether the robot has driven it, as far as it can know that, and has arrived.
+
+        A rover that is told a place again, and has rolled a little beyond it, turns round in place and goes back.
+        """
+        target = self.target
+        # Where it was when it was sent there, and where it is now, may both be wrong.
+        near_m = 2.0 * noise_m
+        driven = math.hypot(target.x_m - self.x_m, target.y_m - self.y_m) > near_m
+        return driven and math.hypot(target.x_m - at.x_m, target.y_m - at.y_m) <= min(near_m, target.radius_m)
+
+    def looking_ahead(self, at: RobotState) -> Waypoint:
+        """Return what a copter is to do now: turn to where it will go, then go there, so that it sees where it goes.
+
+        A target with a heading, or one that is quite near, is flown to as it is.
+        """
+        target = self.target
+        dx_m, dy_m = target.x_m - self.x_m, target.y_m - self.y_m
+        if target.heading_rad is not None or math.hypot(dx_m, dy_m) < _WORTH_A_TURN_M:
+            return target
+        course_rad = math.atan2(dy_m, dx_m)
+        gone_m = math.hypot(at.x_m - self.x_m, at.y_m - self.y_m)
+        if abs(wrapped_rad(course_rad - at.heading_rad)) > _AHEAD_RAD and gone_m < _WORTH_A_TURN_M:
+            return target._replace(x_m=self.x_m, y_m=self.y_m, z_m=self.z_m, heading_rad=course_rad)
+        return target._replace(heading_rad=course_rad)
+
+    def ahead(self, at: RobotState, reach_m: float) -> tuple[float, float, float]:
+        """Return the point on the way that is `reach_m` ahead of a vehicle, or the target where that is nearer."""
+        dx_m, dy_m, dz_m = self.target.x_m - self.x_m, self.target.y_m - self.y_m, self.target.z_m - self.z_m
+        length_m = math.hypot(dx_m, dy_m, dz_m)
+        if length_m < _SHORT_M:
+            return self.target.x_m, self.target.y_m, self.target.z_m
+        gone = (at.x_m - self.x_m) * dx_m + (at.y_m - self.y_m) * dy_m + (at.z_m - self.z_m) * dz_m
+        share = min(max(gone / length_m, 0.0) + reach_m, length_m) / length_m
+        return self.x_m + share * dx_m, self.y_m + share * dy_m, self.z_m + share * dz_m
+
+
+def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:
+    """Return how far ahead a target may be: what is driven in the rest of the lease, and the way to stop after it."""
+    return v_m_s * lease_left_s + v_m_s * v_m_s / (2.0 * brake_m_s2)
