@@ -22,7 +22,7 @@ TURN_S: Final = 20.0
 """After so long the order rotates, so that a first robot that cannot move does not block the others for ever."""
 
 CLEAR_M: Final = 0.70
-"""Beyond this distance from every peer nobody needs a turn; 0.2 m beyond phi_safer where that is more."""
+"""Beyond this distance from every peer nobody needs a turn; 0.1 m beyond where robots meet where that is more."""
 
 PATIENCE_S: Final = 4.0
 """After so long in SC a robot at phi_safer may go on whatever the order says."""
@@ -133,7 +133,7 @@ class RightOfWay:
         self._to_leave: dict[int, Path] = {}
         self._safer_m: Final = safer_m
         self._near_m: Final = max(NEAR_M, safer_m + max(0.1, unsure_m))
-        self._clear_m: Final = max(CLEAR_M, safer_m + 0.2)
+        self._clear_m: Final = max(CLEAR_M, self._near_m + 0.1)
         self._remote_needs_charge: Final = needs_charge
         self._met_s: dict[tuple[int, int], float] = {}
         self._encounters: dict[int, Encounter] = {}

@@ -73,7 +73,7 @@ class BoundaryHugging(base.Adversary):
                 self._asked[robot_id], self._since_s[robot_id] = at, now_s
                 # Straight across the room at top speed, along an edge at a creep.
                 dx, dy = x_m - before_x_m, y_m - before_y_m
-                aside_m = abs(dx * (own.y_m - y_m) - dy * (own.x_m - x_m)) / math.hypot(dx, dy)
+                aside_m = abs(dx * (own.y_m - y_m) - dy * (own.x_m - x_m)) / max(math.hypot(dx, dy), 1e-9)
                 speed = None if aside_m > _ASIDE_M else self.options.speed_m_s
                 port.goto(Waypoint(x_m, y_m, 0.0, None, speed, 0.5 * _CORNER_M, 600.0))
             elif math.hypot(own.x_m - x_m, own.y_m - y_m) < _CORNER_M or now_s - self._since_s[robot_id] > _GIVE_UP_S:
