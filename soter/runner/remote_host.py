@@ -9,8 +9,6 @@ import time
 from collections.abc import Mapping
 from typing import Final
 
-import msgspec
-
 from soter.config import MissionFile
 from soter.errors import ConfigError, Garbage, RunFailed
 from soter.geometry.workspace import Workspace
@@ -197,7 +195,10 @@ class RemoteMissionHost:
         log = scene.log
         if scene.on_transition is not None:
             for each in turn.moves:
-                scene.on_transition(TransitionEvent(**msgspec.structs.asdict(each)))
+                scene.on_transition(TransitionEvent(
+                    each.time_s, each.machine, each.machine_id, each.node, each.source, each.target, each.event,
+                    each.detail,
+                ))  # fmt: skip
         for news in turn.news:
             if isinstance(news, TargetGiven):
                 log.on_target(news.robot_id, news.target_id, (news.x_m, news.y_m))
