@@ -93,7 +93,7 @@ def main() -> None:
     """Run the command line and exit."""
     guard_streams()
     # Completion asks for options of commands that are not named yet.
-    completes = any(name.endswith("_COMPLETE") for name in os.environ)
+    completes = "_SOTER_COMPLETE" in os.environ
     try:
         command = typer.main.get_command(app if completes else only(app, sys.argv))
         tidy(command)

@@ -87,6 +87,18 @@ def test_ctrl_c_while_the_commands_are_read_leaves_no_traceback(monkeypatch: pyt
     assert end.value.code == 130
 
 
+def test_what_others_call_complete_is_no_question_of_a_shell(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Answers are held back until they are whole: a command that runs for long would say nothing."""
+    monkeypatch.setattr("sys.argv", ["soter", "--version"])
+    monkeypatch.setenv("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "1")
+    monkeypatch.setattr(sys.modules["soter.cli.app"], "answer", None)
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().out.startswith("soter ")
+
+
 @pytest.mark.parametrize(
     ("typed", "completed"),
     [("soter rep", {"report", "replay"}), ("soter run --ba", {"--backend"}), ("soter campaign dr", {"draw"})],
