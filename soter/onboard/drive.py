@@ -108,9 +108,9 @@ class Drive:
     """
 
     __slots__ = (
-        "_brake", "_brake_dt", "_brake_dt_sq", "_cap", "_far", "_heading", "_mode", "_near", "_rest", "_sign",
-        "_target", "_there", "_two_brake", "_two_yaw", "_v_max", "_x", "_y", "_yaw_dt", "_yaw_dt_sq", "_yaw_max",
-        "limits", "period_s",
+        "_arrived", "_brake", "_brake_dt", "_brake_dt_sq", "_cap", "_far", "_heading", "_mode", "_near", "_rest",
+        "_sign", "_target", "_there", "_two_brake", "_two_yaw", "_v_max", "_x", "_y", "_yaw_dt", "_yaw_dt_sq",
+        "_yaw_max", "limits", "period_s",
     )  # fmt: skip
 
     def __init__(self, limits: DriveLimits | None = None, period_s: float = 0.05) -> None:
@@ -128,7 +128,9 @@ class Drive:
         self._yaw_dt = yaw_brake * period_s
         self._yaw_dt_sq = self._yaw_dt * self._yaw_dt
         self._two_yaw = 2.0 * yaw_brake
-        # What it is told of a robot that stands still, where it has to be, is off by as much as the noise.
+        # What it is told of a robot that stands still, where it has to be, is off by as much as the noise. A new target
+        # is set out for however near it is: safe controllers ask for legs that are shorter than noise may be.
+        self._arrived = False
         self._rest = _REST_M_S + limits.speed_noise_m_s
         self._there = max(ARRIVED_M, limits.position_noise_m)
         self._near = max(_NEAR_M, 2.0 * limits.position_noise_m)
@@ -171,8 +173,9 @@ class Drive:
             resting = -self._rest <= v <= self._rest
             wanted = self._heading
             if resting:
-                if dx * dx + dy * dy <= self._there * self._there:
-                    self._mode = _BRAKE
+                there = self._there if self._arrived else ARRIVED_M
+                if dx * dx + dy * dy <= there * there:
+                    self._mode, self._arrived = _BRAKE, True
                     return 0.0, 0.0 if wanted is None else self._align(wanted - heading)
                 sign = 1.0 if wanted is None else self._choose(wanted, dx, dy)
             else:
@@ -212,6 +215,7 @@ class Drive:
 
     def _take(self, target: Target | None) -> None:
         self._target = target
+        self._arrived = False
         if target is None:
             self._mode = _BRAKE
             return

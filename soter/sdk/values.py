@@ -197,11 +197,9 @@ class Capabilities:
 
         Its rim may seem to move as fast as its middle may.
         """
-        noise_m_s = self.speed_noise_m_s or 0.0
-        turning_rad_s = max(_REST_RAD_S, noise_m_s / self.body_radius_m)
-        return (
-            math.hypot(state.vx_m_s, state.vy_m_s) <= _REST_M_S + noise_m_s
-            and abs(state.yaw_rate_rad_s) <= turning_rad_s
+        noise_m_s, turns_rad_s = self.speed_noise_m_s or 0.0, abs(state.yaw_rate_rad_s)
+        return math.hypot(state.vx_m_s, state.vy_m_s) <= _REST_M_S + noise_m_s and (
+            turns_rad_s <= _REST_RAD_S or 0.0 < turns_rad_s * self.body_radius_m <= noise_m_s
         )
 
     def unrest(self, state: RobotState) -> str:

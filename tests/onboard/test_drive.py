@@ -158,6 +158,13 @@ def test_a_target_where_it_stands_moves_nothing() -> None:
     assert Drive().command(1.0, 1.0, 2.0, 0.0, 0.0, Waypoint(1.005, 1.0)) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("length_m", [0.02, 0.04, 0.1])
+def test_a_leg_that_is_shorter_than_the_noise_is_driven_all_the_same(length_m: float) -> None:
+    """Safe controllers ask for such legs, and a robot that took itself for there would stand for ever."""
+    drive = Drive(DriveLimits(position_noise_m=0.5))
+    assert drive.command(0.0, 0.0, 0.0, 0.0, 0.0, Waypoint(length_m, 0.0))[0] > 0.0
+
+
 Noise = tuple[float, float, float, float, float]
 
 
