@@ -34,10 +34,12 @@ def point_to_polygon(x: float, y: float, polygon: Polygon) -> float:
     ax, ay = polygon[-1]
     for bx, by in polygon:
         dx, dy = bx - ax, by - ay
-        at = (x - ax) * dx + (y - ay) * dy
-        square = dx * dx + dy * dy
-        at = 0.0 if at <= 0.0 else 1.0 if at >= square else at / square
-        ex, ey = x - ax - at * dx, y - ay - at * dy
+        ex, ey = x - ax, y - ay
+        at = ex * dx + ey * dy
+        if at > 0.0:
+            square = dx * dx + dy * dy
+            at = 1.0 if at >= square else at / square
+            ex, ey = ex - at * dx, ey - at * dy
         gap = ex * ex + ey * ey
         if gap < least:
             least = gap

@@ -74,6 +74,8 @@ class Field(Pieces):
         else:
             # Nothing to keep clear of: any distance is a lower bound.
             self.corners = np.full(taken.shape, grid.rows + grid.columns, dtype=np.float32)
+        self._x_m, self._y_m = grid.x_m, grid.y_m
+        self._columns, self._rows = grid.columns, grid.rows
         self._cos: Final = math.cos(grid.yaw_rad) / grid.cell_m
         self._sin: Final = math.sin(grid.yaw_rad) / grid.cell_m
         self._known: dict[int, Near] = {}
@@ -82,7 +84,7 @@ class Field(Pieces):
 
     def place(self, x_m: float, y_m: float) -> Point:
         """Return where in the map a point is, in cells from its corner."""
-        dx, dy = x_m - self.grid.x_m, y_m - self.grid.y_m
+        dx, dy = x_m - self._x_m, y_m - self._y_m
         return dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin
 
     def distance_m(self, x_m: float, y_m: float) -> float:
@@ -90,7 +92,8 @@ class Field(Pieces):
 
         Inside, it is the depth in the cell.
         """
-        return self._cell_m * self._away(*self.place(x_m, y_m))
+        dx, dy = x_m - self._x_m, y_m - self._y_m
+        return self._cell_m * self._away(dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin)
 
     def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
         return self._cell_m * self._surely(*self.place(x_m, y_m)) >= needed_m or self.distance_m(x_m, y_m) >= needed_m
@@ -188,13 +191,17 @@ class Field(Pieces):
 
     def _away(self, u: float, v: float) -> float:
         """Return the distance from a place of the map, in cells."""
-        columns, rows, beyond = self.grid.columns, self.grid.rows, 0.0
+        columns, rows, beyond = self._columns, self._rows, 0.0
         if not (0.0 <= u <= columns and 0.0 <= v <= rows):
             # Beside the map there is nothing: the place of it that is nearest, and the way there, at right angles.
             inside_u, inside_v = min(max(u, 0.0), columns), min(max(v, 0.0), rows)
             beyond = math.hypot(u - inside_u, v - inside_v)
             u, v = inside_u, inside_v
-        column, row = min(int(u), columns - 1), min(int(v), rows - 1)
+        column, row = int(u), int(v)
+        if column == columns:
+            column -= 1
+        if row == rows:
+            row -= 1
         found = self._known.get(row * columns + column) or self._near(column, row)
         if found is _OCCUPIED:
             depth = min(u - column, column + 1 - u, v - row, row + 1 - v)

@@ -30,6 +30,12 @@ _LONG: Final = 64.0
 _LINES: Final = 64
 """Of many lines so many are looked at at once: those next to each other are near the same pieces."""
 
+_PARTS: Final = 4
+"""What may be nearest is chosen for parts of cells: so many a side."""
+
+_MOST: Final = 200_000
+"""So many parts are kept; after that all are forgotten."""
+
 
 class Piece:
     """A convex polygon, counter-clockwise, within its bounds (low x, low y, high x, high y) and within a disc."""
@@ -118,6 +124,17 @@ class Piece:
                 yield ax + ux * along, ay + uy * along
 
 
+def _edge_m(x_m: float, y_m: float, edge: Edge) -> float:
+    ax, ay, ux, uy, length = edge
+    dx, dy = x_m - ax, y_m - ay
+    along = ux * dx + uy * dy
+    return math.hypot(along - min(max(along, 0.0), length), ux * dy - uy * dx)
+
+
+Near = tuple[tuple[Edge, ...], tuple[Piece, ...]]
+"""Edges, and whole pieces, of which one is the nearest."""
+
+
 class Pieces:
     """A fixed set of convex polygons.
 
@@ -132,7 +149,7 @@ class Pieces:
     def __init__(self, rings: Sequence[Ring], cell_m: float = 0.5) -> None:
         self.all: Final = tuple(map(Piece, rings))
         self._cell_m: Final = cell_m
-        self._per_m: Final = 1.0 / cell_m
+        self._parts_per_m: Final = _PARTS / cell_m
         bounds = np.array([each.bounds for each in self.all], dtype=np.float64).reshape(-1, 4)
         self._low, self._high = bounds[:, :2], bounds[:, 2:]
         self._middle: Final = np.array([each.middle for each in self.all], dtype=np.float64).reshape(-1, 2)
@@ -141,17 +158,15 @@ class Pieces:
         extent_m = float((self._high.max(axis=0) - self._low.min(axis=0)).max()) if self.all else 0.0
         self._top: Final = max(0, math.ceil(math.log2(max(extent_m / cell_m, 1.0)))) if len(self.all) > _FEW else 0
         self._every: Final = np.arange(len(self.all))
-        self._cells: dict[tuple[int, int], tuple[tuple[Edge, ...], tuple[Piece, ...]]] = {}
+        self._cells: dict[tuple[int, int], Near] = {}
+        self._parts: dict[tuple[int, int], Near] = {}
         self._nearest: dict[tuple[int, int, int], Indices] = {}
         self._within: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the nearest piece; infinite without any."""
-        column, row = _floor(x_m * self._per_m), _floor(y_m * self._per_m)
-        near = self._cells.get((column, row))
-        if near is None:
-            near = self._cells[column, row] = self._worked_out(column, row)
-        edges, pieces = near
+        part = _floor(x_m * self._parts_per_m), _floor(y_m * self._parts_per_m)
+        edges, pieces = self._parts.get(part) or self._near_part(*part)
         least = math.inf
         for ax, ay, ux, uy, length in edges:
             dx, dy = x_m - ax, y_m - ay
@@ -209,6 +224,10 @@ class Pieces:
 
         Of what is farther than `enough_m`, that is returned.
         """
+        return self._along_m(ax_m, ay_m, bx_m, by_m, enough_m, 0.0)
+
+    def _along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float, little_m: float) -> float:
+        """Return what `segment_m` does; where that is less than `little_m`, something else that is."""
         dx, dy, least = bx_m - ax_m, by_m - ay_m, enough_m
         length, part_m = math.hypot(dx, dy), _PART * self._cell_m
         if length <= part_m or least == math.inf:
@@ -234,13 +253,13 @@ class Pieces:
                 # Written so that what is not a number is looked at.
                 if not x_m * x_m + y_m * y_m >= off_m * off_m:
                     least = min(least, piece.segment_m(ax_m, ay_m, bx_m, by_m))
-                    if least <= 0.0:
-                        return 0.0
+                    if least <= 0.0 or least < little_m:
+                        return max(least, 0.0)
         return least
 
     def line_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
         """Return whether a straight line keeps its distance from all pieces; all lines keep 0 or less."""
-        return needed_m <= 0.0 or self.segment_m(ax_m, ay_m, bx_m, by_m, needed_m) >= needed_m
+        return needed_m <= 0.0 or self._along_m(ax_m, ay_m, bx_m, by_m, needed_m, needed_m) >= needed_m
 
     def lines_keep(self, a: Floats, b: Floats, needed_m: float) -> NDArray[np.bool_]:
         """Return which of many straight lines keep their distance from all pieces.
@@ -298,7 +317,25 @@ class Pieces:
         # Anywhere in the cell the nearest is no farther than this.
         return above, away, (max(float(away.min()), 0.0) + side * math.sqrt(2.0)) * (1.0 + 1e-9), edges
 
-    def _worked_out(self, column: int, row: int) -> tuple[tuple[Edge, ...], tuple[Piece, ...]]:
+    def _near_part(self, column: int, row: int) -> Near:
+        """Return what may be nearest to a point of a part of a cell, and keep it."""
+        cell = column // _PARTS, row // _PARTS
+        near = self._cells.get(cell)
+        if near is None:
+            near = self._cells[cell] = self._worked_out(*cell)
+        edges, pieces = near
+        if len(edges) > _FEW:
+            # Far from a curve, many of its edges are about as near to a cell, but not to a part of it.
+            side = self._cell_m / _PARTS
+            away = [_edge_m((column + 0.5) * side, (row + 0.5) * side, edge) for edge in edges]
+            reach_m = (min(away) + side * math.sqrt(2.0)) * (1.0 + 1e-9)
+            near = tuple(edge for edge, far_m in zip(edges, away, strict=True) if far_m <= reach_m), pieces
+        if len(self._parts) >= _MOST:
+            self._parts.clear()
+        self._parts[column, row] = near
+        return near
+
+    def _worked_out(self, column: int, row: int) -> Near:
         """Return what may be nearest to a point of a cell: edges of pieces that are outside of it, and other pieces."""
         if not self.all:
             return (), ()

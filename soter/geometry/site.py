@@ -195,8 +195,15 @@ class Site(Workspace):
 
         Of what is farther than `enough_m`, that is returned.
         """
-        least = min(self.fence_m(ax_m, ay_m), self.fence_m(bx_m, by_m))
-        return least if least <= 0.0 else self.outside.segment_m(ax_m, ay_m, bx_m, by_m, min(least, enough_m))
+        here_m, there_m = self.fence_m(ax_m, ay_m), self.fence_m(bx_m, by_m)
+        least = min(here_m, there_m)
+        if least <= 0.0:
+            return least
+        least = min(least, enough_m)
+        # The distance changes by a metre a metre at most.
+        if here_m + there_m - math.hypot(bx_m - ax_m, by_m - ay_m) >= 2.0 * least:
+            return least
+        return self.outside.segment_m(ax_m, ay_m, bx_m, by_m, least)
 
     def outlines(self) -> tuple[Ring | None, list[Ring]]:
         kept_out = [area.ring for area in self.plan.areas]
@@ -221,6 +228,8 @@ class Site(Workspace):
 
         It is found by leaving whatever is too near, again and again; in narrow places it may not be as far as that.
         """
+        if self.keep_outs.distance_m(x_m, y_m) >= clearance_m and self.outside.distance_m(x_m, y_m) >= inset_m:
+            return x_m, y_m
         for _ in range(_STEPS):
             walls = [
                 *((away - clearance_m, ux, uy) for away, ux, uy in self.keep_outs.walls(x_m, y_m, clearance_m)),

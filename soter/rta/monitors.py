@@ -104,13 +104,16 @@ class ModuleMonitor:
                 first = math.isnan(self._last_margin)
                 assumption = Assumption.START if first else Assumption.RECOVERY
                 self.found = BrokenAssumption(assumption, f"margin {margin:.3f}", -margin, self.unit)
-        elif math.inf > fall > (most := model.bound(max(0.0, elapsed_s) + self.sample_age_s) + 2.0 * self.noise):
+        elif 0.0 < fall < math.inf and fall > (most := self._fall_at_most(elapsed_s, model)):
             self.surprises += 1
             if not model.of_pairs:
                 # The samples are tested on their own: where they are right, it is the world that has changed.
                 cause = f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s"
                 self.found = BrokenAssumption(Assumption.WORKSPACE, cause, fall - most, self.unit)
         self._last_margin, self._last_s = margin, now_s
+
+    def _fall_at_most(self, elapsed_s: float, model: ReachModel) -> float:
+        return model.bound(max(0.0, elapsed_s) + self.sample_age_s) + 2.0 * self.noise
 
 
 @dataclass(frozen=True)

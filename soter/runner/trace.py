@@ -17,7 +17,7 @@ class Trace:
 
     def __init__(self) -> None:
         self._hash: Final = hashlib.sha256()
-        self._numbers: array[float] = array("d")
+        self._numbers: list[float] = []
 
     def add(self, now_s: float, robots: Sequence[RobotSupervisor]) -> None:
         """Take one tick."""
@@ -27,18 +27,16 @@ class Trace:
             own = robot.situation.own
             driver = robot.driver
             battery = own.battery
-            numbers.extend((
+            numbers += (
                 own.x_m, own.y_m, own.heading_rad, own.vx_m_s, own.vy_m_s, -1.0 if battery is None else battery,
-                -1.0 if driver is None else driver.rank,
-            ))  # fmt: skip
-            for module in robot.modules:
-                numbers.append(module.margin)
+                -1.0 if driver is None else driver.rank, *[module.margin for module in robot.modules],
+            )  # fmt: skip
         if len(numbers) > _FLUSH_AT:
             self._flush()
 
     def _flush(self) -> None:
-        self._hash.update(self._numbers.tobytes())
-        self._numbers = array("d")
+        self._hash.update(array("d", self._numbers))
+        self._numbers.clear()
 
     def hexdigest(self) -> str:
         """Return the hash of all that was added."""

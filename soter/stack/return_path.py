@@ -27,8 +27,11 @@ _ROUNDING_M: Final = 1e-6
 LOOK_S: Final = 1.0
 """The path is looked for again when the robot may have driven for so long."""
 
+_BACK_M: Final = 1.0
+"""In a site it is looked for when the robot is so far from where that was done last: so far it goes back there."""
+
 _FARTHER: Final = 0.025
-"""Or, in a site, when it may have driven this share of the path: from far away that is as good."""
+"""Or this share of the path: from far away that is as good."""
 
 
 class _Anchor:
@@ -39,18 +42,15 @@ class _Anchor:
         length_m: what the path from there is accounted for, but for a detour of `DETOUR_M`.
         radius_m: from every place that is no farther, the straight way to the anchor is free.
         routes: what knows the path; None for one that goes on from `before`.
-        first: the first corner of the path that `routes` knows.
         before: the anchor that the robot came from.
     """
 
-    __slots__ = ("before", "first", "length_m", "place", "radius_m", "routes")
+    __slots__ = ("before", "length_m", "place", "radius_m", "routes")
 
     def __init__(
-        self, place: Point, length_m: float, radius_m: float, routes: Routes | None, before: _Anchor | None,
-        first: int | None = None,
-    ) -> None:  # fmt: skip
+        self, place: Point, length_m: float, radius_m: float, routes: Routes | None, before: _Anchor | None
+    ) -> None:
         self.place, self.length_m, self.radius_m, self.routes, self.before = place, length_m, radius_m, routes, before
-        self.first = first
 
     def legs(self) -> list[Point]:
         """Return the corners of the path from here, the station last."""
@@ -170,16 +170,18 @@ class ReturnPath:
         terrain = self._terrain
         # Whatever is this near sees the entry, as the distance to fence and boxes changes by a metre a metre at most.
         spare_m = min(terrain.clearance_m(*entry) - self._boxes_m, terrain.fence_m(*entry) - self._fence_m)
+        far_m = self._cap_m
         if anchor is not None and not terrain.convex:
-            # A site's path is found anew from the same corner where that is as good as going back.
-            first, length_m = self.roomy.first(*entry, anchor.first if anchor.routes is self.roomy else None)
-            back_m = math.dist(entry, anchor.place) + anchor.length_m
-            if length_m <= back_m + DETOUR_M and length_m < math.inf:
-                radius_m = beside_m + min(max(spare_m, 0.0), max(self._cap_m, _FARTHER * length_m))
-                return _Anchor(entry, min(length_m, back_m), radius_m, self.roomy, None, first)
+            # From so near, going back is as good as a path that is looked for among a site's many corners.
+            far_m = max(far_m, _BACK_M, _FARTHER * anchor.length_m)
+            found = anchor.before or anchor
+            back_m = math.dist(entry, found.place)
+            if back_m <= far_m and self._recovery.free(*entry, *found.place):
+                radius_m = beside_m + min(max(spare_m, 0.0), far_m)
+                return _Anchor(entry, back_m + found.length_m, radius_m, None, found)
         back = self._back_to(entry, anchor)
         back_m = math.inf if back is None else math.dist(entry, back.place) + back.length_m
-        radius_m = beside_m + min(max(spare_m, 0.0), self._cap_m)
+        radius_m = beside_m + min(max(spare_m, 0.0), far_m)
         if (length_m := self.roomy.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:
             return _Anchor(entry, min(length_m, back_m), radius_m, self.roomy, None)
         if (length_m := self.narrow.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:

@@ -14,20 +14,16 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from soter.geometry.edges import Floats, Indices
 from soter.stack.site_routes import Rectangle, SiteRoadmap
 from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Point, Terrain, crosses, crossing, grown
-
-Floats = NDArray[np.float64]
 
 _CORNER_M: Final = 1e-6
 """Corners stand off the rectangles by this much, so that a way round a corner does not count as through it."""
 
 _ROUNDING_M: Final = 1e-9
-_LITTLE: Final = 0.01
-_LITTLE_M: Final = 0.1
 
 
 class Roadmap:
@@ -53,8 +49,9 @@ class Roadmap:
         self.corners: Final = tuple(corners)
         self.places: Final[Floats] = np.array(corners, dtype=np.float64).reshape(-1, 2)
         self.neighbours: Final = tuple(self.seen_from(corner) for corner in corners)
+        self._ends: Final[Indices] = np.arange(len(corners) + 1)
 
-    def seen_from(self, place: Point) -> NDArray[np.intp]:
+    def seen_from(self, place: Point) -> Indices:
         """Return the indices of the corners that a place outside all rectangles sees."""
         return np.flatnonzero(~crossing(np.array(place), self.places, self._edges).any(axis=1))
 
@@ -62,22 +59,9 @@ class Roadmap:
         """Return the indices of the corners that a leg leads to a place from."""
         return [index for index, (x, y) in enumerate(self.corners) if self.sees(x, y, *place)]
 
-    def first_seen(self, x: float, y: float, last: Point, lengths: Floats) -> int | None:
-        """Return to which end of a leg, of those in sight, the length is the least: 0 is the last of a way.
-
-        Args:
-            x: where the leg begins, east.
-            y: the same, north.
-            last: the end of all ways.
-            lengths: of the ways by that, and by each corner.
-        """
-        # A stable sort, so that ties end alike everywhere.
-        for index in np.argsort(lengths, kind="stable").tolist():
-            if lengths[index] == math.inf:
-                break
-            if self.sees(x, y, *(self.corners[index - 1] if index else last)):
-                return int(index)
-        return None
+    def ends(self, x: float, y: float) -> Indices:
+        """Return where the first leg of a way from a place may end: 0 is the last of the way, the corners follow."""
+        return self._ends
 
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them.
@@ -188,23 +172,18 @@ class Routes:
             length = float((away + self.to_go_m[ends]).min(initial=math.inf))
             yield length if length < math.inf else self.distance_m(*place)
 
-    def first(self, x_m: float, y_m: float, hint: int | None = None) -> tuple[int | None, float]:
-        """Return the first corner of the shortest way, and the way's length.
-
-        Args:
-            x_m: where the way begins, east.
-            y_m: the same, north.
-            hint: the first corner from a place nearby; in a site it may be kept where another way is little shorter.
-        """
+    def first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
+        """Return the first corner of the shortest way, and the way's length."""
+        ends = self.roadmap.ends(x_m, y_m)
         with np.errstate(over="ignore"):
-            lengths = np.hypot(self._x - x_m, self._y - y_m) + self.to_go_m
-        if hint is not None and isinstance(self.roadmap, SiteRoadmap):
-            length = float(lengths[hint])
-            shorter = float(lengths.min()) < (1.0 - _LITTLE) * length - _LITTLE_M
-            if not shorter and self.roadmap.sees(x_m, y_m, *self.corners[hint]):
-                return hint, length
-        first = self.roadmap.first_seen(x_m, y_m, self.place, lengths)
-        return first, math.inf if first is None else float(lengths[first])
+            lengths = np.hypot(self._x[ends] - x_m, self._y[ends] - y_m) + self.to_go_m[ends]
+        # A stable sort, so that ties end alike everywhere.
+        for index in np.argsort(lengths, kind="stable").tolist():
+            if (length := float(lengths[index])) == math.inf:
+                break
+            if self.roadmap.sees(x_m, y_m, *self.corners[end := int(ends[index])]):
+                return end, length
+        return None, math.inf
 
     def _distances(self) -> list[float]:
         """Dijkstra from the place over what sees each other."""

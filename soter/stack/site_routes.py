@@ -77,6 +77,10 @@ class SiteRoadmap:
         self.neighbours: Final = tuple(
             np.split(both[:, 1], np.searchsorted(both[:, 0], np.arange(1, len(self.corners)))) if self.corners else ()
         )
+        # About four cells for each corner.
+        low_x, low_y, high_x, high_y = terrain.bounds
+        self._cell_m: Final = max(high_x - low_x, high_y - low_y) / (2.0 * math.sqrt(max(len(self.corners), 1)))
+        self._ends: dict[tuple[int, int], Indices] = {}
 
     def seeing(self, place: Point) -> list[int]:
         """Return the indices of the corners that a leg leads to a place from: of many, the nearest ones."""
@@ -92,23 +96,21 @@ class SiteRoadmap:
         found: list[int] = order[seen].tolist()
         return found[: 2 * _NEAREST] if many else found
 
-    def first_seen(self, x: float, y: float, last: Point, lengths: Floats) -> int | None:
-        """See `soter.stack.routes.Roadmap.first_seen`; of many corners only the nearest are looked at."""
-        if len(self.places) > _TRIED:
-            dx, dy = self.places[:, 0] - x, self.places[:, 1] - y
-            order = np.append(np.argpartition(dx * dx + dy * dy, _TRIED - 1)[:_TRIED] + 1, 0)
-        else:
-            order = np.arange(len(lengths))
-        order = order[np.argsort(lengths[order], kind="stable")]
-        for index in order[lengths[order] < math.inf].tolist():
-            if self.sees(x, y, *(self.corners[index - 1] if index else last)):
-                return int(index)
-        return None
+    def ends(self, x: float, y: float) -> Indices:
+        """See `soter.stack.routes.Roadmap.ends`; of many corners only the nearest are looked at."""
+        if len(self.places) <= _TRIED:
+            return np.arange(len(self.places) + 1)
+        cell = math.floor(x / self._cell_m), math.floor(y / self._cell_m)
+        found = self._ends.get(cell)
+        if found is None:
+            dx, dy = ((self.places - (np.array(cell) + 0.5) * self._cell_m) ** 2).T
+            found = self._ends[cell] = np.append(np.argpartition(dx + dy, _TRIED - 1)[:_TRIED] + 1, 0)
+        return found
 
     def looks(self, last: Point) -> list[tuple[Point, Indices, Floats]]:
         """Return places all over the site, and for each to which ends that are near a leg leads, and how long it is.
 
-        Ends are numbered as for `first_seen`.
+        Ends are numbered as those of legs are.
         """
         found, places = _looks(self._terrain, self._clearance_m, self._inset_m), self._base[0]
         ats, end = np.array([at for at, *_ in found]).reshape(-1, 2), np.array(last)

@@ -111,6 +111,20 @@ def test_what_is_outside_of_a_fence_is_its_bounding_box_without_its_inside(strea
                 assert found_m <= EXACT_M
 
 
+def test_of_many_edges_that_are_about_as_near_none_is_left_out(stream: random.Random) -> None:
+    """Between two sides of a long fence, those of both are about as near."""
+    angles = [math.tau * each / 400 for each in range(400)]
+    off_m = [stream.uniform(0.0, 0.05) for _ in angles]
+    ring = [(20.0 * math.cos(at), (2.0 + off) * math.sin(at)) for at, off in zip(angles, off_m, strict=True)]
+    polygon, outside = shapely.Polygon(ring), Pieces(pieces_around(tuple(ring)))
+    for _ in range(PLACES):
+        x, y = stream.uniform(-15.0, 15.0), stream.uniform(-0.2, 0.2)
+        for _ in range(4):
+            x, y = x + stream.uniform(-0.1, 0.1), y + stream.uniform(-0.1, 0.1)
+            exact_m = polygon.exterior.distance(shapely.Point(x, y))
+            assert outside.distance_m(x, y) == pytest.approx(exact_m, abs=EXACT_M)
+
+
 @pytest.mark.parametrize("radius_m", [0.02, 0.2, 3.0, 900.0])
 def test_circles_are_off_to_the_safe_side(radius_m: float) -> None:
     around, within = (shapely.Polygon(circle(5.0, -7.0, radius_m, around=each)) for each in (True, False))

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import random
 from itertools import pairwise
 
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from soter.geometry.draft import site_of
 from soter.geometry.workspace import Box, Workspace
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
 from soter.stack.site_routes import Rectangle
+from soter.stack.site_terrain import terrain_of
 from soter.stack.terrain import Point, Terrain, grown
+from tests.geometry.drawn import drawn
 from tests.stack.follower import Controllers, Follower
 from tests.stack.ground import RADIUS_M, boxes, dock, inside, planner
 
@@ -77,6 +81,25 @@ def test_the_path_is_never_lost_and_grows_by_no_more_than_what_is_driven(
     path = dock(recovery).path
     assume(path.shortest_m(*start) < math.inf)
     check_length(path, walk(recovery, start, turns), recovery.path_m)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_in_a_site_little_more_is_accounted_for_than_the_roadmap_shows(seed: int) -> None:
+    stream, site = random.Random(seed), site_of(drawn(seed), phi_safer_m=0.1, spacing_m=0.5)
+    recovery = planner(terrain_of(site, RADIUS_M))
+    path = dock(recovery, site.robots[0].charger).path
+    low_x, low_y, high_x, high_y = site.bounds
+    starts = [(stream.uniform(low_x, high_x), stream.uniform(low_y, high_y)) for _ in range(300)]
+    start = next(place for place in starts if allowed(recovery, *place) and path.shortest_m(*place) < math.inf)
+    turns = [(stream.uniform(-math.pi, math.pi), stream.randint(20, 200)) for _ in range(25)]
+    places = walk(recovery, start, turns)
+    assert len(places) > 300
+    check_length(path, places, recovery.path_m)
+    path.track(*places[0])
+    for place in places:
+        path.track(*place)
+        shortest_m = path.shortest_m(*place)
+        assert path.length_m(*place) <= shortest_m + 2.0 * DETOUR_M + 4.0 * max(1.0, 0.03 * shortest_m)
 
 
 OTHERS = ((3.5, 3.5), (3.5, 1.5))
