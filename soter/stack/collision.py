@@ -187,7 +187,11 @@ class BackAway(Retreat):
         return FIRST_PATIENT_S if self._right_of_way.first(situation.robot_id) else PATIENT_S
 
     def blocked(self, situation: Situation) -> bool:
-        return not self._right_of_way.path_is_clear(situation.robot_id)
+        # Who charges need not leave the path; beside it, so near, no leg of the path may be certified.
+        own, apart_m = situation.own, self.recovery.apart_m(situation.age_s)
+        return not self._right_of_way.path_is_clear(situation.robot_id) or any(
+            math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) < apart_m for peer in situation.peers
+        )
 
     def _leave(self, situation: Situation, path: Path) -> Leg | None:
         """Return the next leg out of a path that another robot needs; home, if that leads away from it."""

@@ -65,7 +65,13 @@ class RefugeFinder:
 
     def way(self, situation: Situation, peer_m: float) -> list[Point]:
         """Return the legs of a way to the nearest refuge at least `peer_m` from every peer; empty if there is none."""
-        peer_m = self.peer_m(situation, peer_m)
+        if not self.aside:
+            return self._way(situation, peer_m)
+        # Paths lead around squares about the peers: from beyond their corners they are certified all along.
+        apart_m = self.peer_m(situation, peer_m)
+        return self._way(situation, min(peer_m, math.sqrt(2.0) * apart_m)) or self._way(situation, apart_m)
+
+    def _way(self, situation: Situation, peer_m: float) -> list[Point]:
         ahead = self._along_heading(situation, peer_m)
         direct = self._straight_inside(situation, peer_m)
         if ahead is not None and (direct is None or _far(situation, ahead) < _far(situation, direct) + PIVOT_M):
@@ -100,9 +106,11 @@ class RefugeFinder:
 
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
         """Return whether a refuge is still far enough from every peer, and off the path that is to be left."""
+        return self._clear(situation, place, self.peer_m(situation, peer_m))
+
+    def _clear(self, situation: Situation, place: Point, peer_m: float) -> bool:
         if self.leave is not None and self.leave.near(*place):
             return False
-        peer_m = self.peer_m(situation, peer_m)
         return all(math.hypot(peer.x_m - place[0], peer.y_m - place[1]) >= peer_m for peer in situation.peers)
 
     def _free(self, situation: Situation, x_m: float, y_m: float) -> bool:
@@ -138,7 +146,7 @@ class RefugeFinder:
                 if (
                     terrain.fence_m(*place) >= fence_m
                     and terrain.clearance_m(*place) >= clearance_m
-                    and self.good(situation, place, peer_m)
+                    and self._clear(situation, place, peer_m)
                     and self._free(situation, *place)
                 ):
                     return place
@@ -151,7 +159,7 @@ class RefugeFinder:
         place = terrain.inside(own.x_m, own.y_m, inset)
         if terrain.fence_m(*place) < inset - _ROUNDING_M:
             return None
-        fits = terrain.clearance_m(*place) >= clearance_m and self.good(situation, place, peer_m)
+        fits = terrain.clearance_m(*place) >= clearance_m and self._clear(situation, place, peer_m)
         return place if fits and self._free(situation, *place) else None
 
     def _candidates(self, situation: Situation, look_m: float, peer_m: float) -> list[Point]:

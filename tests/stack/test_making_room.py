@@ -19,7 +19,7 @@ from soter.stack.right_of_way import BESIDE_M, LOOK_S, SETTLED_S, TURN_S, Path, 
 from soter.stack.terrain import Point
 from tests.stack.follower import Controllers, Follower, Says
 from tests.stack.ground import EMPTY
-from tests.stack.loop import Loop, goto
+from tests.stack.loop import Loop, goto, where
 from tests.stack.test_right_of_way import Meeting
 
 APART_M = 0.5
@@ -279,3 +279,26 @@ def test_robots_that_have_to_charge_at_once_get_home_one_by_one(count: int, char
     made = Loop(crowd, (charge,) * count, room(4.0, *corners[:count]), battery__drive_s=900.0, battery__idle_s=900.0)
     made.until_charged(240.0)
     assert made.run(1.0).violations == ()
+
+
+@pytest.mark.parametrize("side_deg", range(0, 360, 30))
+@pytest.mark.parametrize("far_m", [0.34, 0.4])
+def test_a_robot_that_is_low_gets_away_from_one_that_charges_for_long(side_deg: int, far_m: float) -> None:
+    side_rad = math.radians(side_deg)
+    x, y = 1.0 + far_m * math.cos(side_rad), 1.0 + far_m * math.sin(side_rad)
+    places = [(1.0, 1.0, Box(0.8, 0.8, 1.2, 1.2)), (x, y, Box(2.3, 1.8, 2.7, 2.2))]
+    space = Workspace(5.0, 5.0, (), tuple(RobotPlace(each, *place) for each, place in enumerate(places, start=1)))
+
+    def ram(now_s: float, ports: Mapping[int, RobotPort]) -> None:
+        goto(ports[1], 1.5, 1.2)
+        goto(ports[2], 1.0, 1.0)
+
+    made = Loop(ram, (0.03, 0.05), space, battery__charge_s=600.0)
+    for _ in range(30):
+        made.run(1.0)
+        if math.dist(where(made.ports[2]), (2.5, 2.0)) < 0.1:
+            break
+    else:
+        pytest.fail(f"robot 2 is at {where(made.ports[2])} with {made.charge(2)}, robot 1 {where(made.ports[1])}")
+    assert math.dist(where(made.ports[1]), (1.0, 1.0)) < 0.1, "it has charged all the time"
+    assert made.run(0.0).violations == ()
