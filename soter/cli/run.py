@@ -196,7 +196,7 @@ def run(
                     on_progress=display.update if display else None,
                     stop=stop,
                     pace=held,
-                    connecting=stop.raising(),
+                    connecting=stop.raising,
                     record=seen.recording,
                     sign=sign,
                     on_recording=seen.begin,

@@ -136,7 +136,7 @@ def mavlink(
     boot: Annotated[float, option("SECONDS", "Simulated time until the autopilots are ready.")] = 2.0,
     origin: Annotated[
         str | None,
-        option("LAT,LON,ALT", "Where on earth the workspace has its origin; negative: --origin=-33.9,18.4,10."),
+        option("LAT,LON,ALT", "Where on earth a workspace in metres has its origin; negative: --origin=-33.9,18.4,10."),
     ] = None,
     sign: Annotated[
         Path | None, option("PASSPHRASE-FILE", "Sign packets with the passphrase in this file, and drop all others.")

@@ -29,7 +29,7 @@ class Projection:
 
     def __init__(self, origin: GeoOrigin, source: str) -> None:
         try:
-            from pymap3d import enu2geodetic, geodetic2enu  # type: ignore[import-untyped]
+            from pymap3d import Ellipsoid, geodetic2ecef, geodetic2enu  # type: ignore[import-untyped]
         except ImportError as failure:
             raise ConfigError(
                 f"places on earth need pymap3d, which cannot be imported ({failure}); install it with "
@@ -38,7 +38,14 @@ class Projection:
             ) from failure
         self.origin: Final = origin
         self._to_plane: Final = geodetic2enu
-        self._to_earth: Final = enu2geodetic
+        wgs84 = Ellipsoid.from_name("wgs84")
+        self._lengths_m: Final = (wgs84.semimajor_axis, wgs84.semimajor_axis, wgs84.semiminor_axis)
+        self._touches_m: Final = tuple(map(float, geodetic2ecef(float(origin.lat_deg), float(origin.lon_deg), 0.0)))
+        lat_rad, lon_rad = math.radians(origin.lat_deg), math.radians(origin.lon_deg)
+        (sin_lat, cos_lat), (sin_lon, cos_lon) = ((math.sin(a), math.cos(a)) for a in (lat_rad, lon_rad))
+        self._east: Final = (-sin_lon, cos_lon, 0.0)
+        self._north: Final = (-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat)
+        self._up: Final = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
 
     def point(self, lat_deg: float, lon_deg: float) -> Point:
         """Return east and north in metres of a place on the ellipsoid."""
@@ -49,10 +56,30 @@ class Projection:
 
     def place(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return latitude and longitude in degrees of the place on the ellipsoid below or above a point."""
-        # The plane leaves the ellipsoid: the height of the place is not 0, so it is looked for in a few steps.
-        up_m = -(x_m * x_m + y_m * y_m) / (2.0 * 6_371_000.0)
-        lat, lon, _ = self._to_earth(x_m, y_m, up_m, self.origin.lat_deg, self.origin.lon_deg, 0.0)
-        return float(lat), float(lon)
+        # Where the line up or down through the point meets the ellipsoid, measured in its axes: a quadratic equation.
+        at = [
+            (o + x_m * e + y_m * n) / length
+            for o, e, n, length in zip(self._touches_m, self._east, self._north, self._lengths_m, strict=True)
+        ]
+        up = [u / length for u, length in zip(self._up, self._lengths_m, strict=True)]
+        square, half = math.fsum(u * u for u in up), math.fsum(a * u for a, u in zip(at, up, strict=True))
+        rest = math.fsum(a * a for a in at) - 1.0
+        up_m = -rest / (half + math.sqrt(half * half - square * rest))
+        x, y, z = (a + up_m * u for a, u in zip(at, up, strict=True))
+        (long_m, _, short_m) = self._lengths_m
+        return math.degrees(math.atan2(z * long_m, math.hypot(x, y) * short_m)), math.degrees(math.atan2(y, x))
+
+    def axes(self, x_m: float, y_m: float) -> tuple[Point, Point]:
+        """Return a metre north and a metre east on the ellipsoid, at the place of a point, as seen on the plane.
+
+        Meridians draw together: away from the origin the plane's north is another.
+        """
+        lat_deg, lon_deg = self.place(x_m, y_m)
+        lat_rad, lon_rad = math.radians(lat_deg), math.radians(lon_deg - self.origin.lon_deg)
+        sin_lat, sin_lon, cos_lon = math.sin(lat_rad), math.sin(lon_rad), math.cos(lon_rad)
+        sin_0, cos_0 = self._up[2], self._north[2]
+        north = (-sin_lat * sin_lon, sin_0 * sin_lat * cos_lon + cos_0 * math.cos(lat_rad))
+        return north, (cos_lon, sin_0 * sin_lon)
 
 
 def check_degrees(name: str, lat_deg: object, lon_deg: object) -> str:

@@ -43,7 +43,7 @@ def run_mission(
     progress_every_s: float = 0.2,
     stop: Callable[[], bool] | None = None,
     pace: Callable[[float], None] | None = None,
-    connecting: AbstractContextManager[object] | None = None,
+    connecting: Callable[[], AbstractContextManager[object]] | None = None,
     study: Study | None = None,
     accept_unproved: bool = False,
     record: Path | None = None,
@@ -62,8 +62,8 @@ def run_mission(
         stop: asked at every tick whether to end the run early, as Ctrl-C does.
         pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
             virtual time: a wall clock has a pace of its own.
-        connecting: entered while the mission's process and robots on a wire get ready, when nobody is asked; what it
-            raises ends the run.
+        connecting: gives what is entered where nobody is asked whether to stop, for robots on a wire: while modules are
+            proved, and while robots and the mission's process get ready. What it raises ends the run.
         study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
             is part of the question: it is run.
         accept_unproved: whether to run what is not proved; the result says what that was.
@@ -100,13 +100,17 @@ def run_mission(
         refuse_in_one_process(mission, backend_class)
     else:
         specs = [spec for spec in specs if spec.id in part.robots]
-    # Questions to the modules are about what is not proved.
-    unproved = admitted(
-        mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
-        unproved=accept_unproved or study is not None,
-    )  # fmt: skip
+    declared = backend_class.robot_class.declared
+    unasked: Callable[[], AbstractContextManager[object]] = nullcontext
+    if connecting is not None and not declared.in_process:
+        unasked = connecting
+    # It takes seconds in a large world. Questions to the modules are about what is not proved.
+    with unasked():
+        unproved = admitted(
+            mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
+            unproved=accept_unproved or study is not None,
+        )  # fmt: skip
     with ExitStack() as stack:
-        declared = backend_class.robot_class.declared
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
         # Closed after everything else: it takes its time, in which no robot may move.
@@ -133,7 +137,7 @@ def run_mission(
         if faults:
             faulty = FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s, mission.reseed)
             fleet = stack.enter_context(faulty)
-        with nullcontext() if declared.in_process or connecting is None else connecting:
+        with unasked():
             host.ready()
             session = None if part is None else stack.enter_context(PeerSession(part, fleet.clock))
             for robot in fleet.robots:

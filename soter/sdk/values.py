@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from soter.controller import Controller as Controller
 from soter.controller import direct
 
-MAX_COORDINATE_M = 10_000.0
+MAX_COORDINATE_M = 25_000.0
 """A coordinate beyond this is a mistake, not a place."""
 
 _MOVING_M_S: Final = 0.02

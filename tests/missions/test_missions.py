@@ -381,7 +381,7 @@ def test_each_robot_visits_its_own_places_and_is_done(caplog: pytest.LogCaptureF
     assert [sum(f"robot {number} is done" in line for line in caplog.messages) for number in (1, 2)] == [1, 1]
 
 
-@pytest.mark.parametrize("where", [[20_000.0, 1.0], [1.0, float("nan")], [-float("inf"), 1.0]])
+@pytest.mark.parametrize("where", [[40_000.0, 1.0], [1.0, float("nan")], [-float("inf"), 1.0]])
 def test_waypoints_that_no_robot_can_be_sent_to_are_refused(where: list[float]) -> None:
     with pytest.raises(ConfigError, match=r"mission\.robots\.1"):
         make_mission(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": [where]}}}))

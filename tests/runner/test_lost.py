@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from soter.adapters.mavlink.backend import VehicleBackend
 from soter.config import load_mission
 from soter.runner import run_mission
 from soter.runner.remote_host import RemoteMissionHost
@@ -66,4 +67,26 @@ def test_waiting_for_the_missions_process_can_be_interrupted(monkeypatch: pytest
     monkeypatch.setattr(RemoteMissionHost, "ready", ready)
     mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "mavlink", "planner": "straight-line"})
     with pytest.raises(KeyboardInterrupt):
-        run_mission(mission, connecting=connecting())
+        run_mission(mission, connecting=connecting)
+
+
+def test_proving_modules_can_be_interrupted_and_nothing_was_opened_by_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    unasked = []
+
+    @contextmanager
+    def connecting() -> Iterator[None]:
+        unasked.append(True)
+        yield
+
+    def proved(*_: object, **__: object) -> None:
+        assert unasked
+        raise KeyboardInterrupt
+
+    def opened(*_: object) -> None:
+        raise AssertionError("a backend was opened")
+
+    monkeypatch.setattr("soter.runner.run.admitted", proved)
+    monkeypatch.setattr(VehicleBackend, "open", opened)
+    mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "mavlink", "planner": "straight-line"})
+    with pytest.raises(KeyboardInterrupt):
+        run_mission(mission, connecting=connecting)

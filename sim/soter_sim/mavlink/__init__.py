@@ -36,7 +36,8 @@ instead of 167 and correct positions from S on. Arming and modes that need a pos
 
 **Frames.** The origin of the EKF is the origin of the workspace: LOCAL_POSITION_NED is x = north, y = east, z = down
 from there. On earth it is 47.397742 N, 8.545594 E, 488 m, or `--origin`; GPS_GLOBAL_ORIGIN says it; a metre is
-1/0.011131884502145034 units of 1e-7 degrees.
+1/0.011131884502145034 units of 1e-7 degrees. In a workspace with places on earth, metres are those of the ellipsoid; an
+EKF has its origin where its vehicle has booted, and makes metres of latitude and longitude as ArduPilot does.
 
 **Charge.** BATTERY_STATUS: `battery_remaining` is whole per cent; `current_consumed` is (1 - charge) x BATT_CAPACITY
 (10 000 mAh), so 1e-4 fine.

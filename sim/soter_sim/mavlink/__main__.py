@@ -77,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--like", help="with the flaws of a real one: ardurover or arducopter")
     parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
     parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
-    parser.add_argument("--origin", metavar="LAT,LON,ALT", help="where on earth the workspace has its origin")
+    parser.add_argument("--origin", metavar="LAT,LON,ALT", help="where on earth a workspace in metres has its origin")
     parser.add_argument("--sign", type=Path, help="a file with a passphrase: sign, and take what is signed only")
     parser.add_argument("--parent", type=int, help="end when this process is no longer the parent")
     return parser

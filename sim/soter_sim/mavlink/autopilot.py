@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.fence import Fence
 from soter_sim.mavlink.flaws import Flaws
-from soter_sim.mavlink.frames import Origin
+from soter_sim.mavlink.frames import Globe, GlobeReckoning, Origin, Reckoning, turned, wrapped_rad
 from soter_sim.mavlink.guided import Guided
 from soter_sim.mavlink.kinds import Kind, Mode
 from soter_sim.mavlink.mission import Mission
@@ -41,7 +41,7 @@ class Autopilot:
         robot_id: the vehicle's number, which is its system id.
         kind: what it is.
         vehicle: what it steers.
-        origin: of the EKF.
+        origin: of the world, on earth.
         boot_s: from power-on until it is ready.
         transmit: sends a message to everybody.
         plain: without what this simulation adds to ArduPilot.
@@ -59,6 +59,7 @@ class Autopilot:
         now_s: its own time, since then.
         speed_m_s: the speed that DO_CHANGE_SPEED has set, or None.
         backwards: a rover drives to places in GUIDED backwards (DO_SET_REVERSE), until its mode changes.
+        reckoning: what its EKF makes of places; where it boots it has its origin, in a world with places on earth.
         route: what it is doing by itself, or None.
         failed: the fail-safe that has taken it over, or None.
     """
@@ -103,6 +104,7 @@ class Autopilot:
         self.speed_m_s: float | None = None
         self.backwards = False
         self._told_ready = False
+        self.reckoning = self._reckoned()
         self.fence.enabled = bool(self.parameters["FENCE_ENABLE"])
         self.failed: str | None = None
         self._idle_since_s = inf
@@ -139,6 +141,23 @@ class Autopilot:
         """Return what the sensors say."""
         true = self._vehicle.sample()
         return true if self._flaws is None else self._flaws.estimated(true)
+
+    def said(self) -> Sample:
+        """Return what the sensors say as it is said on the wire: from the EKF's origin, along its axes."""
+        at, reckoning = self.sample(), self.reckoning
+        x_m, y_m = reckoning.local_m(at.x_m, at.y_m)
+        north_rad = reckoning.north_rad(at.x_m, at.y_m)
+        if not north_rad:
+            return at._replace(x_m=x_m, y_m=y_m)
+        east_m_s, north_m_s = turned(at.east_m_s, at.north_m_s, -north_rad)
+        heading_rad = wrapped_rad(at.heading_rad - north_rad)
+        return at._replace(x_m=x_m, y_m=y_m, heading_rad=heading_rad, east_m_s=east_m_s, north_m_s=north_m_s)
+
+    def _reckoned(self) -> Reckoning:
+        if not isinstance(self.origin, Globe):
+            return Reckoning(self.origin)
+        at = self._vehicle.sample()
+        return GlobeReckoning(self.origin, at.x_m, at.y_m)
 
     @property
     def landed(self) -> bool:

@@ -170,7 +170,8 @@ def _reposition(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
         return DENIED
     flies = autopilot.kind.flies
     # NaN is "as it likes"; a rover takes no yaw at all.
-    heading_rad = turned_rad(yaw_rad) if flies and isfinite(yaw_rad) else None
+    north_rad = autopilot.reckoning.north_rad(x_m, y_m)
+    heading_rad = turned_rad(yaw_rad - north_rad) if flies and isfinite(yaw_rad) else None
     speed_m_s = min(speed_m_s, autopilot.cruise_m_s) if speed_m_s > 0.0 else autopilot.cruise_m_s
     autopilot.guided.put(Place(x_m, y_m, z_m if flies else 0.0, heading_rad, speed_m_s), autopilot.now_s)
     return ACCEPTED

@@ -1,12 +1,18 @@
 """Frames: the world is east, north, up from a corner of the workspace; on the wire it is north, east, down or degrees.
 
-The origin of the EKF is the origin of the workspace, so that both differ by their axes only.
+In a world in metres the origin of the EKF is the origin of the workspace, so that both differ by their axes only. On
+earth, metres are those of the ellipsoid. Each EKF has its origin where its vehicle has booted, and metres of the sphere
+that ArduPilot takes the earth for; its north is the true one, where the vehicle is.
 """
 
 from __future__ import annotations
 
-from math import cos, nan, pi, radians, remainder
+from functools import lru_cache
+from math import atan2, cos, nan, pi, radians, remainder, sin
 from typing import Final, NamedTuple
+
+from soter.geometry.earth import Projection
+from soter.geometry.site import GeoOrigin
 
 _M_PER_E7_DEG: Final = 0.011131884502145034
 """Metres along a meridian by 1e-7 degrees, on the sphere that ArduPilot takes the earth for."""
@@ -58,6 +64,98 @@ class Origin(NamedTuple):
             remainder(lon_e7 - self.lon_deg * 1e7, 3.6e9) * _M_PER_E7_DEG * cos(radians(self.lat_deg)),
             (lat_e7 - self.lat_deg * 1e7) * _M_PER_E7_DEG,
         )
+
+
+class Globe(Origin):
+    """Where on earth a world has its origin whose metres are those of the ellipsoid."""
+
+    __slots__ = ()
+
+    @property
+    def projection(self) -> Projection:
+        """From the ellipsoid to the world."""
+        return _projection(self.lat_deg, self.lon_deg)
+
+    def geodetic_e7(self, x_m: float, y_m: float) -> tuple[int, int]:
+        lat_deg, lon_deg = self.projection.place(x_m, y_m)
+        return round(1e7 * lat_deg), round(1e7 * lon_deg)
+
+    def local_m(self, lat_e7: float, lon_e7: float) -> tuple[float, float]:
+        return self.projection.point(1e-7 * lat_e7, 1e-7 * lon_e7)
+
+
+@lru_cache
+def _projection(lat_deg: float, lon_deg: float) -> Projection:
+    return Projection(GeoOrigin(lat_deg, lon_deg), "the simulated world")
+
+
+class Reckoning:
+    """What an EKF makes of places in a world in metres: it has the world's origin, and its axes.
+
+    Attributes:
+        origin_e7: latitude and longitude of the EKF's origin, in 1e-7 degrees.
+    """
+
+    def __init__(self, origin: Origin) -> None:
+        self.origin_e7 = origin.geodetic_e7(0.0, 0.0)
+
+    def local_m(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return metres east and north of the EKF's origin of a place in the world."""
+        return x_m, y_m
+
+    def world_m(self, east_m: float, north_m: float) -> tuple[float, float]:
+        """Return the place in the world of metres east and north of the EKF's origin."""
+        return east_m, north_m
+
+    def north_rad(self, x_m: float, y_m: float) -> float:
+        """Return how far its north is turned from the world's, counter-clockwise, at a place in the world."""
+        return 0.0
+
+
+class GlobeReckoning(Reckoning):
+    """What an EKF makes of places in a world on earth.
+
+    Args:
+        globe: where the world has its origin.
+        x_m: where in the world the EKF has its own.
+        y_m: the same.
+    """
+
+    def __init__(self, globe: Globe, x_m: float, y_m: float) -> None:
+        self._globe: Final = globe
+        self.origin_e7 = globe.geodetic_e7(x_m, y_m)
+
+    def local_m(self, x_m: float, y_m: float) -> tuple[float, float]:
+        lat_deg, lon_deg = self._globe.projection.place(x_m, y_m)
+        lat_0, lon_0 = self.origin_e7
+        d_lat = lat_deg * 1e7 - lat_0
+        d_lon = remainder(lon_deg * 1e7 - lon_0, 3.6e9)
+        return d_lon * _shrunk_m(lat_0 + 0.5 * d_lat), d_lat * _M_PER_E7_DEG
+
+    def world_m(self, east_m: float, north_m: float) -> tuple[float, float]:
+        lat_0, lon_0 = self.origin_e7
+        d_lat = north_m / _M_PER_E7_DEG
+        return self._globe.local_m(lat_0 + d_lat, lon_0 + east_m / _shrunk_m(lat_0 + 0.5 * d_lat))
+
+    def north_rad(self, x_m: float, y_m: float) -> float:
+        projection = self._globe.projection
+        lat_deg, lon_deg = projection.place(x_m, y_m)
+        # Ten metres to the north, and to the south.
+        x_1, y_1 = projection.point(lat_deg + 1e-4, lon_deg)
+        x_0, y_0 = projection.point(lat_deg - 1e-4, lon_deg)
+        return atan2(x_0 - x_1, y_1 - y_0)
+
+
+def _shrunk_m(lat_e7: float) -> float:
+    return _M_PER_E7_DEG * cos(radians(1e-7 * lat_e7))
+
+
+def turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
+    """Turn a vector counter-clockwise."""
+    if not angle_rad:
+        return x, y
+    c, s = cos(angle_rad), sin(angle_rad)
+    return x * c - y * s, x * s + y * c
 
 
 def wrapped_rad(angle_rad: float) -> float:

@@ -22,7 +22,7 @@ _FOR_ALL: Final = frozenset({
     mav.MAV_CMD_NAV_DELAY, mav.MAV_CMD_DO_CHANGE_SPEED,
 })  # fmt: skip
 _FOR_FLYING: Final = frozenset({mav.MAV_CMD_NAV_TAKEOFF, mav.MAV_CMD_NAV_LAND})
-_FARTHEST_M: Final = 10_000.0
+_FARTHEST_M: Final = 25_000.0
 
 
 class Item(NamedTuple):

@@ -12,6 +12,7 @@ from functools import partial
 from math import inf
 from typing import Final, Literal, Self
 
+from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.copter import CopterEngine
@@ -21,7 +22,7 @@ from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.copter import Copter
 from soter_sim.mavlink.flaws import LIKE, Flaws
-from soter_sim.mavlink.frames import Origin
+from soter_sim.mavlink.frames import Globe, Origin
 from soter_sim.mavlink.kinds import KINDS, Kind
 from soter_sim.mavlink.links import Link, TcpLink, UdpLink
 from soter_sim.mavlink.rover import Rover
@@ -56,7 +57,7 @@ class Settings:
         speedup: simulated seconds by second, at most.
         boot_s: simulated time from power-on until an autopilot is ready.
         key: for signing, of 32 bytes, or None.
-        origin: of the EKF, on earth.
+        origin: of a workspace in metres, on earth; of one with places on earth its height above the sea.
         limits: what the mission promises, which the truth is judged by.
 
     Raises:
@@ -127,7 +128,7 @@ class Simulation:
         truth: what tells what really happens.
 
     Raises:
-        ValueError: a robot cannot be put there, or its id is no system id.
+        ValueError: a robot cannot be put there, its id is no system id, or two origins are given.
         ImportError: the engine's library is not installed.
         OSError: a port is taken.
     """
@@ -137,6 +138,11 @@ class Simulation:
             if not 1 <= spec.id <= _SYSTEM_MOST:
                 raise ValueError(f"robot has the id {spec.id}, allowed on MAVLink: 1 to {_SYSTEM_MOST}")
         kind = KINDS[settings.vehicle]
+        plan = workspace.plan.origin if isinstance(workspace, Site) else None
+        there = settings.origin
+        if plan is not None and there[:2] != Origin()[:2]:
+            raise ValueError("origin is given, and the workspace says itself where on earth it is; leave it out")
+        self._origin: Final = there if plan is None else Globe(plan.lat_deg, plan.lon_deg, there.alt_m)
         self._settings: Final = settings
         self._stopped = False
         self._stepped_at_s = time.perf_counter()
@@ -207,7 +213,7 @@ class Simulation:
         else:
             vehicle = Rover(world, robot_id)
         autopilot = Autopilot(
-            robot_id, kind, vehicle, settings.origin, settings.boot_s, transmit,
+            robot_id, kind, vehicle, self._origin, settings.boot_s, transmit,
             plain=settings.plain or settings.like is not None,
             flaws=None if settings.like is None else Flaws(flies=kind.flies),
         )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.autopilot import Autopilot
-from soter_sim.mavlink.frames import turned_rad
+from soter_sim.mavlink.frames import turned, turned_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Velocity
 
 _POSITION: Final = 0x0007
@@ -43,11 +43,14 @@ def local_target(autopilot: Autopilot, message: mav.MAVLink_message) -> Place | 
     if not message.type_mask & _POSITION:
         _check(message, "x", "y", "z")
         north, east = message.x, message.y
-        if frame in _RELATIVE_TO_BODY:
-            east, north = _from_body(at, north, east)
+        reckoning = autopilot.reckoning
         if frame == mav.MAV_FRAME_LOCAL_NED:
-            position = (east, north, -message.z)
+            position = (*reckoning.world_m(east, north), -message.z)
         else:
+            if frame in _RELATIVE_TO_BODY:
+                east, north = _from_body(at, north, east)
+            else:
+                east, north = turned(east, north, reckoning.north_rad(at.x_m, at.y_m))
             position = (at.x_m + east, at.y_m + north, at.z_m - message.z)
     return _target(autopilot, message, at, position, in_body=frame in _RELATIVE_TO_BODY)
 
@@ -93,17 +96,20 @@ def _target(
     in_body: bool,
 ) -> Place | Velocity:
     mask, kind = message.type_mask, autopilot.kind
+    turned_by_rad = autopilot.reckoning.north_rad(at.x_m, at.y_m)
     velocity = None
     if not mask & _VELOCITY:
         _check(message, "vx", "vy", "vz")
         north, east = message.vx, message.vy
         if in_body:
             east, north = _from_body(at, north, east)
+        else:
+            east, north = turned(east, north, turned_by_rad)
         velocity = Velocity(east, north, -message.vz)
     heading_rad = yaw_rate_rad_s = None
     if not mask & _YAW:
         _check(message, "yaw")
-        heading_rad = turned_rad(message.yaw)
+        heading_rad = turned_rad(message.yaw - turned_by_rad)
     if not mask & _YAW_RATE:
         _check(message, "yaw_rate")
         yaw_rate_rad_s = -message.yaw_rate

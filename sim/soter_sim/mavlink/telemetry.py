@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.fence import FENCE
-from soter_sim.mavlink.frames import turned_rad
+from soter_sim.mavlink.frames import turned, turned_rad
 from soter_sim.mavlink.kinds import Mode
 from soter_sim.mavlink.route import Touring
 from soter_sim.mavlink.setpoint import Place, Velocity
@@ -75,7 +75,7 @@ def local_position_ned(autopilot: Autopilot) -> Message | None:
     """Return LOCAL_POSITION_NED, from the origin of the EKF."""
     if not autopilot.fixed:
         return None
-    at = autopilot.sample()
+    at = autopilot.said()
     return mav.MAVLink_local_position_ned_message(
         autopilot.boot_ms, at.y_m, at.x_m, _height_m(autopilot), at.north_m_s, at.east_m_s, -at.up_m_s
     )
@@ -85,20 +85,20 @@ def global_position_int(autopilot: Autopilot) -> Message | None:
     """Return GLOBAL_POSITION_INT."""
     if not autopilot.fixed:
         return None
-    at, origin = autopilot.sample(), autopilot.origin
+    at, origin, said = autopilot.sample(), autopilot.origin, autopilot.said()
     lat_e7, lon_e7 = origin.geodetic_e7(at.x_m, at.y_m)
     home_m = 0.0 if autopilot.home is None else autopilot.home[2]
     up_m = -_height_m(autopilot)
     return mav.MAVLink_global_position_int_message(
         autopilot.boot_ms, lat_e7, lon_e7, round(1000.0 * (origin.alt_m + up_m)), round(1000.0 * (up_m - home_m)),
-        round(100.0 * at.north_m_s), round(100.0 * at.east_m_s), round(-100.0 * at.up_m_s),
-        round(100.0 * degrees(turned_rad(at.heading_rad))) % 36000,
+        round(100.0 * said.north_m_s), round(100.0 * said.east_m_s), round(-100.0 * at.up_m_s),
+        round(100.0 * degrees(turned_rad(said.heading_rad))) % 36000,
     )  # fmt: skip
 
 
 def attitude(autopilot: Autopilot) -> Message:
     """Return ATTITUDE."""
-    at = autopilot.sample()
+    at = autopilot.said()
     return mav.MAVLink_attitude_message(
         autopilot.boot_ms, 0.0, 0.0, turned_rad(at.heading_rad), 0.0, 0.0, -at.yaw_rate_rad_s
     )
@@ -106,7 +106,7 @@ def attitude(autopilot: Autopilot) -> Message:
 
 def attitude_quaternion(autopilot: Autopilot) -> Message:
     """Return ATTITUDE_QUATERNION."""
-    at = autopilot.sample()
+    at = autopilot.said()
     half_rad = 0.5 * turned_rad(at.heading_rad)
     return mav.MAVLink_attitude_quaternion_message(
         autopilot.boot_ms, cos(half_rad), 0.0, 0.0, sin(half_rad), 0.0, 0.0, -at.yaw_rate_rad_s
@@ -115,7 +115,7 @@ def attitude_quaternion(autopilot: Autopilot) -> Message:
 
 def vfr_hud(autopilot: Autopilot) -> Message:
     """Return VFR_HUD."""
-    at = autopilot.sample()
+    at = autopilot.said()
     speed_m_s = hypot(at.east_m_s, at.north_m_s)
     heading_deg = round(degrees(turned_rad(at.heading_rad))) % 360
     return mav.MAVLink_vfr_hud_message(
@@ -131,7 +131,7 @@ def gps_raw_int(autopilot: Autopilot) -> Message:
             1000 * autopilot.boot_ms, mav.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0
         )
     lat_e7, lon_e7 = origin.geodetic_e7(at.x_m, at.y_m)
-    course_cdeg = round(100.0 * degrees(turned_rad(at.heading_rad))) % 36000
+    course_cdeg = round(100.0 * degrees(turned_rad(autopilot.said().heading_rad))) % 36000
     return mav.MAVLink_gps_raw_int_message(
         1000 * autopilot.fix_ms, mav.GPS_FIX_TYPE_RTK_FIXED, lat_e7, lon_e7,
         round(1000.0 * (origin.alt_m + at.z_m)), 70, 100,
@@ -180,9 +180,10 @@ def home_position(autopilot: Autopilot) -> Message | None:
     x_m, y_m, z_m = autopilot.home
     origin = autopilot.origin
     lat_e7, lon_e7 = origin.geodetic_e7(x_m, y_m)
+    east_m, north_m = autopilot.reckoning.local_m(x_m, y_m)
     return mav.MAVLink_home_position_message(
-        lat_e7, lon_e7, round(1000.0 * (origin.alt_m + z_m)), y_m, x_m, -z_m, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0,
-        1000 * autopilot.boot_ms,
+        lat_e7, lon_e7, round(1000.0 * (origin.alt_m + z_m)), north_m, east_m, -z_m, (1.0, 0.0, 0.0, 0.0),
+        0.0, 0.0, 0.0, 1000 * autopilot.boot_ms,
     )  # fmt: skip
 
 
@@ -192,7 +193,7 @@ def gps_global_origin(autopilot: Autopilot) -> Message | None:
         return None
     origin = autopilot.origin
     return mav.MAVLink_gps_global_origin_message(
-        *origin.geodetic_e7(0.0, 0.0), round(1000.0 * origin.alt_m), 1000 * autopilot.boot_ms
+        *autopilot.reckoning.origin_e7, round(1000.0 * origin.alt_m), 1000 * autopilot.boot_ms
     )
 
 
@@ -237,19 +238,25 @@ def mission_current(autopilot: Autopilot) -> Message:
 
 def position_target_local_ned(autopilot: Autopilot) -> Message | None:
     """Return POSITION_TARGET_LOCAL_NED: the target in GUIDED, whether or not its lease lives."""
-    target = autopilot.guided.target()
+    target, reckoning = autopilot.guided.target(), autopilot.reckoning
     if isinstance(target, Place):
         mask, yaw_rad = _POSITION_ONLY, 0.0
+        east_m, north_m = reckoning.local_m(target.x_m, target.y_m)
         if target.heading_rad is not None:
-            mask, yaw_rad = mask & ~mav.POSITION_TARGET_TYPEMASK_YAW_IGNORE, turned_rad(target.heading_rad)
+            mask, yaw_rad = (
+                mask & ~mav.POSITION_TARGET_TYPEMASK_YAW_IGNORE,
+                turned_rad(target.heading_rad - reckoning.north_rad(target.x_m, target.y_m)),
+            )
         return mav.MAVLink_position_target_local_ned_message(
-            autopilot.boot_ms, mav.MAV_FRAME_LOCAL_NED, mask, target.y_m, target.x_m, -target.z_m,
+            autopilot.boot_ms, mav.MAV_FRAME_LOCAL_NED, mask, north_m, east_m, -target.z_m,
             0.0, 0.0, 0.0, 0.0, 0.0, 0.0, yaw_rad, 0.0,
         )  # fmt: skip
     if isinstance(target, Velocity):
+        at = autopilot.sample()
+        east_m_s, north_m_s = turned(target.east_m_s, target.north_m_s, -reckoning.north_rad(at.x_m, at.y_m))
         return mav.MAVLink_position_target_local_ned_message(
             autopilot.boot_ms, mav.MAV_FRAME_LOCAL_NED, _VELOCITY_ONLY, 0.0, 0.0, 0.0,
-            target.north_m_s, target.east_m_s, -target.up_m_s, 0.0, 0.0, 0.0, 0.0, -(target.yaw_rate_rad_s or 0.0),
+            north_m_s, east_m_s, -target.up_m_s, 0.0, 0.0, 0.0, 0.0, -(target.yaw_rate_rad_s or 0.0),
         )  # fmt: skip
     return None
 

@@ -17,6 +17,7 @@ from soter.adapters.mavlink.frames import GeoPoint, geodetic_e7
 from soter.adapters.mavlink.item_lists import FENCE, Item, ItemLists
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.errors import RobotUnavailable
+from soter.geometry.earth import Projection
 from soter.geometry.site import Site
 from soter.geometry.workspace import Point, Workspace
 
@@ -35,12 +36,12 @@ _ARDUPILOT: Final = {
 _PX4: Final = {"GF_ACTION": (_ALL, "it would do nothing about its fence; allowed: an action that stops it")}
 
 
-def fence_items(workspace: Workspace, origin: GeoPoint) -> list[Item]:
+def fence_items(workspace: Workspace, origin: GeoPoint | Projection) -> list[Item]:
     """Return the fence of a workspace as a vehicle takes it.
 
     Args:
         workspace: of any shape.
-        origin: where on earth its origin is, on the sphere by which the vehicle reckons.
+        origin: where on earth its origin is, on the sphere by which the vehicle reckons; or its projection.
     """
     fence, keep_outs = workspace.outlines()
     if isinstance(workspace, Site) and workspace.plan.map is not None:
@@ -51,7 +52,7 @@ def fence_items(workspace: Workspace, origin: GeoPoint) -> list[Item]:
     return [item for command, ring in rings for item in _polygon(command, ring, origin)]
 
 
-def _polygon(command: int, ring: Sequence[Point], origin: GeoPoint) -> Iterator[Item]:
+def _polygon(command: int, ring: Sequence[Point], origin: GeoPoint | Projection) -> Iterator[Item]:
     for x_m, y_m in ring:
         yield Item(command, (float(len(ring)), 0.0, 0.0, 0.0), *geodetic_e7(origin, x_m, y_m))
 

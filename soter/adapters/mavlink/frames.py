@@ -2,16 +2,32 @@
 
 Headings are radians counter-clockwise from east here and radians clockwise from north there. All conversions of the
 adapter go through this module.
+
+A workspace in metres has those of the vehicle: a `Frame` only shifts them. One with places on earth has metres of the
+ellipsoid, and vehicles those of a sphere, each of its own: an `EarthFrame` goes through latitude and longitude.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, radians, remainder
-from typing import Final, NamedTuple
+from math import asin, atan2, cos, degrees, hypot, pi, radians, remainder, sin, tan
+from typing import Final, NamedTuple, Protocol
+
+from soter.geometry.earth import Projection
 
 _M_PER_DEG: Final = 0.011131884502145034 * 1e7
 """Metres along a meridian by degree, on the sphere that ArduPilot takes the earth for."""
+
+_PX4_M: Final = 6_371_000.0
+"""Radius of the sphere that PX4 takes it for."""
+
+NORTHMOST_DEG: Final = 80.0
+"""Latitude, north or south, up to which the errors that are stated have been tried."""
+
+_WIRE_M: Final = 0.002
+_WHOLE_M: Final = 0.016
+_SINGLE: Final = 2e-7
+_MOVES_S: Final = 1.0
 
 
 class GeoPoint(NamedTuple):
@@ -22,18 +38,23 @@ class GeoPoint(NamedTuple):
     alt_m: float
 
 
-def geodetic_e7(origin: GeoPoint, x_m: float, y_m: float) -> tuple[int, int]:
+def geodetic_e7(origin: GeoPoint | Projection, x_m: float, y_m: float) -> tuple[int, int]:
     """Return latitude and longitude, in 1e-7 degrees, of a place in a workspace with its origin there.
 
     They are whole numbers on the wire: the place is off by up to 6 mm.
     """
+    if isinstance(origin, Projection):
+        lat_deg, lon_deg = origin.place(x_m, y_m)
+        return round(1e7 * lat_deg), round(1e7 * lon_deg)
     east_m_per_deg = _M_PER_DEG * cos(radians(origin.lat_deg))
     lon_deg = origin.lon_deg + x_m / east_m_per_deg
     return round(1e7 * (origin.lat_deg + y_m / _M_PER_DEG)), round(1e7 * remainder(lon_deg, 360.0))
 
 
-def local_m(origin: GeoPoint, lat_e7: int, lon_e7: int) -> tuple[float, float]:
+def local_m(origin: GeoPoint | Projection, lat_e7: int, lon_e7: int) -> tuple[float, float]:
     """Return x and y, in a workspace with its origin there, of a place in 1e-7 degrees."""
+    if isinstance(origin, Projection):
+        return origin.point(1e-7 * lat_e7, 1e-7 * lon_e7)
     east = Frame.between(origin, GeoPoint(1e-7 * lat_e7, 1e-7 * lon_e7, origin.alt_m), 0.0)
     return east.east_m, east.north_m
 
@@ -87,3 +108,141 @@ class Frame:
     def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
         """Return x, y and z in the workspace for a place seen from the EKF's origin."""
         return east_m + self.east_m, north_m + self.north_m, self.up_m - down_m
+
+    def to_velocity(self, _at: tuple[float, float], north_m_s: float, east_m_s: float) -> tuple[float, float]:
+        """Return along x and y the velocity of a vehicle at a place in the workspace."""
+        return east_m_s, north_m_s
+
+    def to_heading_rad(self, _at: tuple[float, float], yaw_rad: float) -> float:
+        """Return the heading in the workspace, in (-pi, pi], of a vehicle with a yaw at a place in it."""
+        return turned_rad(yaw_rad)
+
+    def to_yaw_rad(self, _at: tuple[float, float], heading_rad: float) -> float:
+        """Return the yaw, in (-pi, pi], of a heading at a place in the workspace."""
+        return turned_rad(heading_rad)
+
+
+class Sphere(Protocol):
+    """How an autopilot makes metres of places on earth, around the origin of its EKF."""
+
+    def local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """Return metres north and east of its origin."""
+
+    def place(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Return latitude and longitude in degrees."""
+
+    def error_m(self, far_m: float, speed_m_s: float, /) -> float:
+        """Return how far its own metres may be off what this class makes of them.
+
+        Args:
+            far_m: how far from its origin it may be.
+            speed_m_s: how fast it is at most.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class ArduPilotSphere:
+    """ArduPilot's: metres of longitude shrink by the cosine of the mean of both latitudes."""
+
+    ekf: GeoPoint
+
+    def local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        east_deg = remainder(lon_deg - self.ekf.lon_deg, 360.0) * cos(radians(0.5 * (lat_deg + self.ekf.lat_deg)))
+        return (lat_deg - self.ekf.lat_deg) * _M_PER_DEG, east_deg * _M_PER_DEG
+
+    def place(self, north_m: float, east_m: float) -> tuple[float, float]:
+        north_deg, east_deg = north_m / _M_PER_DEG, east_m / _M_PER_DEG
+        mean_rad = radians(self.ekf.lat_deg + 0.5 * north_deg)
+        return self.ekf.lat_deg + north_deg, remainder(self.ekf.lon_deg + east_deg / cos(mean_rad), 360.0)
+
+    def error_m(self, far_m: float, speed_m_s: float) -> float:
+        slope = tan(radians(abs(self.ekf.lat_deg)) + far_m / _PX4_M)
+        # It works with single precision; and once a second it moves an origin of its own to where the vehicle is, and
+        # adds what is between the two: metres of longitude at two mean latitudes.
+        moves_m = _MOVES_S * speed_m_s * slope * far_m / _PX4_M
+        return _WIRE_M + far_m * _SINGLE * (1.0 + slope) + moves_m
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Sphere:
+    """PX4's: the azimuthal equidistant projection, true to distance and direction from its origin."""
+
+    ekf: GeoPoint
+
+    def local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        lat, lat_0, lon = radians(lat_deg), radians(self.ekf.lat_deg), radians(lon_deg - self.ekf.lon_deg)
+        north = cos(lat_0) * sin(lat) - sin(lat_0) * cos(lat) * cos(lon)
+        east = cos(lat) * sin(lon)
+        far = hypot(north, east)
+        arc = atan2(far, sin(lat_0) * sin(lat) + cos(lat_0) * cos(lat) * cos(lon))
+        scale_m = _PX4_M * (arc / far if far > 0.0 else 1.0)
+        return north * scale_m, east * scale_m
+
+    def place(self, north_m: float, east_m: float) -> tuple[float, float]:
+        far_m, lat_0 = hypot(north_m, east_m), radians(self.ekf.lat_deg)
+        if far_m == 0.0:
+            return self.ekf.lat_deg, self.ekf.lon_deg
+        arc = far_m / _PX4_M
+        sin_lat = cos(arc) * sin(lat_0) + north_m / far_m * sin(arc) * cos(lat_0)
+        lon = atan2(east_m * sin(arc), far_m * cos(lat_0) * cos(arc) - north_m * sin(lat_0) * sin(arc))
+        return degrees(asin(sin_lat)), remainder(self.ekf.lon_deg + degrees(lon), 360.0)
+
+    def error_m(self, far_m: float, _speed_m_s: float) -> float:
+        # What it says of its origin is cut off to whole numbers.
+        return _WHOLE_M + _WIRE_M + far_m * _SINGLE
+
+
+@dataclass(frozen=True, slots=True)
+class EarthFrame:
+    """How a vehicle's metres lie in a workspace with places on earth.
+
+    Heights are those of the vehicle, along its plumb line; x and y those of the place on the ellipsoid below it.
+
+    Attributes:
+        workspace: where it is.
+        sphere: the vehicle's.
+        plane_m: how high the plane z = 0 lies above the origin of its EKF: the height at which copters fly.
+    """
+
+    workspace: Projection
+    sphere: Sphere
+    plane_m: float
+
+    def to_ned(self, x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
+        """Return north, east and down of the EKF's origin for a place in the workspace."""
+        north_m, east_m = self.sphere.local(*self.workspace.place(x_m, y_m))
+        return north_m, east_m, -self.plane_m - z_m
+
+    def from_ned(self, north_m: float, east_m: float, down_m: float) -> tuple[float, float, float]:
+        """Return x, y and z in the workspace for a place seen from the EKF's origin."""
+        x_m, y_m = self.workspace.point(*self.sphere.place(north_m, east_m))
+        return x_m, y_m, -self.plane_m - down_m
+
+    def to_velocity(self, at: tuple[float, float], north_m_s: float, east_m_s: float) -> tuple[float, float]:
+        """Return along x and y the velocity of a vehicle at a place in the workspace.
+
+        Unlike its places, its velocities are in metres of the ellipsoid: its GPS measures them.
+        """
+        north, east = self.workspace.axes(*at)
+        return north[0] * north_m_s + east[0] * east_m_s, north[1] * north_m_s + east[1] * east_m_s
+
+    def to_heading_rad(self, at: tuple[float, float], yaw_rad: float) -> float:
+        """Return the heading in the workspace, in (-pi, pi], of a vehicle with a yaw at a place in it."""
+        ahead_x, ahead_y = self.to_velocity(at, cos(yaw_rad), sin(yaw_rad))
+        return atan2(ahead_y, ahead_x)
+
+    def to_yaw_rad(self, at: tuple[float, float], heading_rad: float) -> float:
+        """Return the yaw, in (-pi, pi], of a heading at a place in the workspace."""
+        north, east = self.workspace.axes(*at)
+        ahead_x, ahead_y = cos(heading_rad), sin(heading_rad)
+        # They are at right angles to 1e-5 rad where the largest site ends, so that no inverse is needed.
+        return atan2(east[0] * ahead_x + east[1] * ahead_y, north[0] * ahead_x + north[1] * ahead_y)
+
+
+def frame_of(
+    workspace: GeoPoint | Projection | None, ekf: GeoPoint, plane_m: float, *, is_px4: bool
+) -> Frame | EarthFrame:
+    """Return the frame of a vehicle, see `Frame.between`; `workspace` is a projection where it has places on earth."""
+    if not isinstance(workspace, Projection):
+        return Frame.between(workspace, ekf, plane_m)
+    return EarthFrame(workspace, Px4Sphere(ekf) if is_px4 else ArduPilotSphere(ekf), plane_m)

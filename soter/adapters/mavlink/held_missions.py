@@ -14,6 +14,7 @@ from soter.adapters.mavlink.item_lists import MISSION, Item, ItemLists
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.vehicle import Vehicle, place_of
 from soter.errors import RobotUnavailable
+from soter.geometry.earth import Projection
 from soter.sdk import MAX_COORDINATE_M, HeldMission
 
 _PLACES: Final = (
@@ -29,7 +30,7 @@ _ASK_S: Final = 1.0
 
 
 def read_missions(
-    link: MavlinkLink, robot_ids: Sequence[int], origin: GeoPoint | None, timeout_s: float
+    link: MavlinkLink, robot_ids: Sequence[int], origin: GeoPoint | Projection | None, timeout_s: float
 ) -> dict[int, HeldMission]:
     """Ask vehicles for the missions that they hold. Nothing else is asked of them, and nothing is armed.
 
@@ -63,7 +64,7 @@ def read_missions(
     return found
 
 
-def _asked(vehicle: Vehicle, origin: GeoPoint | None) -> Generator[str, None, HeldMission]:
+def _asked(vehicle: Vehicle, origin: GeoPoint | Projection | None) -> Generator[str, None, HeldMission]:
     while vehicle.heartbeat is None:
         yield "a heartbeat"
     asked_s = -math.inf
@@ -80,7 +81,7 @@ def _asked(vehicle: Vehicle, origin: GeoPoint | None) -> Generator[str, None, He
     return _mission([*enumerate(items)][0 if vehicle.kind.is_px4 else 1 :], origin)
 
 
-def _mission(items: Sequence[tuple[int, Item]], origin: GeoPoint) -> HeldMission:
+def _mission(items: Sequence[tuple[int, Item]], origin: GeoPoint | Projection) -> HeldMission:
     points, left_out = [], []
     for number, item in items:
         known = mav.enums["MAV_CMD"].get(item.command)

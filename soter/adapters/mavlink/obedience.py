@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.frames import Frame, GeoPoint
+from soter.adapters.mavlink.frames import ArduPilotSphere, GeoPoint
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 
@@ -109,8 +109,8 @@ class Obedience:
         target = None if self.origin is None else self._vehicle.heard_since(_TARGET, self._looked_s)
         self._looked_s = now_s
         if target is not None and self.origin is not None:
-            place = Frame.between(self.origin, GeoPoint(target.lat_int * 1e-7, target.lon_int * 1e-7, 0.0), 0.0)
-            off_m = self._setpoints.off_m(place.north_m, place.east_m)
+            place = ArduPilotSphere(self.origin).local(target.lat_int * 1e-7, target.lon_int * 1e-7)
+            off_m = self._setpoints.off_m(*place)
             if off_m > _ELSEWHERE_M:
                 self._led_s = now_s
                 self._led = f"another ground station sends it elsewhere, {off_m:.1f} m from where it was sent here"

@@ -8,9 +8,10 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from soter.adapters.mavlink.frames import GeoPoint
+from soter.adapters.mavlink.frames import NORTHMOST_DEG, GeoPoint
 from soter.adapters.mavlink.transport import Address
-from soter.geometry.site import Site
+from soter.geometry.earth import Projection
+from soter.geometry.site import GeoOrigin, Site
 from soter.onboard.drive import DriveLimits, tube_m
 from soter.sdk import BackendConfig, Capabilities
 
@@ -87,7 +88,7 @@ class MavlinkConfig(BackendConfig):
         system_id: ours; an ArduPilot heeds only the heartbeats of the one in its SYSID_MYGCS, which is 255.
         passphrase_file: its first line signs every message; what is not signed with it is dropped.
         unsigned: go without signing over a connection that leaves this host.
-        origin: of the workspace; None: each vehicle's EKF has its origin there.
+        origin: of a workspace in metres; None: each vehicle's EKF has its origin there.
         height_m: how high above the EKF's origin copters fly: the workspace's plane z = 0.
         stream_hz: how often samples come; a vehicle that grants less is refused.
         speedup: seconds of the vehicles in one second of the host; for simulated ones only.
@@ -154,12 +155,13 @@ class MavlinkConfig(BackendConfig):
 
     @model_validator(mode="after")
     def _knows_the_place(self) -> Self:
-        plan = self.workspace.plan if isinstance(self.workspace, Site) else None
-        if plan is not None and plan.origin is not None and self.connection is not None:
-            # Autopilots reckon places on a sphere, by up to 0.6 % other than the ellipsoid: a metre in 200.
+        earth = self._earth
+        if earth is not None and self.origin is not None:
+            raise ValueError("origin is given, and the workspace says itself where on earth it is; leave origin out")
+        if earth is not None and abs(earth.lat_deg) > NORTHMOST_DEG:
             raise ValueError(
-                "the workspace has places on earth, which autopilots reckon by up to 0.6 % otherwise: the fence would "
-                "lie elsewhere; give the vehicles a workspace in metres"
+                f"the workspace's origin is at latitude {earth.lat_deg:g}, where meridians are too close for what "
+                f"autopilots reckon by; allowed: {NORTHMOST_DEG:g} north to {NORTHMOST_DEG:g} south"
             )
         return self
 
@@ -186,8 +188,14 @@ class MavlinkConfig(BackendConfig):
         return lines[0].strip()
 
     @property
-    def geo_origin(self) -> GeoPoint | None:
-        """The workspace's origin on earth."""
+    def _earth(self) -> GeoOrigin | None:
+        return self.workspace.plan.origin if isinstance(self.workspace, Site) else None
+
+    @property
+    def geo_origin(self) -> GeoPoint | Projection | None:
+        """The workspace's origin on earth; the projection of one with places on earth."""
+        if self._earth is not None:
+            return Projection(self._earth, "workspace")
         origin = self.origin
         return None if origin is None else GeoPoint(origin.lat_deg, origin.lon_deg, origin.alt_m)
 

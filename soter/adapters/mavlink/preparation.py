@@ -17,6 +17,7 @@ from soter.adapters.mavlink.fence import fence_items, put_up
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.item_lists import ItemLists
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.places import judge_places
 from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle, place_of
@@ -169,6 +170,8 @@ class Preparation:
             self._heard_origin, "the origin of its EKF",
             lambda: vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN),
         )  # fmt: skip
+        assert self.origin is not None
+        yield from judge_places(vehicle, self.origin, self._config, self._promised)
         yield from self._until(lambda: self._time_sync.settled, "its clock to be known")
         if vehicle.mode == kind.guided and vehicle.armed:
             # Whatever it was on its way to is dropped by leaving the mode.
@@ -187,7 +190,6 @@ class Preparation:
         reboots = self._time_sync.reboots
         if self._config.upload_fence and self._fenced != reboots:
             # Once in each of its lives: it is long to read back, and who was only silent holds it still.
-            assert self.origin is not None
             items = fence_items(self._config.workspace, self._config.geo_origin or self.origin)
             yield from put_up(vehicle, self._lists, items, self._parameter)
             self._fenced = reboots

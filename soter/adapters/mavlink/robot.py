@@ -19,7 +19,7 @@ from typing import ClassVar, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
-from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.frames import frame_of
 from soter.adapters.mavlink.legs import TargetLeg, reach_m
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.obedience import Obedience
@@ -241,7 +241,7 @@ class MavlinkRobot(Robot):
         preparation, kind = self._preparation, self._vehicle.kind
         assert preparation.origin is not None
         plane_m = self._config.height_m if kind.flies else 0.0
-        frame = Frame.between(self._config.geo_origin, preparation.origin, plane_m)
+        frame = frame_of(self._config.geo_origin, preparation.origin, plane_m, is_px4=kind.is_px4)
         self._sampler.frame = frame
         self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
@@ -299,8 +299,8 @@ class MavlinkRobot(Robot):
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)
-        yaw_rad = None if target.heading_rad is None else turned_rad(target.heading_rad)
-        self._setpoints.go_plainly(self._charge, *leg._replace(target=target).ahead(at, ahead_m), yaw_rad)
+        place = leg._replace(target=target).ahead(at, ahead_m)
+        self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
 
     def _reported(self) -> Controller | None:
         """Return who is in charge, as the vehicle says; None while somebody else has taken it out of GUIDED."""

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
-from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.frames import EarthFrame, Frame
 from soter.adapters.mavlink.link import Fields, Inbox
 from soter.clock import VehicleClock
 from soter.sdk import Controller, Link, RobotState
@@ -235,7 +235,7 @@ class Sampler:
         self._who: Final = who
         self._made_of: tuple[Any, Any, Controller | None] | None = None
         self.latest: RobotState | None = None
-        self.frame: Frame | None = None
+        self.frame: Frame | EarthFrame | None = None
         self.flies = False
 
     def sample(self) -> RobotState | None:
@@ -254,7 +254,9 @@ class Sampler:
             self.latest, self._made_of = state, made_of
         return self.latest
 
-    def _make(self, position: Any, attitude: Any, frame: Frame, controller: Controller | None) -> RobotState | None:
+    def _make(
+        self, position: Any, attitude: Any, frame: Frame | EarthFrame, controller: Controller | None
+    ) -> RobotState | None:
         stamp_ms = min(position.time_boot_ms, attitude.time_boot_ms)
         stamp_s = stamp_ms * 1e-3
         before = self.latest
@@ -268,21 +270,21 @@ class Sampler:
             # The clock was learned better, and by more than has passed between two samples. The newer one counts.
             fleet_s = max(fleet_s, before.stamp_s)
         back_s = (position.time_boot_ms - stamp_ms) * 1e-3
-        x_m, y_m, z_m = frame.from_ned(
-            position.x - position.vx * back_s, position.y - position.vy * back_s, position.z - position.vz * back_s
-        )
+        x_m, y_m, z_m = frame.from_ned(position.x, position.y, position.z)
+        at = x_m, y_m
+        vx_m_s, vy_m_s = frame.to_velocity(at, position.vx, position.vy)
         yaw_rad = attitude.yaw - attitude.yawspeed * (attitude.time_boot_ms - stamp_ms) * 1e-3
         sys_status = self._inbox.latest.get("SYS_STATUS")
         return RobotState(
             robot_id=self._robot_id,
             stamp_s=fleet_s,
             vehicle_stamp_s=stamp_s,
-            x_m=x_m,
-            y_m=y_m,
-            z_m=z_m if self.flies else 0.0,
-            heading_rad=turned_rad(yaw_rad),
-            vx_m_s=position.vy,
-            vy_m_s=position.vx,
+            x_m=x_m - vx_m_s * back_s,
+            y_m=y_m - vy_m_s * back_s,
+            z_m=z_m + position.vz * back_s if self.flies else 0.0,
+            heading_rad=frame.to_heading_rad(at, yaw_rad),
+            vx_m_s=vx_m_s,
+            vy_m_s=vy_m_s,
             yaw_rate_rad_s=-attitude.yawspeed,
             battery=self._charge.read(None if sys_status is None else sys_status.message, fleet_s),
             controller=controller,

@@ -9,7 +9,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import KEEPER, SENDERS
-from soter.adapters.mavlink.frames import Frame, turned_rad
+from soter.adapters.mavlink.frames import EarthFrame, Frame
 from soter.adapters.mavlink.link import AUTOPILOT
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.sdk import Controller, RobotState, Waypoint
@@ -38,9 +38,9 @@ class Setpoints:
         self._v_max_m_s: Final = v_max_m_s
         self._told: Final[dict[int, tuple[tuple[float, ...], float]]] = {}
         self._sent: Final[deque[tuple[float, float]]] = deque(maxlen=_KEPT)
-        self.frame = Frame()
+        self.frame: Frame | EarthFrame = Frame()
 
-    def begin(self, frame: Frame) -> None:
+    def begin(self, frame: Frame | EarthFrame) -> None:
         """Begin anew with a vehicle that was made ready: it may have forgotten how fast it is to go, and which way."""
         self.frame = frame
         self._told.clear()
@@ -64,21 +64,21 @@ class Setpoints:
         mask, more = _ONLY_POSITION, {}
         if target.heading_rad is not None:
             mask &= ~_YAW
-            more["yaw"] = turned_rad(target.heading_rad)
+            more["yaw"] = self.frame.to_yaw_rad((target.x_m, target.y_m), target.heading_rad)
         if target.speed_m_s is not None and at is not None:
-            # Beside a position, the length of a velocity caps the speed; its direction is that of the way.
+            # Beside a position, the length of a velocity caps the speed; its direction, that of the way, says nothing.
             cap_m_s = min(target.speed_m_s, self._v_max_m_s)
             course_rad = math.atan2(target.x_m - at.x_m, target.y_m - at.y_m)
             mask &= ~_VELOCITY
             more |= {"vx": cap_m_s * math.cos(course_rad), "vy": cap_m_s * math.sin(course_rad)}
         self._send(by, mask, self._place(target.x_m, target.y_m, target.z_m) | more)
 
-    def go_plainly(self, by: Controller, x_m: float, y_m: float, z_m: float, yaw_rad: float | None = None) -> None:
-        """Tell any vehicle where to go; ground vehicles ignore a yaw."""
+    def go_plainly(self, by: Controller, x_m: float, y_m: float, z_m: float, heading_rad: float | None = None) -> None:
+        """Tell any vehicle where to go; ground vehicles ignore a heading."""
         mask, more = _ONLY_POSITION, {}
-        if yaw_rad is not None:
+        if heading_rad is not None:
             mask &= ~_YAW
-            more["yaw"] = yaw_rad
+            more["yaw"] = self.frame.to_yaw_rad((x_m, y_m), heading_rad)
         self._send(by, mask, self._place(x_m, y_m, z_m) | more)
 
     def go_ned(self, by: Controller, north_m: float, east_m: float, down_m: float) -> None:

@@ -342,7 +342,7 @@ def invalid(bench: Bench) -> None:
     bad: dict[str, Waypoint] = {
         "NaN": good._replace(x_m=float("nan")),
         "infinity": good._replace(y_m=float("inf")),
-        "20 km": good._replace(x_m=20_000.0),
+        "40 km": good._replace(x_m=40_000.0),
         "a heading of NaN": good._replace(heading_rad=float("nan")),
         "a speed of 0": good._replace(speed_m_s=0.0),
         "a negative radius": good._replace(radius_m=-1.0),

@@ -60,6 +60,7 @@ class Puppet(MavlinkLink):
         self.fixed_s = 0.0
         self.variance = 0.01
         self.origin_lat = 473977420
+        self.place_e7 = 0, 0
         self.gate = True
         self.most_hz = 50.0
         self.refuses_to_arm = ""
@@ -160,6 +161,9 @@ class Puppet(MavlinkLink):
             self.streams[int(fields["param1"])] = hz
         elif number == mav.MAV_CMD_REQUEST_MESSAGE and fields["param1"] == mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
             self.tell_origin()
+        elif number == mav.MAV_CMD_REQUEST_MESSAGE and fields["param1"] == mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
+            lat_e7, lon_e7 = self.place_e7
+            self.say("GLOBAL_POSITION_INT", time_boot_ms=round(self.clock_s * 1e3), lat=lat_e7, lon=lon_e7)
         elif number == mav.MAV_CMD_DO_SET_MODE:
             px4 = self.kind[1] == mav.MAV_AUTOPILOT_PX4
             self.mode = int(fields["param2"]) << 16 | int(fields["param3"]) << 24 if px4 else int(fields["param2"])
