@@ -304,7 +304,7 @@ class Site:
                 recorder.close()
 
     def _result(self, loop: Loop, session: PeerSession, say: Callable[[str], None]) -> RunResult:
-        assert session.wait(loop.fleet.robots, say, lambda: False)
+        assert session.wait(loop.fleet.robots, Follower(say=say))
         loop.begin()
         status, failure = loop.run(Follower())
         return loop.result(status, failure, None)

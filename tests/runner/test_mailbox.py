@@ -16,6 +16,7 @@ from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.runner.mailbox import Mailbox
 from soter.runner.part import Part
 from soter.runner.peer_session import PeerSession
+from soter.runner.progress import Follower
 from soter.stack.events import TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.remote import RemoteCame, RemoteJoined, RemoteVisit
 from tests.distribution.air import MemoryBus, Network
@@ -147,7 +148,7 @@ def test_who_is_told_to_stop_waits_no_longer() -> None:
     asked = iter([False, False, True])
     said: list[str] = []
     with PeerSession(own, VirtualClock()) as session:
-        assert not session.wait((), said.append, lambda: next(asked))
+        assert not session.wait((), Follower(say=said.append, stop=lambda: next(asked)))
     assert len(said) == 1
     assert not network.buses, "it has left the bus"
 
