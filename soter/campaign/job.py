@@ -188,7 +188,7 @@ def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) ->
                     record=record,
                     follower=Follower(stop=ending, falls_of=job.falls_of),
                     accept_unproved=job.accept_unproved,
-                )  # fmt: skip
+                )
             )
         )
     except (ConfigError, BackendError, IllFormedModule) as refusal:

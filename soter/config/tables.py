@@ -372,6 +372,4 @@ class DistributionTable(Table):
             planners += [name] * table.planner
             if not (table.planner or table.robots):
                 raise wrong(("processes", name), {}, "robots = [...], planner = true, or both")
-        if self.processes and not planners:
-            raise wrong(("processes",), list(self.processes), "planner = true in exactly one process; it is in none")
         return self

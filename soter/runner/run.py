@@ -106,7 +106,7 @@ def run_mission(
             host = make_host(mission, workspace, radii_m, virtual_time=True)
         else:
             # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
-            host = RemoteMissionHost(mission, workspace, radii_m, process=process)
+            host = RemoteMissionHost(mission, workspace, radii_m, part=part)
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
         try:
@@ -168,7 +168,7 @@ def _run_task_planner(part: Part, workspace: Workspace, follower: Follower) -> R
         fleet = stack.enter_context(NoRobots())
         session = stack.enter_context(PeerSession(part, fleet.clock))
         radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
-        host = MachineHost(part.mission, workspace, radii_m, virtual_time=False, part=part, bus=part.open_bus())
+        host = MachineHost(part.mission, workspace, radii_m, virtual_time=False, part=part)
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
         loop = Loop(Accepted(part.mission, workspace), fleet, host, Study(), None, session, watchdog)
