@@ -25,8 +25,8 @@ class Ros2RobotOptions(PlaceOptions):
     """Where one robot is; its namespace is one of ROS, such as /robot1."""
 
     @classmethod
-    def check(cls, namespace: str) -> None:
-        _check_name(namespace)
+    def check(cls, name: str) -> None:
+        _check_name(name)
 
 
 def _check_name(name: str) -> None:

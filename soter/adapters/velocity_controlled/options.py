@@ -17,7 +17,22 @@ from soter.sdk import BackendConfig, Capabilities, RobotSpec
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class MessageNames(BaseModel):
+class _Named(BaseModel):
+    """Has names of the carrier's."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    @abstractmethod
+    def check(cls, name: str) -> None:
+        """Refuse what is no name.
+
+        Raises:
+            ValueError: it is none; says what is allowed.
+        """
+
+
+class MessageNames(_Named):
     """Where the messages of a robot are.
 
     Attributes:
@@ -30,7 +45,6 @@ class MessageNames(BaseModel):
         gate: what the mux does.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     odom: str = "odom"
     battery: str = "battery_state"
     cmd_vel: str = CMD_VEL
@@ -38,15 +52,6 @@ class MessageNames(BaseModel):
     cmd_vel_sc: str = CMD_VEL_SC
     order: str = ORDER
     gate: str = GATE
-
-    @classmethod
-    @abstractmethod
-    def check(cls, name: str) -> None:
-        """Refuse what is no name.
-
-        Raises:
-            ValueError: it is none; says what is allowed.
-        """
 
     @field_validator("*")
     @classmethod
@@ -56,7 +61,7 @@ class MessageNames(BaseModel):
         return name
 
 
-class PlaceOptions(BaseModel):
+class PlaceOptions(_Named):
     """Where one robot is.
 
     Attributes:
@@ -65,18 +70,8 @@ class PlaceOptions(BaseModel):
             which its odometry reads 0, 0, 0.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     namespace: str
     odom_origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-
-    @classmethod
-    @abstractmethod
-    def check(cls, namespace: str) -> None:
-        """Refuse what is no namespace.
-
-        Raises:
-            ValueError: it is none; says what is allowed.
-        """
 
     @field_validator("namespace")
     @classmethod

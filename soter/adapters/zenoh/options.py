@@ -43,8 +43,8 @@ class ZenohRobotOptions(PlaceOptions):
     """Where one robot is; its namespace is what its keys begin with, such as robot1."""
 
     @classmethod
-    def check(cls, namespace: str) -> None:
-        check_key(namespace)
+    def check(cls, name: str) -> None:
+        check_key(name)
 
 
 def check_key(key: str) -> None:

@@ -185,7 +185,7 @@ def last(bench: Bench) -> None:
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.expect_stop(
-        robot, bench.now_s, "what watches the leases of two robots leaves out those behind them", renew=False,
+        robot, "what watches the leases of two robots leaves out those behind them", renew=False,
         extra_s=bench.caps.lease_s,
     )  # fmt: skip
 

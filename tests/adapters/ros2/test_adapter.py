@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from soter.errors import Intruder, RobotUnavailable, Unsupported
+from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from tests.adapters.velocity_controlled import behaviour
 from tests.adapters.velocity_controlled.driving import PATIENT, ROOM, SPECS, tick
@@ -140,19 +140,12 @@ def test_whoever_goes_round_the_mux_later_is_noticed_too(
 
     robot = open_fleet(simulator).robots[0]
 
-    def intruder() -> str:
-        try:
-            robot.renew_lease()
-        except Intruder as found:
-            return repr(found)
-        return ""
-
-    assert not intruder()
+    assert not behaviour.intruder(robot)
     node = graph.node("/teleop")
     publisher = node.create_publisher(Twist, f"/robot1/{topic}", 1)
-    wait_until(lambda: "/teleop/soter publish" in intruder())
+    wait_until(lambda: "/teleop/soter publish" in behaviour.intruder(robot))
     node.destroy_publisher(publisher)
-    wait_until(lambda: not intruder())
+    wait_until(lambda: not behaviour.intruder(robot))
 
 
 def test_a_robot_that_follows_another_program_is_refused(open_fleet: Open) -> None:

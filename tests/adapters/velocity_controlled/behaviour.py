@@ -9,9 +9,18 @@ from collections.abc import Callable
 import pytest
 
 from soter.adapters.velocity_controlled.simulator import StreamedSimulator
-from soter.errors import RobotUnavailable
-from soter.sdk import Controller, Fleet, GoalStatus, Link, Waypoint
+from soter.errors import Intruder, RobotUnavailable
+from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, Waypoint
 from tests.adapters.velocity_controlled.driving import rest_after_s, tick, under_way
+
+
+def intruder(robot: Robot) -> str:
+    """What a robot says of who goes round its mux; empty where nobody does."""
+    try:
+        robot.renew_lease()
+    except Intruder as found:
+        return repr(found)
+    return ""
 
 
 def drives(fleet: Fleet) -> None:

@@ -28,7 +28,7 @@ from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Ear, Voice, stamp_of
-from soter.errors import Intruder, RobotUnavailable
+from soter.errors import RobotUnavailable
 from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from soter.sdk.wire import WireFleet
@@ -144,17 +144,10 @@ def test_whoever_goes_round_the_mux_later_is_noticed_too(
 ) -> None:
     robot = open_fleet(shared).robots[0]
 
-    def intruder() -> str:
-        try:
-            robot.renew_lease()
-        except Intruder as found:
-            return repr(found)
-        return ""
-
-    assert not intruder()
+    assert not behaviour.intruder(robot)
     with saying(somebody, f"robot1/{key}", Twist(Vector3(x=0.001))):
-        wait_until(lambda: f"robot1/{key}" in intruder())
-    wait_until(lambda: not intruder())
+        wait_until(lambda: f"robot1/{key}" in behaviour.intruder(robot))
+    wait_until(lambda: not behaviour.intruder(robot))
 
 
 def test_a_world_of_a_runs_own_lets_nobody_else_in() -> None:
