@@ -154,7 +154,7 @@ class CommandedFace(RealTimeWorld):
 
     @abstractmethod
     def _say(self, robot_id: int, message: bytes) -> None:
-        """Send what a robot says, to whoever listens; never wait."""
+        """Send what a robot says, to its listeners; never wait."""
 
     def _encode(self, report: Report) -> bytes:
         """Return a report as this wire has it."""

@@ -1,4 +1,4 @@
-"""What one try at breaking a module yields, and what can be tried: the seam to whoever runs the robots.
+"""What one try at breaking a module yields, and what can be tried: the seam to what runs the robots.
 
 A counterexample is kept as a file: what was tried, where it broke, and what happened tick by tick.
 """

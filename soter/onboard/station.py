@@ -93,4 +93,4 @@ class Station(ABC):
 
     @abstractmethod
     def _say(self, report: str) -> None:
-        """Send what the gate does to whoever commands the robot."""
+        """Send what the gate does to the supervisor."""

@@ -14,7 +14,7 @@ from soter.clock import Clock
 from soter.config import MissionFile
 from soter.controllers import MISSION
 from soter.distribution.bus import Bus, open_bus
-from soter.distribution.channel import Post
+from soter.distribution.channel import ReliableChannel
 from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import VERSION
 from soter.errors import ConfigError, nearest
@@ -126,13 +126,13 @@ class Part:
         }
         return PeerGroup(bus, self.mission.distribution.prefix, self.name, others, self.digest, clock)
 
-    def post(self, bus: Bus) -> Post:
-        """Return the post between this process's machines and those of others, on a bus that it then closes.
+    def reliable_channel(self, bus: Bus) -> ReliableChannel:
+        """Return what carries messages between the machines here and those of others, on a bus that it then closes.
 
         Messages pass between the task planner and robots.
         """
         others = [name for name in self.others if self.planner or name == self.planner_home]
-        return Post(bus, self.mission.distribution.prefix, self.name, others, self.digest)
+        return ReliableChannel(bus, self.mission.distribution.prefix, self.name, others, self.digest)
 
 
 def refuse_in_one_process(mission: MissionFile, backend: type[Backend]) -> None:

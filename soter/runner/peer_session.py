@@ -28,7 +28,7 @@ SAY_EVERY_S: Final = 5.0
 """Host time between two lines on who is waited for."""
 
 _LOOK_S: Final = 0.05
-_TWIN_S: Final = 0.5
+_DUPLICATE_S: Final = 0.5
 """So long a process listens at least for another one of its name before anything moves."""
 
 
@@ -102,10 +102,10 @@ class PeerSession:
         while not follower.stop():
             self._peer_group.look()
             self._peer_group.tell([RobotStatus(robot.read_state(), False, "waiting", False) for robot in robots])
-            self._refuse_twin()
+            self._refuse_duplicate()
             waited_s = clock.steady_s() - begun_s
             missing = self._peer_group.missing(clock.now())
-            if not missing and waited_s >= _TWIN_S:
+            if not missing and waited_s >= _DUPLICATE_S:
                 if said:
                     follower.say("all processes are there")
                 return True
@@ -121,8 +121,8 @@ class PeerSession:
             clock.sleep_until(clock.now() + _LOOK_S)
         return False
 
-    def _refuse_twin(self) -> None:
-        if self._peer_group.has_twin():
+    def _refuse_duplicate(self) -> None:
+        if self._peer_group.has_duplicate():
             raise option_error(
                 "--process",
                 f"another process '{self.process}' of this mission is running; end that one, or choose another with "

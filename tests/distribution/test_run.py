@@ -233,6 +233,6 @@ def test_who_does_not_come_is_named_with_what_it_has(sites: Sites) -> None:
 
 def test_a_second_process_of_one_name_is_refused(sites: Sites) -> None:
     site = begun(sites, Site(THREE, duration_s=60.0))
-    site.at(5.0, lambda: site.start_twin(GROUND))
+    site.at(5.0, lambda: site.start_duplicate(GROUND))
     with pytest.raises(ConfigError, match=r"--process: another process 'ground' of this mission is running"):
         site.run(30.0)

@@ -167,7 +167,7 @@ class Site:
         self._processes: dict[str, _Process] = {}
         self._mine: Final = threading.Semaphore(0)
         self._starts = 0
-        self._twins: dict[str, str] = {}
+        self._duplicates: dict[str, str] = {}
 
     # --- what a test says ------------------------------------------------------------------------------------
 
@@ -184,9 +184,9 @@ class Site:
         self._processes[name] = process
         process.thread.start()
 
-    def start_twin(self, name: str) -> None:
+    def start_duplicate(self, name: str) -> None:
         """Start a second process of a name, on a host of its own."""
-        self._twins[f"{name} too"] = name
+        self._duplicates[f"{name} too"] = name
         self.start(f"{name} too")
 
     def kill(self, name: str) -> None:
@@ -242,14 +242,14 @@ class Site:
 
     def _part(self, name: str) -> OwnPart:
         processes = self.mission.distribution.processes
-        mine = processes[self._twins.get(name, name)]
+        mine = processes[self._duplicates.get(name, name)]
         homes = {robot_id: each for each, table in processes.items() for robot_id in table.robots}
         planner_home = "".join(
             each for each, table in processes.items() if table.planner and self.mission.ac == MISSION
         )
         promised = dict.fromkeys(homes, OwnTimeRobot.declared)
         return OwnPart(
-            self._twins.get(name, name), self.mission, mine.robots, mine.planner, homes, planner_home, promised,
+            self._duplicates.get(name, name), self.mission, mine.robots, mine.planner, homes, planner_home, promised,
             "digest", self, name,
         )  # fmt: skip
 

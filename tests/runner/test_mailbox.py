@@ -10,7 +10,7 @@ import pytest
 
 from soter.clock import VirtualClock
 from soter.config import load_mission
-from soter.distribution.channel import ChannelFrame, Ended, Joined, Post, ReliableMessage, VisitMessage
+from soter.distribution.channel import ChannelFrame, Ended, Joined, ReliableChannel, ReliableMessage, VisitMessage
 from soter.isolation.messages import encode
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.runner.mailbox import Mailbox
@@ -100,13 +100,13 @@ NONSENSE: Final[list[ReliableMessage]] = [
 
 
 @pytest.mark.parametrize("message", NONSENSE)
-def test_a_letter_that_makes_no_sense_to_the_task_planner_is_left_out(
+def test_a_message_that_makes_no_sense_to_the_task_planner_is_left_out(
     message: ReliableMessage, caplog: pytest.LogCaptureFixture
 ) -> None:
     network = Network()
     ground = Side(network, "ground")
     mission = load_mission(EXAMPLE)
-    alpha = Part.of(mission, mission.read_workspace(), "alpha").post(MemoryBus(network, "alpha"))
+    alpha = Part.of(mission, mission.read_workspace(), "alpha").reliable_channel(MemoryBus(network, "alpha"))
     exchanged(network, ground, alpha)
     alpha.send("ground", message)
     with caplog.at_level(logging.WARNING):
@@ -115,11 +115,11 @@ def test_a_letter_that_makes_no_sense_to_the_task_planner_is_left_out(
     assert bool(caplog.records) == isinstance(message, Ended)
 
 
-def exchanged(network: Network, host: Side, post: Post) -> None:
+def exchanged(network: Network, host: Side, channel: ReliableChannel) -> None:
     for _ in range(60):
         host.messages.pump(network.now_s)
         host.runtime.run()
-        post.pump(network.now_s)
+        channel.pump(network.now_s)
         network.advance(network.now_s + 0.05)
 
 

@@ -38,7 +38,7 @@ class MessageNames(_Named):
     Attributes:
         odom: nav_msgs/Odometry.
         battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
-        cmd_vel: what the mux passes on; looked at only, for whoever drives the robot past the mux.
+        cmd_vel: what the mux passes on; looked at only, to see what drives the robot past the mux.
         cmd_vel_ac: what the AC asks for.
         cmd_vel_sc: what the SC asks for.
         order: who is in charge, to the mux.

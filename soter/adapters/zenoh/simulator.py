@@ -27,8 +27,8 @@ class ZenohSimulator(StreamedSimulator):
         stamped: whether velocities are TwistStamped.
         speedup: seconds of the world in one of the host.
         truth_port: where the world tells the truth; 0 for any port that is free.
-        private: whether all sessions know each other by a name and a password of this world's own, where nothing else
-            is said of how others reach it.
+        private: whether all sessions know each other by a name and a password of this world's own, unless the
+            session's options say how others reach it.
         limits: what the mission promises, which the truth is judged by.
 
     Attributes:
@@ -78,7 +78,7 @@ class ZenohSimulator(StreamedSimulator):
         self._folder.close()
 
     def _private(self, session: SessionOptions) -> SessionOptions:
-        """Return a session with a name and a password, drawn at random, that whoever connects must know.
+        """Return a session with a name and a password, drawn at random, that a peer must know to connect.
 
         It is a router, so that nobody else listens: among peers everybody would have to be asked for the password.
         """

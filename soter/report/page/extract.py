@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -153,9 +154,9 @@ class Document:
     def _pair(self, gathered: Buckets, quantum: float) -> dict[str, int]:
         return {"low": self._column(gathered.low, quantum), "high": self._column(gathered.high, quantum)}
 
-    def _column(self, numbers: Numbers, quantum: float) -> int:
+    def _column(self, numbers: Numbers, quantum: float, change: Callable[[Any], Any] = np.asarray) -> int:
         since, values = numbers.news() if self._news else numbers.whole()
-        return self._columns.add(np.asarray(values), quantum, since)
+        return self._columns.add(change(values), quantum, since)
 
     def _rows(self, rows: Rows) -> dict[str, Any]:
         since, values = rows.news() if self._news else rows.whole()
