@@ -1,4 +1,4 @@
-"""The MAVLink face: the robots of a simulated world, each with an autopilot that behaves as ArduPilot's does.
+"""The MAVLink endpoints: the robots of a simulated world, each with an autopilot that behaves as ArduPilot's does.
 
 This is the contract with programs that talk to them. It imports nothing: the vehicles are another process, started by
 

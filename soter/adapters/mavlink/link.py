@@ -26,7 +26,7 @@ class Heard(NamedTuple):
     received_s: float
 
 
-class Duplicate(NamedTuple):
+class DuplicateVehicle(NamedTuple):
     """Two who say to be one vehicle.
 
     Attributes:
@@ -86,7 +86,7 @@ class MavlinkLink(ABC):
         self.system: Final = system
         self.inboxes: Final[dict[int, Inbox]] = {}
         self.strangers: Final[set[int]] = set()
-        self.duplicates: Final[dict[int, Duplicate]] = {}
+        self.duplicates: Final[dict[int, DuplicateVehicle]] = {}
         self.failed = 0
 
     def send(self, system: int, component: int, name: str, fields: Fields) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.link import AUTOPILOT, Duplicate, Fields, Inbox, MavlinkLink
+from soter.adapters.mavlink.link import AUTOPILOT, DuplicateVehicle, Fields, Inbox, MavlinkLink
 from soter.adapters.mavlink.transport import Address, Peer, Transport, open_transport
 from soter.clock import Clock
 
@@ -130,7 +130,7 @@ class PymavlinkLink(MavlinkLink):
         agreed = self._peers.get(system)
         if agreed is not None and agreed[0] != peer and received_s - agreed[1] < SILENT_S:
             before = self.duplicates.get(system)
-            found = self.duplicates[system] = Duplicate(
+            found = self.duplicates[system] = DuplicateVehicle(
                 _place(agreed[0]), _place(peer), 1 if before is None else before.messages + 1, received_s
             )
             if before is None:

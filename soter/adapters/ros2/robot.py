@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.ros2.options import Ros2Config
-from soter.adapters.velocity_controlled.robot import SETTLED, StreamedRobot, wait_for
+from soter.adapters.velocity_controlled.robot import SETTLED, VelocityControlledRobot, wait_for
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.onboard.wire import AC, SC
@@ -24,7 +24,7 @@ _NAMELESS_S: Final = 3.0
 """The name of a node is known this long after the node at the latest, unless it hides it."""
 
 
-class Ros2Robot(StreamedRobot):
+class Ros2Robot(VelocityControlledRobot):
     """One robot in a namespace of the ROS graph. It hears, and steers, in the graph's thread.
 
     Args:

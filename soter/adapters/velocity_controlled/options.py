@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
-from soter.adapters.velocity_controlled.robot import BASE, StreamedRobot
+from soter.adapters.velocity_controlled.robot import BASE, VelocityControlledRobot
 from soter.config.promises import Promise
 from soter.onboard.drive import tube_m
 from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
@@ -80,7 +80,7 @@ class PlaceOptions(_Named):
         return namespace
 
 
-class StreamedConfig(BackendConfig):
+class VelocityControlledConfig(BackendConfig):
     """Options that every backend has whose robots are streamed to.
 
     Attributes:
@@ -100,7 +100,7 @@ class StreamedConfig(BackendConfig):
 
 def promised(promise: Promise) -> Capabilities:
     """Return what robots promise where so much is given."""
-    declared, given = StreamedRobot.declared, promise.given
+    declared, given = VelocityControlledRobot.declared, promise.given
     base = replace(declared, **given)
     limits = replace(BASE, v_max_m_s=base.v_max_m_s, brake_m_s2=base.brake_m_s2)
     # While clocks are learned, a position is off by so much time at top speed.
@@ -109,6 +109,6 @@ def promised(promise: Promise) -> Capabilities:
     return replace(base, **{**derived, **given})
 
 
-def promising(spec: RobotSpec, config: StreamedConfig) -> RobotSpec:
+def promising(spec: RobotSpec, config: VelocityControlledConfig) -> RobotSpec:
     """Return a robot with what it is asked to promise: for all of them, unless something is asked of it already."""
     return spec if spec.promised is not None else replace(spec, promised=config.promised())

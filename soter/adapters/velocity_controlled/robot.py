@@ -15,7 +15,7 @@ from soter.adapters.velocity_controlled.motion import Charge, MeasuredMotion, Po
 from soter.clock import VehicleClock
 from soter.errors import Intruder, Unsupported
 from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
-from soter.onboard.station import PERIOD_S
+from soter.onboard.gate_node import PERIOD_S
 from soter.onboard.wire import SC, GateReport, Order
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
 
@@ -66,7 +66,7 @@ class _Doing(NamedTuple):
     renewed_steady_s: float
 
 
-class StreamedRobot(Robot):
+class VelocityControlledRobot(Robot):
     """One robot behind a mux.
 
     Odometry is taken in the thread that hears it, which also steers: at each message it sends the next velocity for the

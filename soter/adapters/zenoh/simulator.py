@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from soter.adapters.velocity_controlled.robot import StreamedRobot
-from soter.adapters.velocity_controlled.simulator import StreamedSimulator
+from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
+from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.session import SessionOptions
 from soter.geometry.workspace import Workspace
@@ -17,7 +17,7 @@ from soter.scratch import Scratch
 from soter.sdk import RobotSpec, RuleLimits
 
 
-class ZenohSimulator(StreamedSimulator):
+class ZenohSimulator(VelocityControlledSimulator):
     """A world in real time as robots on keys, each with its mux. On this host only, unless told otherwise.
 
     Args:
@@ -69,8 +69,9 @@ class ZenohSimulator(StreamedSimulator):
         promised = self.promised(robot_id)
         self.muxes[robot_id] = self._start(
             "soter.adapters.zenoh.mux", "--robot", self.namespaces[robot_id], "--session", self._session_file,
-            "--clock", CLOCK, "--lease", repr(StreamedRobot.counted_s(promised)), "--v-max", repr(promised.v_max_m_s),
-            "--yaw-rate-max", repr(promised.yaw_rate_max_rad_s), *self._flags, pipes=False,
+            "--clock", CLOCK, "--lease", repr(VelocityControlledRobot.counted_s(promised)),
+            "--v-max", repr(promised.v_max_m_s), "--yaw-rate-max", repr(promised.yaw_rate_max_rad_s),
+            *self._flags, pipes=False,
         )  # fmt: skip
 
     def close(self) -> None:

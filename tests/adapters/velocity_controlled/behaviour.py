@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from soter.adapters.velocity_controlled.simulator import StreamedSimulator
+from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
 from soter.errors import Intruder, RobotUnavailable
 from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, Waypoint
 from tests.adapters.velocity_controlled.driving import rest_after_s, tick, under_way
@@ -49,7 +49,7 @@ def silence(fleet: Fleet) -> None:
     assert stopped_s <= caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.2
 
 
-def mux_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
+def mux_dies(fleet: Fleet, simulator: VelocityControlledSimulator) -> None:
     """When its mux dies the robot stops, and goes on with the next."""
     under_way(fleet)
     simulator.muxes[1].kill()
@@ -63,7 +63,7 @@ def mux_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
     assert goal.status is GoalStatus.REACHED
 
 
-def robot_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
+def robot_dies(fleet: Fleet, simulator: VelocityControlledSimulator) -> None:
     """When the robot dies its link goes down, and closing does not hang."""
     under_way(fleet)
     simulator.world.kill()
@@ -83,7 +83,10 @@ def robot_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
 
 
 def robot_reboots(
-    fleet: Fleet, simulator: StreamedSimulator, start_again: Callable[[], StreamedSimulator], on_s: float
+    fleet: Fleet,
+    simulator: VelocityControlledSimulator,
+    start_again: Callable[[], VelocityControlledSimulator],
+    on_s: float,
 ) -> None:
     """A robot that was on for so long, and was switched off and on again, works without a restart."""
     robot = fleet.robots[0]

@@ -21,7 +21,7 @@ PERIOD_S: Final = 0.02
 logger = logging.getLogger(__name__)
 
 
-class Station(ABC):
+class GateNode(ABC):
     """One robot's gate between what is heard and what is said. Not thread-safe.
 
     Whoever carries the messages calls `hear_order` and `hear` with what arrives, `look` every `PERIOD_S`, and fills the
