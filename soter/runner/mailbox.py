@@ -66,9 +66,7 @@ class Mailbox:
         elif isinstance(message, Ended):
             outcome, agent = _OUTCOMES.get(message.outcome), self._agents.get(message.robot_id)
             if outcome is None or agent is None or part.homes[message.robot_id] != sender:
-                logger.warning(
-                    "process '%s' says of robot %d what makes no sense: %s", sender, message.robot_id, message
-                )
+                logger.warning("process '%s' sends nonsense about robot %d: %s", sender, message.robot_id, message)
             else:
                 yield agent, TargetEnded(message.robot_id, message.target_id, outcome, message.module, message.reason)
         elif self._task_planner is not None and sender == part.planner_home:

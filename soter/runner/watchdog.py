@@ -124,4 +124,4 @@ class Watchdog:
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         where = "" if frame is None else f" ({Path(frame.f_code.co_filename).name}, line {frame.f_lineno})"
-        raise CutOff(f"{self._blamed or 'somebody has sent SIGALRM'}{where}")
+        raise CutOff(f"{self._blamed or 'another program has sent SIGALRM'}{where}")

@@ -107,7 +107,7 @@ class Ros2Robot(VelocityControlledRobot):
             ]
             missing += graph.said_wrongly(node, topics.cmd_vel_sc, KINDS[config.stamped], graph.COMMAND)
         if config.use_sim_time and not graph.publishers(node, "/clock"):
-            missing.append("nobody publishes /clock, and use_sim_time is set")
+            missing.append("/clock has no publisher, and use_sim_time is set")
         return (
             f"within {config.discovery_s:g} s: {'; '.join(missing)}. Is the robot running, with `soter ros2-mux` "
             "beside it, and are the namespace, the topics and the ROS domain in [backends.ros2] right?"

@@ -224,7 +224,7 @@ class VelocityControlledRobot(Robot):
 
     def _send_goto(self, goal: Goal) -> None:
         if not self._speaks_for(goal.by.value):
-            raise Unsupported(f"robot {self.id}: its AC is somebody else's program, and is not spoken for")
+            raise Unsupported(f"robot {self.id}: its AC is another program, and SOTER sends nothing in its name")
         self._doing = self._doing._replace(target=goal.target, goal_id=goal.id)
         self._steer()
 
@@ -297,7 +297,7 @@ class VelocityControlledRobot(Robot):
         """Return why the robot did not settle, as its mux reports it; None where its mux takes no order of ours."""
         gate, latest = self._gate, self._latest
         if self._follows_another():
-            return "its mux follows somebody else, whose lease lives; end the other program that commands it"
+            return "its mux follows another program, whose lease lives; end that program"
         if gate is not None and gate.session == self._order.session and latest is not None:
             return self.declared.unrest(latest[0])
         return None

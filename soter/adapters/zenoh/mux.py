@@ -161,7 +161,7 @@ def connections(session: Any, robot: str) -> str:
     """Return in words to what the mux of a robot is connected now."""
     routers, peers = (len(list(each())) for each in (session.info.routers_zid, session.info.peers_zid))
     if not routers and not peers:
-        return f"{robot}: a Zenoh session is open, but nobody is in it yet"
+        return f"{robot}: a Zenoh session is open, and no other program is in it yet"
     return f"{robot}: connected to {routers} Zenoh router{'s' * (routers != 1)} and {peers} peer{'s' * (peers != 1)}"
 
 

@@ -31,7 +31,7 @@ def ids(bench: Bench) -> None:
         sample = bench.look(robot)
         bench.require(
             sample.state.robot_id == robot.id,
-            f"robot {robot.id} hands out a sample of robot {sample.state.robot_id}: keep samples by whom they are from",
+            f"robot {robot.id} hands out a sample of robot {sample.state.robot_id}: keep each robot's samples apart",
         )
         off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
         bench.require(

@@ -116,7 +116,7 @@ def follows_another_program(first: Fleet, other: Fleet) -> None:
     renewing = threading.Thread(target=lambda: tick(first, done.is_set, 30.0))
     renewing.start()
     try:
-        with pytest.raises(RobotUnavailable, match="its mux follows somebody else, whose lease lives"):
+        with pytest.raises(RobotUnavailable, match="its mux follows another program, whose lease lives"):
             other.robots[0].init(5.0)
     finally:
         done.set()

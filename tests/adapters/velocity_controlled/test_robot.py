@@ -214,7 +214,7 @@ def test_an_ac_that_is_somebody_elses_is_not_spoken_for() -> None:
     robot.host.now_s += 0.03
     robot.hear(500.03)
     assert robot.velocities == []
-    with pytest.raises(Unsupported, match="its AC is somebody else's program"):
+    with pytest.raises(Unsupported, match="its AC is another program"):
         robot.goto(Waypoint(1.0, 0.0), Controller.AC)
 
 

@@ -95,7 +95,7 @@ def test_what_has_another_type_is_named(shared: ZenohSimulator, open_fleet: Open
 def test_that_there_is_no_link_is_said_with_the_cause(shared: ZenohSimulator, open_fleet: Open) -> None:
     nowhere = SessionOptions(connect=("tcp/127.0.0.1:9",))
     text = refusal(open_fleet(shared, ready=False, session=nowhere, discovery_s=0.5))
-    assert "no link to tcp/127.0.0.1:9: nobody listens there; start it, or correct host and port" in text
+    assert "no link to tcp/127.0.0.1:9: no program listens there; start it, or correct host and port" in text
     assert "nothing was heard" not in text
 
 
@@ -133,7 +133,7 @@ def test_whoever_can_go_round_the_mux_is_noticed(
     forged = Twist(Vector3(x=0.001))
     with saying(somebody, f"robot1/{key}", forged):
         text = refusal(open_fleet(shared, ready=False))
-    assert f"somebody says velocities on robot1/{key}" in text
+    assert f"another program says velocities on robot1/{key}" in text
     assert what in text
     assert "let them say it on robot1/cmd_vel_ac" in text
 
