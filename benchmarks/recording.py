@@ -24,7 +24,7 @@ from typing import Final
 from benchmarks.common import SURVEILLANCE, Row, arguments, in_turns, show
 from soter.config import MissionFile, load_mission
 from soter.live.view import PAGE, LiveView
-from soter.runner import RunResult, run_mission
+from soter.runner import Follower, RunResult, run_mission
 
 GOAL: Final = 1.05
 ENGINES: Final = ("pybullet", "kinematic")
@@ -82,7 +82,7 @@ class Bench:
                 seen_s.append(time.perf_counter())
                 return False
 
-            run = run_mission(mission, record=path, on_recording=begin, stop=look)
+            run = run_mission(mission, record=path, follower=Follower(recording=begin, stop=look))
         took_s = [after - before for before, after in pairwise(seen_s)]
         self.ticks_s[side] = list(map(min, took_s, self.ticks_s.get(side, took_s)))
         if run.recording is not None:

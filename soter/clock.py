@@ -135,7 +135,7 @@ class VehicleClock(Clock):
         *,
         anew: bool = False,
     ) -> bool:
-        """Take note of a sample that a robot stamped. Called by whoever receives it, for every sample.
+        """Take note of a sample that a robot stamped. Called by its receiver, for every sample.
 
         Args:
             robot_id: whose sample.

@@ -74,7 +74,7 @@ class RobotUnavailable(BackendError):
 
 
 class Intruder(BackendError):
-    """Somebody else moves the robot, past whoever commands it; the message says where that was seen.
+    """Another program moves the robot, past its supervisor; the message says where that was seen.
 
     Recordings keep what a failure looks like, and so it is known by that.
     """

@@ -173,11 +173,11 @@ class Stage:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def run(self, name: str) -> None:
-        """Start one process of the mission."""
+    def run(self, name: str, *options: str) -> None:
+        """Start one process of the mission, with options of `soter run`."""
         arguments = [
             "run", str(self._mission), "--process", name, "--json", str(self.folder / f"{name}.json"),
-            *(["--record", str(self.folder / f"{name}.mcap")] if name in ROBOTS else []),
+            *(["--record", str(self.folder / f"{name}.mcap")] if name in ROBOTS else []), *options,
         ]  # fmt: skip
         self.processes[name] = self._popen(name, name, *arguments)
 

@@ -154,7 +154,7 @@ class CommandedFace(RealTimeWorld):
 
     @abstractmethod
     def _say(self, robot_id: int, message: bytes) -> None:
-        """Send what a robot says, to whoever listens; never wait."""
+        """Send what a robot says, to its listeners; never wait."""
 
     def _encode(self, report: Report) -> bytes:
         """Return a report as this wire has it."""
@@ -193,7 +193,7 @@ class CommandedFace(RealTimeWorld):
 
 
 Make = Callable[[Workspace, Sequence[RobotSpec], RuleLimits, int, Mapping[int, Any]], CommandedFace]
-"""Makes the face of a world: workspace, robots, limits, truth port, and by robot the address it is to have again."""
+"""Makes the endpoint of a world: workspace, robots, limits, truth port, and by robot the address that it had."""
 
 
 def run(module: str, what: str, make: Make) -> None:
@@ -202,7 +202,7 @@ def run(module: str, what: str, make: Make) -> None:
     Args:
         module: what Python is told to run.
         what: what the robots are called.
-        make: makes the face, such as its class.
+        make: makes the endpoint, such as its class.
     """
     parser = make_parser(module, what)
     parser.add_argument("workspace", nargs="?", type=Path, help="an XML file, for robots that start where it says")
@@ -214,5 +214,5 @@ def run(module: str, what: str, make: Make) -> None:
         workspace, limits = read_workspace(given.workspace), RuleLimits()
         robots = [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad) for each in workspace.robots]
     ended = Ending(given.parent)
-    face = make(workspace, robots, limits, given.truth_port, {int(number): at for number, at in given.at.items()})
-    serve(face, ended, robots=dict(face.addresses), control=face.control_port)
+    endpoint = make(workspace, robots, limits, given.truth_port, {int(number): at for number, at in given.at.items()})
+    serve(endpoint, ended, robots=dict(endpoint.addresses), control=endpoint.control_port)

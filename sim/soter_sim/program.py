@@ -57,15 +57,15 @@ def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
     return from_plain(made_of), robots, limits
 
 
-def serve(face: RealTimeWorld, ended: Ending, **told: object) -> None:
+def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
     """Say where the truth is, and what else is told, in a line of JSON; then run until it is to end."""
     try:
-        sys.stdout.write(json.dumps({"truth": face.truth.address, **told}) + "\n")
+        sys.stdout.write(json.dumps({"truth": endpoint.truth.address, **told}) + "\n")
         sys.stdout.flush()
         _favour()
-        face.run(ended)
+        endpoint.run(ended)
     finally:
-        face.close()
+        endpoint.close()
 
 
 def _favour() -> None:

@@ -1,4 +1,4 @@
-"""Tells what really happens in a world to whoever connects: JSON lines over TCP, on this host only.
+"""Tells what really happens in a world to all that connect: JSON lines over TCP, on this host only.
 
 One line, sent after every step that the world's owner chooses to tell:
 

@@ -16,7 +16,7 @@ from soter.config import load_mission
 from soter.config.tables import MODULES
 from soter.controllers import ADVERSARIES, PREFIX
 from soter.errors import ConfigError, IllFormedModule, RunFailed, SoterError
-from soter.runner import Study, run_mission
+from soter.runner import Follower, Study, run_mission
 from soter.runner.result import RunResult
 
 DELTAS_S: Final[Mapping[str, tuple[float, ...]]] = {
@@ -166,7 +166,7 @@ class Plan:
     seeds: Sequence[int]
     force: bool
 
-    def run(self, variant: Variant, seed: int, stop: Callable[[], bool] | None = None) -> VariantRun:
+    def run(self, variant: Variant, seed: int, stop: Callable[[], bool] = lambda: False) -> VariantRun:
         """Run one variant once. What is wrong with a variant is part of its outcome."""
         refusals: list[str] = []
 
@@ -176,7 +176,7 @@ class Plan:
         try:
             mission = load_mission(self.mission, {**self.overrides, **variant.overrides, "seed": seed})
             study = Study(variant.deltas, variant.safer_alone, note if self.force else None)
-            result = run_mission(mission, stop=stop, study=study).result
+            result = run_mission(mission, follower=Follower(stop=stop), study=study).result
         except (IllFormedModule, ConfigError) as refusal:
             return VariantRun(variant, seed, ill_formed=str(refusal))
         except SoterError as error:
@@ -196,7 +196,7 @@ def _begin(stop: Event) -> None:
 
 
 def _work(plan: Plan, variant: Variant, seed: int) -> VariantRun:
-    return plan.run(variant, seed, None if _stop is None else _stop.is_set)
+    return plan.run(variant, seed, lambda: _stop is not None and _stop.is_set())
 
 
 def run_all(

@@ -38,7 +38,7 @@ GROUPS: Final[Mapping[str, str]] = {
         "disengaged again; nearer than the reach bound is refused."
     ),
     "dwell": "How long a robot must have been in phi_safer, all modules alike.",
-    "adversary": "Whoever is the AC, no rule breaks. No targets are reached where nobody looks for them.",
+    "adversary": "Whatever the AC is, no rule breaks. Adversaries are given no targets, and reach none.",
 }
 """What stands above a group's table, by how the group's name begins."""
 

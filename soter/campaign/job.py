@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 from soter.config import MissionFile, load_mission
 from soter.config.toml_text import inline
 from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
-from soter.runner import Run, run_mission
+from soter.runner import Follower, Run, run_mission
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Event
@@ -184,7 +184,10 @@ def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) ->
             if job.judged or not job.mission
             else Done.of(
                 run_mission(
-                    job.load(), stop=ending, accept_unproved=job.accept_unproved, record=record, falls_of=job.falls_of
+                    job.load(),
+                    record=record,
+                    follower=Follower(stop=ending, falls_of=job.falls_of),
+                    accept_unproved=job.accept_unproved,
                 )
             )
         )

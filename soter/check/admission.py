@@ -27,7 +27,7 @@ from soter.stack.right_of_way import BATTERY, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 
 _STEPS: Final = 20
-"""Halvings of the range in which the highest speed-up is looked for; far finer than what is said of it."""
+"""Halvings of the range in which the highest speed-up is looked for; far finer than the figure in the message."""
 
 
 def declare_all(

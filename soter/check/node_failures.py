@@ -1,4 +1,4 @@
-"""Gathers what supervisors log about nodes that fail, for whoever runs code that may well fail a thousand times."""
+"""Gathers what supervisors log about nodes that fail, for runs of code that may well fail a thousand times."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def _blocked(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
     # On the way to a station the battery's rule itself breaks; elsewhere the robot stands.
     name, condition = (BATTERY, "P2a") if BATTERY in mission.rta.order else (mission.rta.order[-1], "P2b")
     text = (
-        "without the module 'collision' nobody makes way, and a body that stands on the return path blocks it for ever "
+        "without the module 'collision' no robot makes way, and a body that stands on a return path blocks it for ever "
         f"({others + 1} robots)"
     )
     return [Finding(name, condition, Certainty.PARTLY, text, {"robots": others + 1})]

@@ -1,4 +1,4 @@
-"""What one try at breaking a module yields, and what can be tried: the seam to whoever runs the robots.
+"""What one try at breaking a module yields, and what can be tried: the seam to what runs the robots.
 
 A counterexample is kept as a file: what was tried, where it broke, and what happened tick by tick.
 """
@@ -6,13 +6,14 @@ A counterexample is kept as a file: what was tried, where it broke, and what hap
 from __future__ import annotations
 
 import hashlib
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Annotated, Any, Final, Literal, NamedTuple, Protocol
+
+import msgspec
 
 from soter.errors import ConfigError
 from soter.problems import read_limited
@@ -143,43 +144,31 @@ class TriedModule(Protocol):
         """Try one point: initial states and the AC's commands are read from it. The same point, the same trial."""
 
 
-FORMAT: Final = "soter-counterexample"
-VERSION: Final = 1
-
 _TRACE_EVERY: Final = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Counterexample:
+class _Header(msgspec.Struct):
+    """What a counterexample's file begins with."""
+
+    format: Literal["soter-counterexample"]
+    version: Literal[1]
+
+
+class Counterexample(msgspec.Struct, frozen=True):
     """What it takes to break a module again: the subject, as its maker tells it, and the point of the search."""
 
-    subject: Mapping[str, Any]
+    subject: dict[str, Any]
     obligation: Obligation
     time_s: float
     text: str
-    vector: tuple[float, ...]
+    vector: Annotated[tuple[Annotated[float, msgspec.Meta(ge=0.0, le=1.0)], ...], msgspec.Meta(min_length=1)]
     trace_sha256: str
 
     def as_json(self, rows: Sequence[TrialRow] = ()) -> str:
         """Return the content of its file; the rows are for people, a replay makes them anew."""
-        return json.dumps(
-            {
-                "format": FORMAT,
-                "version": VERSION,
-                "subject": dict(self.subject),
-                "obligation": self.obligation.value,
-                "time_s": self.time_s,
-                "text": self.text,
-                "vector": list(self.vector),
-                "trace_sha256": self.trace_sha256,
-                "trace": [
-                    {key: None if value != value else value for key, value in row._asdict().items()}
-                    for row in rows[::_TRACE_EVERY]
-                ],
-            },
-            indent=1,
-            allow_nan=False,
-        )
+        content = msgspec.to_builtins(_Header("soter-counterexample", 1)) | msgspec.to_builtins(self)
+        content["trace"] = [row._asdict() for row in rows[::_TRACE_EVERY]]
+        return msgspec.json.format(msgspec.json.encode(content), indent=1).decode()
 
 
 def trace_hash(trial: Attempt) -> str:
@@ -198,20 +187,10 @@ def read_counterexample(path: Path) -> Counterexample:
         return ConfigError(f"{message}; give a file that `soter check --counterexample` wrote", source=str(path))
 
     try:
-        found = json.loads(read_limited(path, "counterexample"))
-    except (ValueError, RecursionError) as failure:
+        found = msgspec.json.decode(read_limited(path, "counterexample"))
+        msgspec.convert(found, _Header)
+        return msgspec.convert(found, Counterexample)
+    except msgspec.ValidationError as failure:
+        raise refused(f"this is no counterexample of version 1: {failure}") from failure
+    except (msgspec.DecodeError, RecursionError) as failure:
         raise refused(f"not valid JSON: {failure}") from failure
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise refused("this is no counterexample")
-    if found.get("version") != VERSION:
-        raise refused(f"it is of version {found.get('version')!r}, allowed: {VERSION}")
-    try:
-        vector = tuple(float(value) for value in found["vector"])
-        if not vector or not all(math.isfinite(value) and 0.0 <= value <= 1.0 for value in vector):
-            raise ValueError("the vector has to hold numbers from 0 to 1")
-        return Counterexample(
-            dict(found["subject"]), Obligation(found["obligation"]), float(found["time_s"]), str(found["text"]),
-            vector, str(found["trace_sha256"]),
-        )  # fmt: skip
-    except (KeyError, TypeError, ValueError) as failure:
-        raise refused(f"something in it is missing or wrong: {failure!r}") from failure

@@ -141,7 +141,7 @@ def print_summary(console: Console, record: Record, host_s: float) -> None:
         what = "not tested, and may not be left out" if needed else "not tested"
         console.print(f"  {what}: {reason} ({len(outcomes)} clause{'s' * (len(outcomes) > 1)})", soft_wrap=True)
         for each in outcomes if as_far and not reason.startswith(NOT_DECLARED) else ():
-            console.print(f"    nothing says: {each.clause.contract} ({each.clause.id})", soft_wrap=True)
+            console.print(f"    not shown: {each.clause.contract} ({each.clause.id})", soft_wrap=True)
     console.print(Text(record.overall.value, "bold red" if record.overall is Overall.FAILS else "bold green"))
 
 

@@ -20,7 +20,7 @@ class HumanConsole(Console):
             yield segment if segment.control else Segment(plain(segment.text), segment.style)
 
     def on_broken_pipe(self) -> None:
-        """Be silent from now on: whoever read the progress has left, the robots have not."""
+        """Be silent from now on: the reader of the progress has left, the robots have not."""
         self.quiet = True
         discard(self.file)
 

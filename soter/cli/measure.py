@@ -97,7 +97,7 @@ def _file(found: Survey, given: Given, mission: Path, margin: float, text: str) 
     missing = ", ".join(each.name for each in found.advice if each.measured is None)
     return (
         f"# `soter measure` of robot {given.spec.id} of {mission.name} found this in a circle of {given.room_m:g} m,\n"
-        f"# with a margin of {margin:.0%}; judged by {judges or 'nobody'}.\n"
+        f"# with a margin of {margin:.0%}; judged by {judges or 'nothing'}.\n"
         f"# Not measured: {missing or 'nothing'}.\n\n{text}"
     )
 

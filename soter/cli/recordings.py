@@ -53,7 +53,7 @@ def recording_path(
 
 
 def _refuse_other(record: Path) -> None:
-    """Refuse to replace what is no recording, whoever asked for it."""
+    """Refuse to replace a file that is no recording."""
     from soter.record.digest import MAGIC
 
     if record.is_file():

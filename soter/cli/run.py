@@ -145,7 +145,7 @@ def run(
         from soter.cli.summary import print_summary
         from soter.config.tables import SURVEILLANCE
         from soter.record.signing import read_private_key
-        from soter.runner import run_mission
+        from soter.runner import Follower, run_mission
 
         if no_rta and modules is not None:
             raise option_error("--modules", "it contradicts --no-rta; give one of them")
@@ -191,19 +191,18 @@ def run(
         with unless_recorded(recording), shown(views, recording, console) as seen:
             display = None if quiet else make_display(console, loaded.source or "")
             with stop, display or nullcontext():
-                done = run_mission(
-                    loaded,
-                    on_progress=display.update if display else None,
+                follower = Follower(
+                    show=display.update if display else None,
                     stop=stop,
                     pace=held,
                     connecting=stop.raising,
-                    record=seen.recording,
-                    sign=sign,
-                    on_recording=seen.begin,
-                    process=process,
-                    accept_unproved=accept_unproved,
                     say=lambda words: console.print(words, soft_wrap=True, highlight=False),
+                    recording=seen.begin,
                 )
+                done = run_mission(
+                    loaded, record=seen.recording, sign=sign, follower=follower, accept_unproved=accept_unproved,
+                    process=process,
+                )  # fmt: skip
             if not quiet:
                 print_summary(console, done.result, compared=compare is not None)
                 if recording is not None and done.recording is not None:

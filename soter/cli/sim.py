@@ -16,7 +16,7 @@ from soter.errors import BackendUnavailable, ConfigError, RunFailed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from soter.adapters.velocity_controlled.simulator import StreamedSimulator
+    from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
     from soter.geometry.workspace import Workspace
     from soter.sdk.values import RobotSpec
     from soter_sim.mavlink.simulation import Settings, Simulation
@@ -87,7 +87,7 @@ ChargeSeed = Annotated[int | None, option("N", "Draw the charges at the start fr
 _LOOK_S = 0.1
 
 
-def keep(simulator: StreamedSimulator, stop: Callable[[], bool]) -> None:
+def keep(simulator: VelocityControlledSimulator, stop: Callable[[], bool]) -> None:
     """Keep a simulator until told to stop.
 
     Raises:

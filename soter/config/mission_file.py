@@ -212,11 +212,9 @@ class MissionFile(Table):
 
     def _misplaced(self, ids: Sequence[int]) -> list[Problem]:
         """Return what is wrong with where the robots of a distributed mission are."""
-        processes = self.distribution.processes
+        key, processes = "distribution.processes", self.distribution.processes
         problems = [
-            self._problem(
-                f"distribution.processes.{name}.robots", f"there is no robot {robot_id}; allowed: {_listed(ids)}"
-            )
+            self._problem(f"{key}.{name}.robots", f"there is no robot {robot_id}; allowed: {_listed(ids)}")
             for name, table in processes.items()
             for robot_id in table.robots
             if robot_id not in ids
@@ -224,7 +222,11 @@ class MissionFile(Table):
         homeless = set(ids) - {robot_id for table in processes.values() for robot_id in table.robots}
         if processes and homeless:
             message = f"no process has the robots {_listed(sorted(homeless))}; allowed: every robot in exactly one"
-            problems.append(self._problem("distribution.processes", message))
+            problems.append(self._problem(key, message))
+        # Controllers need none.
+        if processes and self.ac == "mission" and not any(table.planner for table in processes.values()):
+            message = f"it is {[*processes]}, allowed: planner = true in exactly one process; it is in none"
+            problems.append(self._problem(key, message))
         return problems
 
     def refusal(self, key: str, message: str) -> ConfigError:

@@ -74,7 +74,7 @@ class RobotsTable(Table, extra="allow"):
 
     @property
     def promises(self) -> dict[int, Promise]:
-        """What is said of single robots, by id."""
+        """The promises of single robots, by id."""
         return {int(name): promise for name, promise in self.__pydantic_extra__.items()}
 
     @model_validator(mode="wrap")

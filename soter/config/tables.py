@@ -272,7 +272,7 @@ class BatteryTable(Table):
         drive_s: from full to empty when driving.
         idle_s: the same when standing still; no less, since a robot that stands does not use more than one that drives.
         charge_s: from empty to full at the charger.
-        initial: charge from 0 to 1 at the start, by robot id; whoever is not in it has one drawn from the seed.
+        initial: charge from 0 to 1 at the start, by robot id; a robot that is not in it has one drawn from the seed.
     """
 
     drive_s: Lasting = 1800.0
@@ -372,6 +372,4 @@ class DistributionTable(Table):
             planners += [name] * table.planner
             if not (table.planner or table.robots):
                 raise wrong(("processes", name), {}, "robots = [...], planner = true, or both")
-        if self.processes and not planners:
-            raise wrong(("processes",), list(self.processes), "planner = true in exactly one process; it is in none")
         return self

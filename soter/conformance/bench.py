@@ -268,16 +268,13 @@ class Bench(Judging):
         )
         return goal
 
-    def expect_stop(
-        self, robot: Robot, called_s: float, cause: str, *, extra_s: float = 0.0, renew: bool = True
-    ) -> None:
+    def expect_stop(self, robot: Robot, cause: str, *, extra_s: float = 0.0, renew: bool = True) -> None:
         """See that a moving robot stops, in the time and on the way that its capabilities allow, and stays there.
 
         Args:
             robot: which.
-            called_s: when it was told to, or had to on its own.
             cause: the likely cause if it does not.
-            extra_s: how much later it may begin, such as the lease.
+            extra_s: how much later than now it may begin, such as the lease.
             renew: whether leases are renewed while it is watched.
         """
         caps = self.caps

@@ -96,6 +96,10 @@ class Controller:
     fleet: ClassVar[bool] = False
     """Whether one instance drives all robots."""
 
+    per_process: ClassVar[bool] = False
+    """Whether a fleet's controller may be several: of a mission in several processes one in each, which drives the
+    robots of that process and is shown all others. It is for one that does without commanding these."""
+
     options: Any
     arena: Arena
     random: Random

@@ -59,16 +59,30 @@ def controller_class(mission: MissionFile) -> type[Controller]:
     return found
 
 
-def build(mission: MissionFile, robot_ids: Collection[int]) -> dict[tuple[int, ...], Controller]:
+def build(
+    mission: MissionFile, robot_ids: Collection[int], elsewhere: Collection[int] = ()
+) -> dict[tuple[int, ...], Controller]:
     """Return the controllers that a mission's `ac` names, with the options of its table, by the robots that each has.
 
     The options of an adversary stand in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
 
+    Args:
+        mission: see there.
+        robot_ids: the robots that are driven from here.
+        elsewhere: those that other processes of the mission drive.
+
     Raises:
         ConfigError: see `controller_class`; an option is unknown or not allowed; a table is for no class that there
-            is; or one cannot be made.
+            is; one cannot be made; or one that has to drive all robots would drive those that are here only.
     """
     found, name = controller_class(mission), mission.ac
+    if elsewhere and found.fleet and not found.per_process:
+        robots = "robot" if len(elsewhere) == 1 else "robots"
+        away = f"but {robots} {', '.join(map(str, sorted(elsewhere)))} of other processes cannot be driven from here"
+        allowed = "all robots in one process, a class for one robot, or one with per_process = True"
+        raise mission.refusal(
+            "ac", f"it is '{name}', which drives all robots together (fleet = True), {away}; allowed: {allowed}"
+        )
     for other in mission.adversaries:
         if other not in ADVERSARIES:
             known = f"allowed: {', '.join(ADVERSARIES)}; the options of other classes stand in [controllers.CLASS]"

@@ -22,7 +22,7 @@ Hear = Callable[[str, bytes], None]
 
 
 class Bus(Protocol):
-    """Carries small messages to everybody who subscribes to their key. Messages may be lost, late, doubled, reordered.
+    """Carries small messages to all subscribers of their key. Messages may be lost, late, doubled, reordered.
 
     Keys are names with slashes between, without a leading one: `soter/alpha/status`.
 
@@ -45,7 +45,7 @@ class Bus(Protocol):
         """
 
     def publish(self, key: str, payload: bytes) -> None:
-        """Send it to whoever subscribes. Never waits and never raises; where it cannot be sent, it is lost."""
+        """Send it to all subscribers. Never waits and never raises; where it cannot be sent, it is lost."""
 
     def subscribe(self, key: str, hear: Hear) -> None:
         """Hear what is published under a key from now on. A `*` stands for any one part of a key."""
@@ -97,11 +97,11 @@ logger = logging.getLogger(__name__)
 M = TypeVar("M")
 
 MAX_HELD: Final = 256
-"""Messages that wait to be looked at, the newest: whoever sends more often than others look loses some."""
+"""Messages that wait to be looked at, the newest: a sender that is faster than its reader loses some."""
 
 
 class Received(NamedTuple, Generic[M]):
-    """A message, the key it was published under, and when it came, on the clock of whoever listens."""
+    """A message, the key it was published under, and when it came, on the listener's clock."""
 
     key: str
     message: M

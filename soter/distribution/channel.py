@@ -262,7 +262,7 @@ def new_epoch() -> int:
     return secrets.randbits(_EPOCH_BITS) + 1
 
 
-class Post:
+class ReliableChannel:
     """Sends and delivers messages. One thread, but for what the bus does."""
 
     def __init__(self, bus: Bus, prefix: str, me: str, others: Iterable[str], mission: str) -> None:

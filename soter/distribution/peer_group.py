@@ -16,7 +16,7 @@ from soter.rta import PEER_SILENT_S, ReachModel
 
 logger = logging.getLogger(__name__)
 
-_TWIN_S: Final = 0.3
+_DUPLICATE_S: Final = 0.3
 """What a process of one's own name says for so long is not only what an earlier start of oneself has left behind."""
 
 _FOREIGN: Final = "runs another mission, or another version of its file or of SOTER"
@@ -47,8 +47,8 @@ class PeerGroup:
         self._clock: Final = clock
         self._key: Final = f"{prefix}/{me}/status"
         self._serial = 0
-        self._twin: tuple[int, float, float] | None = None  # epoch, its first sending time, when that was received
-        self._has_twin = False
+        self._duplicate: tuple[int, float, float] | None = None  # epoch, its first sending time, when that was received
+        self._has_duplicate = False
         self._restarts: Final[dict[str, int]] = {}
         self._foreign: Final[set[str]] = set()
         self.others: Final = {
@@ -72,7 +72,7 @@ class PeerGroup:
                 other.take(status, received_s)
                 self._say_what_changed(other)
             elif status.process == self._me and status.epoch != self._epoch:
-                self._look_at_twin(status, received_s)
+                self._look_at_duplicate(status, received_s)
 
     def tell(self, robots: Sequence[RobotStatus]) -> None:
         """Tell the others of a tick. Never waits."""
@@ -97,9 +97,9 @@ class PeerGroup:
                 missing[name] = f"it has not been heard for {now_s - other.heard_s:.1f} s"
         return missing
 
-    def has_twin(self) -> bool:
+    def has_duplicate(self) -> bool:
         """Return whether another process of this name was heard that lives: two of them must not run."""
-        return self._has_twin
+        return self._has_duplicate
 
     def close(self) -> None:
         """Leave the bus. Idempotent."""
@@ -113,8 +113,8 @@ class PeerGroup:
             logger.error("process '%s' %s", other.name, _FOREIGN)
         (self._foreign.add if other.foreign else self._foreign.discard)(other.name)
 
-    def _look_at_twin(self, status: Status, received_s: float) -> None:
-        if self._twin is None or self._twin[0] != status.epoch:
-            self._twin = (status.epoch, status.sent_s, received_s)
-        _, sent_s, since_s = self._twin
-        self._has_twin |= status.sent_s - sent_s >= _TWIN_S and received_s - since_s >= _TWIN_S
+    def _look_at_duplicate(self, status: Status, received_s: float) -> None:
+        if self._duplicate is None or self._duplicate[0] != status.epoch:
+            self._duplicate = (status.epoch, status.sent_s, received_s)
+        _, sent_s, since_s = self._duplicate
+        self._has_duplicate |= status.sent_s - sent_s >= _DUPLICATE_S and received_s - since_s >= _DUPLICATE_S

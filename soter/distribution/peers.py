@@ -230,7 +230,7 @@ class OtherProcess:
         echo = next((echo for echo in status.echoes if (echo.process, echo.epoch) == (self._me, self._epoch)), None)
         if echo is not None and echo.sent_s <= received_s:
             self._hear_echo(start, echo)
-        self._forget(received_s)
+        self._forget()
 
     def echoes(self, now_s: float) -> list[Echo]:
         """Return what to tell it of itself, now."""
@@ -267,7 +267,7 @@ class OtherProcess:
                     f"its clock, that of process '{self.name}', went apart by {wrong_s:.4f} s more than clocks do"
                 )
 
-    def _forget(self, now_s: float) -> None:
+    def _forget(self) -> None:
         if len(self._starts) <= _MOST_STARTS:
             return
         oldest = min(

@@ -1,4 +1,4 @@
-"""Untrusted code in a process of its own: started afresh, limited, and never outliving whoever started it.
+"""Untrusted code in a process of its own: started afresh, limited, and never outliving its parent.
 
 What its parent says to it may be pickled; what it says is bytes, and it is for the parent to look at them with care.
 It is the first to be taken when memory runs out.

@@ -26,7 +26,7 @@ _PATH_BYTES: Final = 1 << 16
 
 
 class Screen(Protocol):
-    """Shows a run to whoever looks."""
+    """Shows a run to its viewers."""
 
     @property
     def port(self) -> int:

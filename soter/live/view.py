@@ -1,7 +1,7 @@
 """The run's end of a live view: starts the process that shows the run, and tells it when there is a recording.
 
 That is all that a run has to do with it. What is shown is read from the recording while it grows, so a view can cost
-a tick nothing, whatever happens to it and to whoever looks at it.
+a tick nothing, whatever happens to it and to its viewers.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ APP: Final = Kind("soter.live.app", "the server for the Foxglove app", "--foxglo
 
 
 class LiveView:
-    """A process that shows a run. A context manager; at its end whoever looks is told how the run ended.
+    """A process that shows a run. A context manager; at its end its viewers are told how the run ended.
 
     Used from one thread. If the process ends before the run does, that is said once, and the run goes on.
 

@@ -19,8 +19,8 @@ from socketserver import TCPServer
 from typing import Any, BinaryIO, Final, NoReturn
 from urllib.parse import parse_qs, urlsplit
 
+from soter.live.event_buffer import EventBuffer, FellBehind
 from soter.live.process import serve
-from soter.live.reel import FellBehind, Reel
 from soter.live.view import HOST
 from soter.record.content import RecordedTick
 from soter.record.follow import GrowingRecording
@@ -61,7 +61,7 @@ class PageScreen:
     """
 
     def __init__(self, port: int) -> None:
-        self.reel: Final = Reel()
+        self.events: Final = EventBuffer()
         self.token: Final = secrets.token_urlsafe(9)
         self._lock: Final = threading.Lock()
         self._page: GrowingPage | None = None
@@ -87,7 +87,7 @@ class PageScreen:
             self._publish()
 
     def close(self) -> None:
-        self.reel.end()
+        self.events.end()
         until_s = time.monotonic() + END_S
         while self._server.streams and time.monotonic() < until_s:
             time.sleep(0.01)
@@ -95,7 +95,7 @@ class PageScreen:
     def whole(self) -> bytes | None:
         """Return the page of the run up to now; None before its first tick. Any thread may ask."""
         with self._lock:
-            number = self.reel.count
+            number = self.events.count
             if self._page is None or not number:
                 return None
             if self._whole[0] != number:
@@ -106,7 +106,7 @@ class PageScreen:
     def _publish(self) -> None:
         with self._lock:
             if self._page is not None:
-                self.reel.add(self._page.add(self._ticks, goes_on=self._goes_on).encode())
+                self.events.add(self._page.add(self._ticks, goes_on=self._goes_on).encode())
         self._ticks.clear()
         self._published_s = time.monotonic()
 
@@ -270,14 +270,14 @@ class _Viewer(BaseHTTPRequestHandler):
         self._head(HTTPStatus.OK, "text/event-stream")
         self.end_headers()
         try:
-            self._tell(screen.reel, int(after))
+            self._tell(screen.events, int(after))
         except FellBehind:
             self.wfile.write(b"event: reload\ndata:\n\n")
 
-    def _tell(self, reel: Reel, number: int) -> None:
+    def _tell(self, events: EventBuffer, number: int) -> None:
         ended = False
         while not ended:
-            parts, ended = reel.after(number, ALIVE_S)
+            parts, ended = events.after(number, ALIVE_S)
             self.server.tells(self.connection, time.monotonic())
             if not parts:
                 self.wfile.write(b":\n\n")

@@ -68,6 +68,6 @@ class Mission:
         self.finished = True
 
     def start(self, stage: Stage) -> None:
-        """Begin; called by whoever runs the mission."""
+        """Begin; called by the mission host."""
         self._stage = stage
         self.begin(stage)

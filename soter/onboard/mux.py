@@ -19,7 +19,7 @@ class Mux(Generic[C, T]):
     """Passes the command of the controller in charge, while its lease lives.
 
     The lease begins dead: nothing moves before the first renewal. A command is held while the lease is dead and
-    passes again once it is renewed, because only whoever judged the robot safe renews it. Not thread-safe.
+    passes again once it is renewed, because only the supervisor that judged the robot safe renews it. Not thread-safe.
 
     Args:
         in_charge: the controller in charge at first.

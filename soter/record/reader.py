@@ -163,7 +163,7 @@ class Recording:
             # The process that has the task planner records what that gives to the robots of others.
             robot_ids = self._all_ids
             if not message.outcome and UNSET in (message.x_m, message.y_m):
-                raise BadRecording(f"{self.path}: a target that begins at {message.time_s:.3f} s is nowhere")
+                raise BadRecording(f"{self.path}: a target that begins at {message.time_s:.3f} s has no place")
         elif not isinstance(message, GoalEvent | BreachEvent | StallEvent):
             return
         if message.robot_id not in robot_ids or not self._drivers.issuperset(drivers):

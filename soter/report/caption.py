@@ -17,7 +17,7 @@ class Rule(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """What is said of a place on the plan, where a robot was then, and whether something was broken there."""
+    """The label of a place on the plan, where a robot was then, and whether a rule was broken there."""
 
     x_m: float
     y_m: float

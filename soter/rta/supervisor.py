@@ -181,7 +181,7 @@ class RobotSupervisor:
         self._raise_alarm(*finding)
 
     def hold(self, finding: BrokenAssumption) -> None:
-        """Have the robot stand at this tick, whoever would drive it, because nobody knows where a peer is, or it."""
+        """Have the robot stand at this tick, whatever would drive it: a place is not known, a peer's or its own."""
         self._held = True
         self.distrust(finding)
 

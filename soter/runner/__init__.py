@@ -1,11 +1,12 @@
 """Mission in, result out."""
 
-from soter.runner.progress import Progress, RobotProgress
+from soter.runner.progress import Follower, Progress, RobotProgress
 from soter.runner.result import Run, RunResult, TargetCounts, TickTimes
 from soter.runner.run import run_mission
 from soter.stack.assembly import Study
 
 __all__ = [
+    "Follower",
     "Progress",
     "RobotProgress",
     "Run",

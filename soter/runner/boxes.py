@@ -7,18 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from soter.config import MissionFile
+from soter.controllers import MISSION
 from soter.isolation.sandbox import SandboxRules
 from soter.loading import file_of
+from soter.runner.part import Part
 
 
-def box_of(mission: MissionFile, process: str | None = None) -> SandboxRules | None:
+def box_of(mission: MissionFile, part: Part | None = None) -> SandboxRules | None:
     """Return the box of a mission's process, or of a planner; None where it is to have none.
 
     Args:
         mission: its `isolation` says whether, and what may be read besides its own folder and those of its workspace
             and its script or controller.
-        process: which process of a distributed mission it belongs to. Its machines talk to those of others over a bus,
-            and so it keeps the network, and the files that the bus needs.
+        part: which part of a distributed mission is in it. Its machines talk to those of others over a bus, and so it
+            keeps the network, and the files that the bus needs. Controllers talk to nobody.
     """
     if mission.isolation.sandbox == "off":
         return None
@@ -26,11 +28,12 @@ def box_of(mission: MissionFile, process: str | None = None) -> SandboxRules | N
     if mission.source is not None:
         read.append(str(Path(mission.source).parent))
     read += [str(file.parent) for name in (mission.mission.use, mission.ac) if (file := file_of(name)) is not None]
-    if process is not None:
+    talks = part is not None and mission.ac == MISSION
+    if part is not None and talks:
         table = mission.distribution
-        read += _files({**table.bus, **table.processes[process].bus})
+        read += _files({**table.bus, **table.processes[part.name].bus})
     return SandboxRules(
-        mission.isolation.sandbox == "require", tuple(str(Path(path).absolute()) for path in read), process is not None
+        mission.isolation.sandbox == "require", tuple(str(Path(path).absolute()) for path in read), talks
     )
 
 

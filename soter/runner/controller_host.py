@@ -17,6 +17,7 @@ from soter.geometry.workspace import Workspace
 from soter.isolation.messages import MAX_TEXT
 from soter.rta import Report
 from soter.runner.mission_host import MAX_INCIDENTS, Scene
+from soter.runner.part import Part
 from soter.runner.watchdog import CutOff
 from soter.stack.site_terrain import terrain_of
 
@@ -53,6 +54,11 @@ class ControllerHost:
 
     A controller that fails costs its own robots their AC, and nothing else.
 
+    Args:
+        mission: its `ac` says which.
+        workspace: where.
+        part: which part of the mission is in this process; None for all of it. Its robots are driven, all are seen.
+
     Raises:
         ConfigError: no such controller, or options that it does not allow.
     """
@@ -61,9 +67,11 @@ class ControllerHost:
     done = False
     sandbox = None
 
-    def __init__(self, mission: MissionFile, workspace: Workspace) -> None:
+    def __init__(self, mission: MissionFile, workspace: Workspace, part: Part | None = None) -> None:
         self._mission: Final = mission
-        made = build(mission, [place.id for place in workspace.robots])
+        everybody = [place.id for place in workspace.robots]
+        own = everybody if part is None else part.robots
+        made = build(mission, own, {*everybody}.difference(own))
         self._drivers: Final = [_Driver(controller, robot_ids) for robot_ids, controller in made.items()]
         self._driver_of: Final = {robot_id: driver for driver in self._drivers for robot_id in driver.robot_ids}
         self._tick = 0

@@ -19,7 +19,7 @@ def make_host(
     body_radius_m: Mapping[int, float],
     *,
     virtual_time: bool,
-    process: str | None = None,
+    part: Part | None = None,
 ) -> MissionHost:
     """Return the mission host of a mission, not yet begun.
 
@@ -28,17 +28,12 @@ def make_host(
         workspace: where.
         body_radius_m: of the robots, by id.
         virtual_time: time does not pass by itself, so that what is worked out may not depend on the host.
-        process: which process of a distributed mission this is; None for a mission in one process.
+        part: which part of the mission is in this process; None for all of it.
 
     Raises:
         ConfigError: no such AC, or options that it does not allow; nothing has moved.
         BackendError: what joins the processes cannot be opened.
     """
-    if process is not None:
-        part = Part.of(mission, workspace, process)
-        return MachineHost(
-            mission, workspace, body_radius_m, virtual_time=virtual_time, part=part, bus=part.open_bus()
-        )  # fmt: skip
     if mission.ac != MISSION:
-        return ControllerHost(mission, workspace)
-    return MachineHost(mission, workspace, body_radius_m, virtual_time=virtual_time)
+        return ControllerHost(mission, workspace, part)
+    return MachineHost(mission, workspace, body_radius_m, virtual_time=virtual_time, part=part)

@@ -164,17 +164,17 @@ class Loop:
             why = failure.strerror or failure
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
 
-    def run(self, audience: Follower) -> tuple[str, str]:
+    def run(self, follower: Follower) -> tuple[str, str]:
         """Tick until the time is up; return the status and, for a failure, what it was."""
         start_s = time.perf_counter()
         try:
             with ExitStack() as stack:
-                if audience.show is not None and self.wall_clock:
-                    audience = replace(audience, show=stack.enter_context(ProgressThread(audience.show)).put)
+                if follower.show is not None and self.wall_clock:
+                    follower = replace(follower, show=stack.enter_context(ProgressThread(follower.show)).put)
                 wanted = self.mission.isolation.real_time
                 if self.wall_clock and self.robots and wanted != "never":
                     self.real_time = stack.enter_context(real_time(required=wanted == "always"))
-                status = self._tick_on(start_s, audience)
+                status = self._tick_on(start_s, follower)
             failure = self.host.failures.get(None)
             # The robots were brought home by their SCs, but what they were for was not done.
             return ("failed", failure) if failure and status == "completed" else (status, "")
@@ -188,7 +188,7 @@ class Loop:
             self.wall_s = time.perf_counter() - start_s
             self.metrics.finish(self.ticks * self.mission.base_tick_s)
 
-    def _tick_on(self, start_s: float, audience: Follower) -> str:
+    def _tick_on(self, start_s: float, follower: Follower) -> str:
         base_tick_s, clock, host = self.mission.base_tick_s, self.fleet.clock, self.host
         began_s = clock.now()
         self.metrics.begin(began_s)
@@ -217,25 +217,25 @@ class Loop:
             metrics.tick(now_s, tick, late_s, robots, charging)
             if recorder is not None:
                 recorder.tick(now_s, tick)
-            if audience.show is not None and tick % look_ticks == 0:
+            if follower.show is not None and tick % look_ticks == 0:
                 # Now there is time until the next tick.
                 wall_s = time.perf_counter()
-                if wall_s - shown_s >= audience.every_s:
+                if wall_s - shown_s >= follower.every_s:
                     shown_s = wall_s
-                    audience.show(self._progress(wall_s - start_s))
+                    follower.show(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = watchdog.ticks = tick + 1
-            if audience.pace is not None:
-                audience.pace(self.ticks * base_tick_s)
+            if follower.pace is not None:
+                follower.pace(self.ticks * base_tick_s)
             if lost := self.fleet.lost():
                 raise RunFailed(lost)
             if self.user_rules is not None:
                 watchdog.phase = _JUDGING
                 self.user_rules.look(clock.now(), self.robots)
                 watchdog.phase = None
-            if audience.falls_of:
-                self._follow(audience.falls_of, clock.now())
-            if audience.stop():
+            if follower.falls_of:
+                self._follow(follower.falls_of, clock.now())
+            if follower.stop():
                 return "interrupted"
             if host.done:
                 break

@@ -8,7 +8,6 @@ from typing import Final
 
 from soter.clock import Clock
 from soter.config import MissionFile
-from soter.distribution.bus import Bus
 from soter.errors import SoterError, account_of
 from soter.geometry.workspace import Workspace
 from soter.machine import Event, MachineError, MachineRef, Runtime
@@ -49,10 +48,10 @@ class MachineHost:
         body_radius_m: of the robots, by id.
         virtual_time: plans are delivered at a time that does not depend on the host.
         part: which part of the mission is in this process; None for all of it.
-        bus: what joins this process and the others; closed with this.
 
     Raises:
-        ConfigError: options of the planner that it does not allow.
+        ConfigError: options of the planner, or of what joins the processes, that it does not allow.
+        BackendError: what joins the processes cannot be opened.
     """
 
     sandbox = None
@@ -65,7 +64,6 @@ class MachineHost:
         *,
         virtual_time: bool,
         part: Part | None = None,
-        bus: Bus | None = None,
     ) -> None:
         self._mission: Final = mission
         self._body_radius_m: Final = body_radius_m
@@ -86,7 +84,7 @@ class MachineHost:
         self._runtime: Final = Runtime(
             now=self._now, on_failure=self._failed, node=HERE if part is None else part.name
         )  # fmt: skip
-        self._mailbox: Final = None if part is None or bus is None else Mailbox(part, bus, self._runtime)
+        self._mailbox: Final = None if part is None else Mailbox(part, part.open_bus(), self._runtime)
         self._listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self._owners: dict[str, int] = {}
         self._waiting: dict[int, tuple[PlanRequest, MachineRef]] = {}

@@ -25,7 +25,7 @@ class Mailbox:
     def __init__(self, part: Part, bus: Bus, runtime: Runtime) -> None:
         self._part: Final = part
         self._runtime: Final = runtime
-        self._post: Final = part.post(bus)
+        self._channel: Final = part.reliable_channel(bus)
         self._agents: Final[dict[int, MachineRef]] = {}
         self._task_planner: MachineRef | None = None
 
@@ -43,16 +43,16 @@ class Mailbox:
 
     def pump(self, now_s: float) -> None:
         """Deliver what has come to the machines, and send what is due. Never waits."""
-        for sender, message in self._post.pump(now_s):
+        for sender, message in self._channel.pump(now_s):
             for machine, event in self._delivered(sender, message):
                 self._runtime.post(machine, event)
 
     def close(self) -> None:
         """Leave the bus. Idempotent."""
-        self._post.close()
+        self._channel.close()
 
     def _tell(self, process: str, event: Event) -> None:
-        self._post.send(process, _MESSAGES[type(event)](event))
+        self._channel.send(process, _MESSAGES[type(event)](event))
 
     def _delivered(self, sender: str, message: ReliableMessage | Came) -> Iterator[tuple[MachineRef, Event]]:
         """Return who is told of a message, and by which event."""
@@ -66,9 +66,7 @@ class Mailbox:
         elif isinstance(message, Ended):
             outcome, agent = _OUTCOMES.get(message.outcome), self._agents.get(message.robot_id)
             if outcome is None or agent is None or part.homes[message.robot_id] != sender:
-                logger.warning(
-                    "process '%s' says of robot %d what makes no sense: %s", sender, message.robot_id, message
-                )
+                logger.warning("process '%s' sends nonsense about robot %d: %s", sender, message.robot_id, message)
             else:
                 yield agent, TargetEnded(message.robot_id, message.target_id, outcome, message.module, message.reason)
         elif self._task_planner is not None and sender == part.planner_home:

@@ -37,6 +37,7 @@ from soter.isolation.refused import Refused
 from soter.record.messages import TransitionEvent
 from soter.rta import Report
 from soter.runner.mission_host import MissionHost, OwnRoom, Scene
+from soter.runner.part import Part
 from soter.stack.events import Place, TargetOutcome
 from soter.stack.site_terrain import terrain_of
 
@@ -58,7 +59,7 @@ class MissionSpec:
         body_radius_m: of the robots, by id.
         memory_limit_bytes: address space that the process may add to what it has before the mission host is made.
         niceness: how much less than the supervisor it is favoured by the scheduler.
-        process: which process of a distributed mission this belongs to; None for a mission in one.
+        part: which part of the mission is in this process; None for all of it.
     """
 
     factory: str
@@ -67,7 +68,7 @@ class MissionSpec:
     body_radius_m: Mapping[int, float]
     memory_limit_bytes: int
     niceness: int
-    process: str | None = None
+    part: Part | None = None
 
 
 def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
@@ -135,7 +136,7 @@ class _Host:
         spec = self._spec
         try:
             make: Callable[..., MissionHost] = resolve_name(spec.factory)
-            away = {} if spec.process is None else {"process": spec.process}
+            away = {} if spec.part is None else {"part": spec.part}
             host = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False, **away)
             host.ready()
         except Exception as failure:

@@ -14,7 +14,7 @@ from soter.clock import Clock
 from soter.config import MissionFile
 from soter.controllers import MISSION
 from soter.distribution.bus import Bus, open_bus
-from soter.distribution.channel import Post
+from soter.distribution.channel import ReliableChannel
 from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import VERSION
 from soter.errors import ConfigError, nearest
@@ -29,7 +29,8 @@ _EXAMPLE: Final = "give each a table, such as [distribution.processes.alpha] wit
 
 _DIGEST_CHARACTERS: Final = 32
 _AGREED: Final = {"backend", "base_tick_s", "battery", "rta", "fault"}
-"""What processes of one mission have to agree on, beside workspace, promises, and who is where."""
+"""What processes of one mission have to agree on, beside workspace, promises, who is where, and whether the ACs are
+controllers."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Part:
         robots: the ids of its own robots.
         planner: whether the task planner is here.
         homes: by robot, the process that commands it; of all robots.
-        planner_home: the process of the task planner.
+        planner_home: the process of the task planner; empty where controllers are the ACs, which need none.
         promised: by robot, what it promises; of all robots.
         digest: the same in all processes that run the same mission.
     """
@@ -72,9 +73,10 @@ class Part:
             raise mission.refusal(
                 "distribution.processes", f"there is no '{process}'{nearest(process, [*processes])}; known are {known}"
             )
-        if mission.ac != MISSION:
-            allowed = f"allowed with processes: '{MISSION}'; others command all robots from one process"
-            raise mission.refusal("ac", f"it is '{mission.ac}', {allowed}")
+        planners = [name for name, table in processes.items() if table.planner and mission.ac == MISSION]
+        if not (processes[process].robots or planners):
+            why = f"the ACs are '{mission.ac}', which need no task planner"
+            raise mission.refusal(f"distribution.processes.{process}", f"it has no robots, and {why}; do not start it")
         backend = load_backend(mission.backend, to_open=False)
         if backend.robot_class.declared.in_process:
             allowed = "allowed with processes: backends on a wire, such as zenoh or ros2"
@@ -87,17 +89,20 @@ class Part:
             process,
             mission,
             tuple(place.id for place in workspace.robots if homes[place.id] == process),
-            processes[process].planner,
+            process in planners,
             homes,
-            next(name for name, table in processes.items() if table.planner),
+            next(iter(planners), ""),
             promised,
             _digest(mission, workspace, promised, homes),
         )
 
     @property
     def others(self) -> tuple[str, ...]:
-        """The names of the other processes."""
-        return tuple(name for name in self.mission.distribution.processes if name != self.name)
+        """The names of the other processes, but for one that has nothing to do."""
+        names = (*self.mission.distribution.processes,)
+        return tuple(
+            each for each in names if each != self.name and (each == self.planner_home or self.robots_of(each))
+        )
 
     def robots_of(self, process: str) -> tuple[int, ...]:
         """Return the ids of the robots that a process commands."""
@@ -121,13 +126,13 @@ class Part:
         }
         return PeerGroup(bus, self.mission.distribution.prefix, self.name, others, self.digest, clock)
 
-    def post(self, bus: Bus) -> Post:
-        """Return the post between this process's machines and those of others, on a bus that it then closes.
+    def reliable_channel(self, bus: Bus) -> ReliableChannel:
+        """Return what carries messages between the machines here and those of others, on a bus that it then closes.
 
         Messages pass between the task planner and robots.
         """
         others = [name for name in self.others if self.planner or name == self.planner_home]
-        return Post(bus, self.mission.distribution.prefix, self.name, others, self.digest)
+        return ReliableChannel(bus, self.mission.distribution.prefix, self.name, others, self.digest)
 
 
 def refuse_in_one_process(mission: MissionFile, backend: type[Backend]) -> None:
@@ -155,5 +160,5 @@ def _digest(
         (plain(workspace), dict(promised)), mode="json"
     )
     settings = mission.model_dump(mode="json", include=_AGREED)
-    agreed = json.dumps([VERSION, settings, room, sorted(homes.items())], sort_keys=True)
+    agreed = json.dumps([VERSION, settings, room, sorted(homes.items()), mission.ac == MISSION], sort_keys=True)
     return hashlib.sha256(agreed.encode()).hexdigest()[:_DIGEST_CHARACTERS]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, Self
 
 import numpy as np
@@ -18,7 +18,7 @@ from soter.record.messages import AC
 from soter.rta import PEER_SILENT_S, RemotePeer, RobotSupervisor
 from soter.runner.metrics import percentiles
 from soter.runner.part import Part
-from soter.runner.progress import RobotProgress
+from soter.runner.progress import Follower, RobotProgress
 from soter.runner.result import TickTimes
 from soter.sdk import Capabilities, Controller, Robot, RobotState
 from soter.stack.kit import RobotPort
@@ -28,10 +28,8 @@ SAY_EVERY_S: Final = 5.0
 """Host time between two lines on who is waited for."""
 
 _LOOK_S: Final = 0.05
-_TWIN_S: Final = 0.5
+_DUPLICATE_S: Final = 0.5
 """So long a process listens at least for another one of its name before anything moves."""
-
-Said = Callable[[str], None]
 
 
 class PeerSession:
@@ -84,13 +82,13 @@ class PeerSession:
         self._peer_group.tell([_status(robot) for robot in robots])
         self._took_s[-1] += time.perf_counter() - begun_s
 
-    def wait(self, robots: Sequence[Robot], say: Said, stop: Callable[[], bool]) -> bool:
+    def wait(self, robots: Sequence[Robot], follower: Follower) -> bool:
         """Wait until all other processes are there; the robots stand meanwhile, and the others are told where.
 
         Args:
             robots: of this process, ready.
-            say: told, in words, who is waited for, whenever that changes and every few seconds.
-            stop: asked again and again whether to give up.
+            follower: told who is waited for, whenever that changes and every few seconds, and asked again and again
+                whether to give up.
 
         Returns:
             Whether they are all there; False when told to stop.
@@ -101,15 +99,15 @@ class PeerSession:
         """
         clock, limit_s = self._clock, self._part.mission.distribution.wait_s
         begun_s, said, said_s = clock.steady_s(), "", -math.inf
-        while not stop():
+        while not follower.stop():
             self._peer_group.look()
             self._peer_group.tell([RobotStatus(robot.read_state(), False, "waiting", False) for robot in robots])
-            self._refuse_twin()
+            self._refuse_duplicate()
             waited_s = clock.steady_s() - begun_s
             missing = self._peer_group.missing(clock.now())
-            if not missing and waited_s >= _TWIN_S:
+            if not missing and waited_s >= _DUPLICATE_S:
                 if said:
-                    say("all processes are there")
+                    follower.say("all processes are there")
                 return True
             words = "; ".join(self._in_words(name, why) for name, why in missing.items())
             if waited_s > limit_s:
@@ -119,12 +117,12 @@ class PeerSession:
                 )
             if words and (words != said or waited_s - said_s >= SAY_EVERY_S):
                 said, said_s = words, waited_s
-                say(f"waiting for {words}")
+                follower.say(f"waiting for {words}")
             clock.sleep_until(clock.now() + _LOOK_S)
         return False
 
-    def _refuse_twin(self) -> None:
-        if self._peer_group.has_twin():
+    def _refuse_duplicate(self) -> None:
+        if self._peer_group.has_duplicate():
             raise option_error(
                 "--process",
                 f"another process '{self.process}' of this mission is running; end that one, or choose another with "

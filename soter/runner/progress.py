@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, NamedTuple, Self
 
 from soter.record.messages import AC
@@ -60,15 +62,23 @@ class Progress(NamedTuple):
     violations: dict[str, int] | None
 
 
+logger = logging.getLogger(__name__)
+
+
 @dataclass(frozen=True)
 class Follower:
     """Who follows a run, and may end it.
 
     Attributes:
-        show: called with its progress, or None.
+        show: called with its progress when the robots begin to move, and every `every_s`; or None.
         every_s: host time between two calls.
-        stop: asked at every tick whether to end the run early.
-        pace: called after every tick with the fleet time that has passed; returns when the next one may begin.
+        stop: asked at every tick whether to end the run early, as Ctrl-C does.
+        pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
+            virtual time: a wall clock has a pace of its own.
+        connecting: gives what is entered where `stop` is not asked, for robots on a wire: while modules are proved, and
+            while robots and the mission's process get ready. What it raises ends the run.
+        say: told which other processes of a distributed mission are waited for.
+        recording: called before the first tick with the file that is written, once it says what is run.
         falls_of: the rule whose least margin is followed, see `soter.runner.Run`; empty for none.
     """
 
@@ -76,6 +86,9 @@ class Follower:
     every_s: float = 0.2
     stop: Callable[[], bool] = lambda: False
     pace: Callable[[float], None] | None = None
+    connecting: Callable[[], AbstractContextManager[object]] | None = None
+    say: Callable[[str], None] = logger.warning
+    recording: Callable[[Path], None] | None = None
     falls_of: str = ""
 
 
@@ -96,8 +109,6 @@ def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple
         for robot in robots
     )
 
-
-logger = logging.getLogger(__name__)
 
 _LAST_S: Final = 1.0
 """How long the end of a run waits for what is being shown."""

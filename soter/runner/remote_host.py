@@ -21,6 +21,7 @@ from soter.rta import Report
 from soter.runner.boxes import box_of
 from soter.runner.mission_host import MAX_INCIDENTS, Scene
 from soter.runner.mission_process import MissionSpec
+from soter.runner.part import Part
 from soter.stack.events import TargetOutcome
 
 _READ_BYTES: Final = 1 << 14
@@ -93,7 +94,7 @@ class RemoteMissionHost:
         workspace: where.
         body_radius_m: of the robots, by id.
         factory: makes the mission host over there, as `module:function`.
-        process: which process of a distributed mission this is; None for a mission in one process.
+        part: which part of the mission is in this process; None for all of it.
     """
 
     current_handler: str | None = None
@@ -104,7 +105,7 @@ class RemoteMissionHost:
         workspace: Workspace,
         body_radius_m: Mapping[int, float],
         factory: str = FACTORY,
-        process: str | None = None,
+        part: Part | None = None,
     ) -> None:
         self.failures: dict[int | None, str] = {}
         self.paths_replaced = 0
@@ -113,9 +114,9 @@ class RemoteMissionHost:
         self._scene: Scene | None = None
         limits = mission.isolation
         self._output: Final = OutputPump("mission")
-        spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS, process)
+        spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS, part)
         # At a tick there is no time to wait for how a process has ended.
-        box = box_of(mission, process)
+        box = box_of(mission, part)
         self._child: Final = Child(PROCESS, spec, output_fd=self._output.output_fd, patience_s=0.0, box=box)
         self._output.started()
         self._end: Final = SupervisorEnd(self._child, limits.silent_s)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -22,8 +21,8 @@ from soter.runner.loop import Accepted, Loop
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part, refuse_in_one_process
-from soter.runner.peer_session import PeerSession, Said
-from soter.runner.progress import Follower, Progress
+from soter.runner.peer_session import PeerSession
+from soter.runner.progress import Follower
 from soter.runner.remote_host import RemoteMissionHost
 from soter.runner.result import Run
 from soter.runner.watchdog import SLOW_S, CutOff, Watchdog
@@ -39,41 +38,25 @@ INIT_TIMEOUT_S: Final = 60.0
 def run_mission(
     mission: MissionFile,
     *,
-    on_progress: Callable[[Progress], None] | None = None,
-    progress_every_s: float = 0.2,
-    stop: Callable[[], bool] | None = None,
-    pace: Callable[[float], None] | None = None,
-    connecting: Callable[[], AbstractContextManager[object]] | None = None,
-    study: Study | None = None,
-    accept_unproved: bool = False,
     record: Path | None = None,
     sign: Path | None = None,
-    on_recording: Callable[[Path], None] | None = None,
+    follower: Follower | None = None,
+    study: Study | None = None,
+    accept_unproved: bool = False,
     process: str | None = None,
-    say: Said = logger.warning,
-    falls_of: str = "",
 ) -> Run:
     """Run a mission to its end. Call it from the main thread: only there can a blocked handler be interrupted.
 
     Args:
         mission: from `soter.config.load_mission`.
-        on_progress: called when the robots begin to move, and every `progress_every_s` of host time.
-        progress_every_s: see there.
-        stop: asked at every tick whether to end the run early, as Ctrl-C does.
-        pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
-            virtual time: a wall clock has a pace of its own.
-        connecting: gives what is entered where nobody is asked whether to stop, for robots on a wire: while modules are
-            proved, and while robots and the mission's process get ready. What it raises ends the run.
-        study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
-            is part of the question: it is run.
-        accept_unproved: whether to run what is not proved; the result says what that was.
         record: where to record it, or None. A recording that is there is replaced when the new one is complete. What
             cannot be recorded is said in what is returned.
         sign: the private key that the recording is signed with, or None; see `soter.record.signing`.
-        on_recording: called before the first tick with the file that is written, once it says what is run.
+        follower: who follows the run and may end it; None for nobody.
+        study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
+            is part of the question: it is run.
+        accept_unproved: whether to run what is not proved; the result says what that was.
         process: which process of a distributed mission this is; None for a mission in one process.
-        say: told which other processes are waited for.
-        falls_of: the rule whose least margin is followed, see `Run.falls`; empty for none.
 
     Returns:
         What happened. Whatever ends the run, its robots are stopped by then.
@@ -83,13 +66,13 @@ def run_mission(
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
     """
-    audience = Follower(on_progress, progress_every_s, stop or (lambda: False), pace, falls_of)
+    follower = follower or Follower()
     workspace = mission.read_workspace()
     part = None if process is None else Part.of(mission, workspace, process)
     if part is not None and not part.robots:
         if record is not None:
             raise ConfigError(f"process '{process}' has no robots, and so there is nothing to record", key="--record")
-        return _run_task_planner(part, workspace, audience, say)
+        return _run_task_planner(part, workspace, follower)
     backend_class = load_backend(mission.backend)
     config = read_options(backend_class, mission, workspace)
     specs = robot_specs(mission, workspace, asked(backend_class, config, mission, workspace))
@@ -101,9 +84,7 @@ def run_mission(
     else:
         specs = [spec for spec in specs if spec.id in part.robots]
     declared = backend_class.robot_class.declared
-    unasked: Callable[[], AbstractContextManager[object]] = nullcontext
-    if connecting is not None and not declared.in_process:
-        unasked = connecting
+    unasked = nullcontext if declared.in_process or follower.connecting is None else follower.connecting
     # It takes seconds in a large world. Questions to the modules are about what is not proved.
     with unasked():
         unproved = admitted(
@@ -117,7 +98,7 @@ def run_mission(
         recorder = (
             None
             if record is None
-            else stack.enter_context(Recorder(record, waits=declared.in_process, sign=sign, stop=audience.stop))
+            else stack.enter_context(Recorder(record, waits=declared.in_process, sign=sign, stop=follower.stop))
         )
         watchdog = stack.enter_context(Watchdog())
         if recorder is not None:
@@ -127,7 +108,7 @@ def run_mission(
             host = make_host(mission, workspace, radii_m, virtual_time=True)
         else:
             # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
-            host = RemoteMissionHost(mission, workspace, radii_m, process=process)
+            host = RemoteMissionHost(mission, workspace, radii_m, part=part)
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
         try:
@@ -148,11 +129,11 @@ def run_mission(
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
-        if session is None or session.wait(fleet.robots, say, audience.stop):
+        if session is None or session.wait(fleet.robots, follower):
             loop.begin()
-            if recorder is not None and on_recording is not None:
-                on_recording(recorder.writing)
-            status, failure_text = loop.run(audience)
+            if recorder is not None and follower.recording is not None:
+                follower.recording(recorder.writing)
+            status, failure_text = loop.run(follower)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks, falls=tuple(loop.falls))
         if recorder is not None:
@@ -179,7 +160,7 @@ class NoRobots(Fleet):
         pass
 
 
-def _run_task_planner(part: Part, workspace: Workspace, audience: Follower, say: Said) -> Run:
+def _run_task_planner(part: Part, workspace: Workspace, follower: Follower) -> Run:
     """Run a task planner whose robots are all in other processes: it gives targets, and counts how they end.
 
     No safety rests on it.
@@ -189,12 +170,12 @@ def _run_task_planner(part: Part, workspace: Workspace, audience: Follower, say:
         fleet = stack.enter_context(NoRobots())
         session = stack.enter_context(PeerSession(part, fleet.clock))
         radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
-        host = MachineHost(part.mission, workspace, radii_m, virtual_time=False, part=part, bus=part.open_bus())
+        host = MachineHost(part.mission, workspace, radii_m, virtual_time=False, part=part)
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
         loop = Loop(Accepted(part.mission, workspace), fleet, host, Study(), None, session, watchdog)
         status, failure = "interrupted", ""
-        if session.wait((), say, audience.stop):
+        if session.wait((), follower):
             loop.begin()
-            status, failure = loop.run(audience)
+            status, failure = loop.run(follower)
         return Run(loop.result(status, failure, None), loop.metrics.tracks)

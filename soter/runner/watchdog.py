@@ -38,7 +38,7 @@ _FAILED: Final = 3
 class CutOff(KeyboardInterrupt):
     """Raised in the main thread wherever it has been for too long.
 
-    It passes whoever contains failures of foreign code, as Ctrl-C does: where one call hangs, the next may hang too.
+    It passes handlers of foreign code's failures, as Ctrl-C does: where one call hangs, the next may hang too.
     """
 
 
@@ -92,7 +92,7 @@ class Watchdog:
             self.phase = None
 
     def check(self) -> None:
-        """End the run if anything had to be interrupted, whoever caught that.
+        """End the run if anything had to be interrupted, even where foreign code caught that.
 
         Raises:
             RunFailed: names it.
@@ -124,4 +124,4 @@ class Watchdog:
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         where = "" if frame is None else f" ({Path(frame.f_code.co_filename).name}, line {frame.f_lineno})"
-        raise CutOff(f"{self._blamed or 'somebody has sent SIGALRM'}{where}")
+        raise CutOff(f"{self._blamed or 'another program has sent SIGALRM'}{where}")

@@ -207,5 +207,5 @@ class CommandedRobot(Robot):
         if gate.session == self.__command.session:
             return self.declared.unrest(state)
         if gate.alive:
-            return "it follows somebody else, whose lease lives; end the other program that commands it"
+            return "it follows another program, whose lease lives; end that program"
         return "it reports, but takes no command; is its address for commands right?"

@@ -142,7 +142,7 @@ class StreamedTruth(ToldTruth):
 
     def _nobody(self, why: str) -> RobotUnavailable:
         return RobotUnavailable(
-            f"nobody says at {self._address} what really happens ({why}); is the simulator running, and is the address "
+            f"no truth comes from {self._address} ({why}); is the simulator running, and is the address "
             "of its truth right?"
         )
 

@@ -124,7 +124,7 @@ class GoHome(SafeController):
         return self.recovery.hold(situation) if self._dock.begins else self.leg_home(situation)
 
     def leg_home(self, situation: Situation) -> Leg | None:
-        """Return the next certified leg of the return path, or None to hold; whoever drives may ask for it."""
+        """Return the next certified leg of the return path, or None to hold; any safe controller may ask for it."""
         own = situation.own
         x, y = own.x_m, own.y_m
         if math.hypot(self._dock.place[0] - x, self._dock.place[1] - y) < DOCKED_M:

@@ -1,4 +1,4 @@
-"""What a safety module is declared from, whoever wrote it, no matter which robot it guards."""
+"""What a safety module is declared from, shipped or a user's own, whichever robot it guards."""
 
 from __future__ import annotations
 

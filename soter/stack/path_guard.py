@@ -59,7 +59,7 @@ class PathClearance(Region):
 
     def edge_margin(self, safer: Region) -> float:
         if not isinstance(safer, PathClearance):
-            raise TypeError(f"phi_safer of a path's clearance is one too, not {type(safer).__name__}")
+            raise TypeError(f"phi_safer of a path's clearance has to be one too, it is a {type(safer).__name__}")
         return safer.least_m - self.least_m
 
 

@@ -131,7 +131,6 @@ class RightOfWay:
         self._modules: dict[int, dict[str, DecisionModule]] = {}
         self._homing: dict[int, _Homing] = {}
         self._to_leave: dict[int, Path] = {}
-        self._safer_m: Final = safer_m
         self._near_m: Final = max(NEAR_M, safer_m + max(0.1, unsure_m))
         self._clear_m: Final = max(CLEAR_M, self._near_m + 0.1)
         self._remote_needs_charge: Final = needs_charge

@@ -107,7 +107,7 @@ def roadmap_of(
 def routes_to(
     terrain: Terrain, place: Point, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
 ) -> Routes:
-    """Return ways to a place, for whoever asks for the same ones again; see `Routes`."""
+    """Return ways to a place, kept for the next who asks for the same; see `Routes`."""
     return Routes(terrain, place, clearance_m, inset_m, extra)
 
 

@@ -26,7 +26,7 @@ class SafeController(Node):
         recovery: makes and certifies its legs.
 
     Attributes:
-        waypoint: see above; whoever declares its module sets it to the robot's.
+        waypoint: see above; the declaration of its module sets it to the robot's.
     """
 
     publishes = (WAYPOINT,)

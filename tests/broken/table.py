@@ -20,7 +20,8 @@ from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.survivors import SURVIVORS
 from tests.broken.ways import WAYS, WAYS_ON_WIRE
 from tests.broken.wire_mutants import WIRE_MUTANTS
-from tests.conformance.wire import SimulatedHarness, WireHarness
+from tests.conformance.simulated import SimulatedHarness
+from tests.conformance.wire import WireHarness
 from tests.project.source import ROOT
 
 PAGE: Final = ROOT / "docs" / "conformance.md"

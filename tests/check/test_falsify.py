@@ -125,12 +125,16 @@ def test_a_counterexample_survives_its_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "other"}, "this is no counterexample"),
-        ({"version": 2}, "it is of version 2, allowed: 1"),
-        ({"vector": [2.0]}, "numbers from 0 to 1"),
-        ({"vector": []}, "numbers from 0 to 1"),
-        ({"obligation": "P9"}, "'P9' is not a valid Obligation"),
-        ({"time_s": None}, "missing or wrong"),
+        ({"format": "other"}, "'other' - at `$.format`"),
+        ({"format": ...}, "missing required field `format`"),
+        ({"version": ...}, "missing required field `version`"),
+        ({"vector": ...}, "missing required field `vector`"),
+        ({"version": 2}, "of version 1: Invalid enum value 2 - at `$.version`"),
+        ({"vector": [2.0]}, "<= 1.0 - at `$.vector["),
+        ({"vector": [0.5, -0.1]}, ">= 0.0 - at `$.vector["),
+        ({"vector": []}, "length >= 1 - at `$.vector`"),
+        ({"obligation": "P9"}, "'P9' - at `$.obligation`"),
+        ({"time_s": None}, "got `null` - at `$.time_s`"),
     ],
 )
 def test_a_file_that_is_no_counterexample(tmp_path: Path, change: dict[str, object], message: str) -> None:
@@ -139,7 +143,7 @@ def test_a_file_that_is_no_counterexample(tmp_path: Path, change: dict[str, obje
         "vector": [0.5], "trace_sha256": "",
     }  # fmt: skip
     file = tmp_path / "found.json"
-    file.write_text(json.dumps({**good, **change}))
+    file.write_text(json.dumps({key: value for key, value in {**good, **change}.items() if value is not ...}))
     with pytest.raises(ConfigError, match="soter check --counterexample") as caught:
         read_counterexample(file)
     assert message in str(caught.value)

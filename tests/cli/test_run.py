@@ -22,6 +22,7 @@ from soter.runner.result import UncontrolledFigures
 from soter.sdk.hints import install_command
 from tests.cli.conftest import MISSION
 from tests.project.source import ROOT
+from tests.record.helpers import running
 
 QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "20")
 
@@ -316,24 +317,10 @@ def test_a_picture_is_drawn(tmp_path: Path) -> None:
 @contextmanager
 def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """`soter run` as a process, in the moment in which it begins to run."""
-    command = [sys.executable, "-m", "soter.cli", "run", str(MISSION), "--no-record", *map(str, arguments)]
-    with subprocess.Popen(
-        command,
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        # Who runs tests in the background may have it ignored, and that would be left to the run.
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
-    ) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline().startswith("running ")
-            yield process
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
+    with running(MISSION, "--no-record", *arguments) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("running ")
+        yield process
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from soter.config import MissionFile, load_mission
 from soter.errors import BackendError, ConfigError, IllFormedModule
-from soter.runner import run_mission
+from soter.runner import Follower, run_mission
 from tests.project.source import ROOT
 
 MISSION = ROOT / "examples" / "surveillance.toml"
@@ -125,7 +125,7 @@ def test_what_is_allowed_runs_or_is_refused(key: str) -> None:
     for value in {least, most, *(x for x in (1e-320, 1e-9, 1e-3, 1.0, 1e3) if kind is float and least < x < most)}:
         try:
             mission = loaded(key, value)
-            result = run_mission(mission, stop=partial(_over, count())).result
+            result = run_mission(mission, follower=Follower(stop=partial(_over, count()))).result
         except (BackendError, ConfigError, IllFormedModule) as refused:
             assert str(refused)  # noqa: PT017 - with a sentence
         else:

@@ -17,7 +17,8 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Fleet
 from tests.broken.goals import NoOpStop
-from tests.conformance.wire import SimulatedHarness, WireRobot
+from tests.conformance.simulated import SimulatedHarness
+from tests.conformance.wire import WireRobot
 
 
 class FailingHarness(SimulatedHarness):

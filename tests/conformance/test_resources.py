@@ -16,7 +16,7 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.conformance import CLAUSES, Verdict, try_clause
 from soter.conformance.figure import Figure
 from soter.sdk import Capabilities
-from tests.conformance.wire import SimulatedHarness
+from tests.conformance.simulated import SimulatedHarness
 
 LEFT: list[object] = []
 RELEASED = threading.Event()

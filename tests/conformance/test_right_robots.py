@@ -13,7 +13,7 @@ from soter.conformance import Overall, Verdict, judge
 from soter.sdk import RobotState
 from tests.broken.in_process import Broken
 from tests.broken.parts import memory
-from tests.conformance.wire import SimulatedHarness
+from tests.conformance.simulated import SimulatedHarness
 
 
 class Noisy(Broken):

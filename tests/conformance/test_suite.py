@@ -13,7 +13,8 @@ from soter.conformance.testing import AdapterSuite
 from soter.sdk import Fleet
 from tests.broken.goals import NoOpStop
 from tests.conformance.failing import Dead
-from tests.conformance.wire import SimulatedHarness, WireHarness, WireRobot
+from tests.conformance.simulated import SimulatedHarness
+from tests.conformance.wire import WireHarness, WireRobot
 from tests.project.source import ROOT
 
 PROGRAM = """

@@ -19,7 +19,7 @@ from soter.conformance import (
 )
 from soter.errors import BackendError
 from tests.conformance.failing import Dead, Hanging
-from tests.conformance.wire import SimulatedHarness
+from tests.conformance.simulated import SimulatedHarness
 
 HERE = "tests.conformance.failing"
 SOME = select(["state.start", "goal.cancel", "lifecycle.init"])

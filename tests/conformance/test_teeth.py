@@ -16,7 +16,8 @@ from tests.broken.goals import NoOpStop
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.table import BROKEN, PAGE, TABLES, Kind, outcome_of
-from tests.conformance.wire import SimulatedHarness, WireHarness, WireRobot
+from tests.conformance.simulated import SimulatedHarness
+from tests.conformance.wire import WireHarness, WireRobot
 
 
 class DeadSamples(Broken):

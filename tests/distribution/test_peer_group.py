@@ -312,12 +312,12 @@ def test_another_process_of_the_same_name_is_told_from_what_an_earlier_start_has
     for serial in range(40):
         bus.publish("soter/a/status", encode(Status("a", 999, MISSION, serial, serial * TICK_S)))
     world.run(1.0)
-    assert not peer_group.has_twin(), "all of it came at once"
+    assert not peer_group.has_duplicate(), "all of it came at once"
     for serial in range(10):
         bus.publish("soter/a/status", encode(Status("a", 888, MISSION, serial, serial * TICK_S)))
         world.run(TICK_S)
-    assert peer_group.has_twin()
-    assert not world.b.peer_group.has_twin()
+    assert peer_group.has_duplicate()
+    assert not world.b.peer_group.has_duplicate()
 
 
 def test_another_mission_and_garbage_are_noticed(caplog: pytest.LogCaptureFixture) -> None:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
 from soter.errors import ConfigError, RobotUnavailable
 from soter.runner import RunResult
-from soter.runner.controller_host import ControllerHost
-from soter.runner.mission_host import MissionHost
-from soter.runner.part import Part
 from tests.distribution.air import Network
 from tests.missions import scripts
 from tests.runner.lockstep import Site
@@ -192,12 +188,8 @@ def test_a_robot_process_that_is_started_anew_is_given_its_target_again(sites: S
     assert site.loops[ALPHA].metrics.outcomes.total() >= 2
 
 
-def rams(site: Site, part: Part) -> MissionHost:
-    """The ACs of one process ram the robots of the others too, wherever they were seen last."""
-    own = tuple(place for place in site.workspace.robots if place.id in part.robots)
-    return ControllerHost(
-        part.mission.model_copy(update={"ac": "adversary:chase"}), replace(site.workspace, robots=own)
-    )
+RAMS = "adversary:chase"
+"""The ACs of one process ram the robots of the others too, wherever they were seen last."""
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -205,7 +197,7 @@ def test_robots_that_ram_each_other_are_safe_whatever_the_network_does(seed: int
     draw = random.Random(seed)
     delay_s = draw.choice([(0.001, 0.004), (0.0, 0.1), (0.05, 0.2)])
     network = Network(seed, delay_s, loss=draw.choice([0.0, 0.1, 0.5]))
-    site = begun(sites, Site(THREE, rams, network, duration_s=200.0, seed=seed))
+    site = begun(sites, Site(THREE, network, ac=RAMS, duration_s=200.0, seed=seed), (ALPHA, BETA))
     time_s = 5.0
     while time_s < 195.0:
         cut = draw.choice([{(ALPHA, BETA)}, {(BETA, ALPHA)}, {(ALPHA, BETA), (BETA, ALPHA)}])
@@ -220,8 +212,8 @@ def test_robots_that_ram_each_other_are_safe_whatever_the_network_does(seed: int
 
 
 def test_processes_may_have_several_robots_and_all_robots_hold_with_one(sites: Sites) -> None:
-    processes = {ALPHA: ((1, 3), False), BETA: ((2, 4), False), "gamma": ((5,), False), GROUND: ((), True)}
-    site = begun(sites, Site(processes, rams, mission="warehouse", robots=5, duration_s=END_S), [*processes])
+    processes = {ALPHA: ((1, 3), False), BETA: ((2, 4), False), "gamma": ((5,), False)}
+    site = begun(sites, Site(processes, ac=RAMS, mission="warehouse", robots=5, duration_s=END_S), [*processes])
     site.at(CUT_S, lambda: site.network.isolate(BETA, [*processes]))
     site.at(HEALED_S, site.network.cut.clear)
     truth = site.run(END_S + 5.0)
@@ -241,6 +233,6 @@ def test_who_does_not_come_is_named_with_what_it_has(sites: Sites) -> None:
 
 def test_a_second_process_of_one_name_is_refused(sites: Sites) -> None:
     site = begun(sites, Site(THREE, duration_s=60.0))
-    site.at(5.0, lambda: site.start_twin(GROUND))
+    site.at(5.0, lambda: site.start_duplicate(GROUND))
     with pytest.raises(ConfigError, match=r"--process: another process 'ground' of this mission is running"):
         site.run(30.0)

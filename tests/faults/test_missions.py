@@ -14,7 +14,7 @@ from soter.clock import VirtualClock
 from soter.config import load_mission
 from soter.errors import ConfigError, IllFormedModule, Unsupported
 from soter.faults import Fault, FaultOptions, Passage, SentCommand
-from soter.runner import RunResult, run_mission
+from soter.runner import Follower, RunResult, run_mission
 from soter.sdk import Fleet, Robot, RobotSpec, RobotState
 from soter_sim import World
 
@@ -81,7 +81,9 @@ def test_faults_that_draw_anew_from_a_time_on_are_what_they_were_up_to_then() ->
     def way(*seeds: int) -> tuple[list[float], list[float]]:
         reseed = [{"at_s": 10.0 + at, "seed": seed} for at, seed in enumerate(seeds)]
         overrides = {**QUICK, "duration_s": 20.0, "fault": [{"kind": "loss", "samples": 0.4}], "reseed": reseed}
-        done = run_mission(load_mission(ROOT / "examples" / "surveillance.toml", overrides), falls_of="geofence")
+        done = run_mission(
+            load_mission(ROOT / "examples" / "surveillance.toml", overrides), follower=Follower(falls_of="geofence")
+        )
         assert done.result.min_margin is not None
         margins = [margin for _, margin in done.falls]
         assert margins == sorted(set(margins), reverse=True)

@@ -13,7 +13,7 @@ import pytest
 
 from soter.live.view import APP, LiveView
 from soter.record.reader import Recording
-from soter.runner import run_mission
+from soter.runner import Follower, run_mission
 from tests.live.growing import Growing
 from tests.record.helpers import every_message, mission
 from tests.waiting import wait_until
@@ -147,5 +147,5 @@ def test_serving_the_app_costs_a_run_no_decision(tmp_path: Path) -> None:
             # This client reads nothing while the run goes on.
             stack.enter_context(connected(view))
 
-        run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", on_recording=begin)
+        run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", follower=Follower(recording=begin))
     assert run.result.trace_sha256 == run_mission(mission(duration_s=60.0)).result.trace_sha256

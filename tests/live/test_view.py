@@ -17,7 +17,7 @@ import pytest
 
 from soter.errors import ConfigError
 from soter.live.view import PAGE, Kind, LiveView
-from soter.runner import run_mission
+from soter.runner import Follower, run_mission
 from tests.project.source import ROOT
 from tests.record.helpers import SURVEILLANCE, mission
 from tests.waiting import gone, wait_until
@@ -59,7 +59,9 @@ def test_a_run_is_shown_up_to_its_end_and_costs_it_no_decision(
 ) -> None:
     caplog.set_level(logging.WARNING)
     with LiveView(PAGE) as view:
-        run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", on_recording=view.begin)
+        run = run_mission(
+            mission(duration_s=60.0), record=tmp_path / "run.mcap", follower=Follower(recording=view.begin)
+        )
         assert status_of(view.address) == 200
     assert gone(view.pid)
     assert run.result.trace_sha256 == run_mission(mission(duration_s=60.0)).result.trace_sha256
@@ -76,7 +78,7 @@ def test_a_view_that_is_killed_is_missed_once_and_the_run_goes_on(
             view.begin(path)
             os.kill(view.pid, signal.SIGKILL)
 
-        run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", on_recording=kill)
+        run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", follower=Follower(recording=kill))
         wait_until(lambda: "has ended" in caplog.text)
         view.begin(tmp_path / "run.mcap")
     assert run.result.status == "completed"

@@ -100,14 +100,14 @@ def test_page_and_stream_show_a_recording_up_to_its_end(screen: PageScreen, whol
         growing.to(parts.pop())
 
     screen.show(GrowingRecording(growing.path, lambda: not parts, wait))
-    screen.reel.end()
+    screen.events.end()
     told = [of_page(page).document for page in pages]
     assert [each["goesOn"] for each in told] == [True] * len(told)
     assert 0.0 < told[0]["lastS"] < told[-1]["lastS"] < 60.0
     known = int(pages[0].partition("after=")[2].partition('"')[0])
     with listening(screen, known) as lines:
-        rest = [next_part(lines) for _ in range(screen.reel.count - known)]
-    assert [number for number, _ in rest] == [*range(known + 1, screen.reel.count + 1)]
+        rest = [next_part(lines) for _ in range(screen.events.count - known)]
+    assert [number for number, _ in rest] == [*range(known + 1, screen.events.count + 1)]
     last = Unpacked(rest[-1][1].decode()).document
     assert (last["goesOn"], last["summary"]["status"], last["lastS"]) == (False, "completed", pytest.approx(59.95))
 
@@ -170,15 +170,15 @@ def test_a_number_that_is_none_is_refused(screen: PageScreen, after: str) -> Non
 
 def test_a_viewer_goes_on_where_it_was(screen: PageScreen) -> None:
     for part in (b"one", b"two", b"three"):
-        screen.reel.add(part)
-    screen.reel.end()
+        screen.events.add(part)
+    screen.events.end()
     _, body = asked(screen, stream_of(screen), Last_Event_ID="2")
     assert body == b"id: 3\ndata: three\n\n"
 
 
 def test_who_is_too_far_behind_begins_anew(screen: PageScreen) -> None:
     for _ in range(3):
-        screen.reel.add(b"x" * (web.SEND_BYTES * 100))
+        screen.events.add(b"x" * (web.SEND_BYTES * 100))
     _, body = asked(screen, stream_of(screen, 0))
     assert body == b"event: reload\ndata:\n\n"
 
@@ -188,12 +188,12 @@ def test_a_viewer_that_never_reads_is_dropped_and_the_others_go_on(screen: PageS
         wait_until(lambda: screen._server.streams == 2)
         number = 0
         while screen._server.streams == 2:
-            screen.reel.add(b"x" * 50_000)
+            screen.events.add(b"x" * 50_000)
             number += 1
             assert next_part(good)[0] == number
             assert number < 10_000
         assert screen._server.streams == 1
-        screen.reel.add(b"last")
+        screen.events.add(b"last")
         assert next_part(good) == (number + 1, b"last")
 
 
@@ -214,9 +214,9 @@ def test_there_are_places_for_many_and_the_newest_takes_that_of_the_oldest(scree
         wait_until(lambda: screen._server.streams == web.MOST_VIEWERS)
         assert links[0].read() == b"", "a browser whose stream ends asks again"
         assert asked(screen, "/")[0].status == 503
-        screen.reel.add(b"for all")
+        screen.events.add(b"for all")
         assert {next_part(each) for each in links[1:]} == {(1, b"for all")}
-        screen.reel.end()
+        screen.events.end()
     wait_until(lambda: screen._server.streams == 0)
     wait_until(lambda: asked(screen, "/")[0].status == 503)
 
@@ -259,9 +259,9 @@ def test_many_who_do_not_read_lock_nobody_out(screen: PageScreen, monkeypatch: p
             stack.enter_context(listening(screen, receive_bytes=4096))
         wait_until(lambda: screen._server.streams == 4)
         for _ in range(20):
-            screen.reel.add(b"x" * 500_000)
+            screen.events.add(b"x" * 500_000)
         wait_until(lambda: all(since_s < math.inf for since_s in screen._server._listening.values()))
-        screen.reel.end()
+        screen.events.end()
         assert asked(screen, stream_of(screen, 19))[0].status == 200
 
 

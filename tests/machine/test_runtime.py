@@ -8,7 +8,6 @@ import pytest
 
 from soter.machine import (
     Goto,
-    Halt,
     HandlerError,
     Machine,
     MachineError,
@@ -17,97 +16,8 @@ from soter.machine import (
     Next,
     Runtime,
     State,
-    Stay,
-    Timer,
-    Transition,
-    UnhandledEventError,
 )
-from tests.machine.helpers import A, B, C, D, Logger, ManualClock, Num, To, feed, runtime, start
-
-
-class Timed(Logger):
-    S = State(start=True)
-    timer: Timer
-
-    @S.on(Num)
-    def _start(self, e: Num) -> None:
-        self.timer = self.after(e.n, A())
-
-    @S.on(A, C)
-    def _fired(self, e: A | C) -> None:
-        self.log.append((type(e).__name__, self.now()))
-
-    @S.on(B)
-    def _cancel(self) -> None:
-        self.log.append(self.timer.cancel())
-
-
-def _next_timer(made: Runtime) -> float | None:
-    return made.next_timer_s
-
-
-def test_timers_fire_at_their_time_in_the_order_of_their_times() -> None:
-    clock = ManualClock()
-    made = runtime(now=clock)
-    log: list[object] = []
-    ref = made.create(Timed, log=log)
-    assert _next_timer(made) is None
-    feed(made, ref, Num(3))
-    made.call_at(2.0, ref, C())
-    made.call_at(2.0, ref, A())
-    assert _next_timer(made) == 2.0
-    assert made.run() == 0
-    clock.time_s = 2.0
-    assert not made.idle
-    assert made.run() == 2
-    clock.time_s = 3.5
-    assert made.run() == 1
-    assert log == [("C", 2.0), ("A", 2.0), ("A", 3.5)]
-    assert made.next_timer_s is None
-
-
-def test_a_timer_can_be_cancelled_once() -> None:
-    clock = ManualClock()
-    made = runtime(now=clock)
-    log: list[object] = []
-    ref = made.create(Timed, log=log)
-    feed(made, ref, Num(1), B(), B())
-    assert log == [True, False]
-    assert made.next_timer_s is None
-    timer = made.call_at(1.0, ref, A())
-    assert (timer.active, timer.time_s) == (True, 1.0)
-    clock.time_s = 2.0
-    made.run()
-    assert not timer.active
-    assert not timer.cancel()
-    assert log == [True, False, ("A", 2.0)]
-
-
-def test_a_time_in_the_past_is_due_at_once() -> None:
-    log: list[object] = []
-    made, ref = start(Timed, log=log)
-    made.call_at(-5.0, ref, A())
-    assert made.run() == 1
-    assert log == [("A", 0.0)]
-
-
-def test_a_timer_of_a_halted_machine_does_nothing() -> None:
-    clock = ManualClock()
-    made = runtime(now=clock)
-    ref = made.create(Timed)
-    feed(made, ref, Num(1), Halt())
-    clock.time_s = 1.0
-    assert made.run() == 0
-
-
-@pytest.mark.parametrize("time_s", [float("nan"), float("inf")])
-def test_times_are_finite(time_s: float) -> None:
-    made, ref = start(Timed)
-    with pytest.raises(ValueError, match="finite number of seconds"):
-        made.call_at(time_s, ref, A())
-    made.post(ref, Num(-1))
-    with pytest.raises(HandlerError, match="a delay must be a finite number of seconds, 0 or more, not -1"):
-        made.run()
+from tests.machine.helpers import A, B, C, D, Logger, Num, To, feed, runtime, start
 
 
 class Failing(Logger):
@@ -425,138 +335,8 @@ def test_events_for_other_runtimes_are_forwarded(pick: Any) -> None:
         made.state(there)
 
 
-class Steps(Logger):
-    S = State(start=True)
-    T = State()
-    S.on(A, goto=T)
-    T.on(B, goto=T)
-
-    @T.on(C)
-    def _halt(self) -> Next:
-        return Halt()
-
-    @T.on(D)
-    def _stay(self) -> Next:
-        return Stay()
-
-
-def test_observers_see_every_change_of_state() -> None:
-    clock = ManualClock()
-    made = runtime(now=clock)
-    seen: list[Transition] = []
-    stop = made.observe(seen.append)
-    ref = made.create(Steps)
-    made.run()
-    clock.time_s = 1.0
-    feed(made, ref, A(), D(), B(), C())
-    assert seen == [
-        (0.0, ref, None, None, "S"),
-        (1.0, ref, "S", A(), "T"),
-        (1.0, ref, "T", B(), "T"),
-        (1.0, ref, "T", Halt(), None),
-    ]
-    stop()
-    stop()
-    made.create(Steps)
-    made.run()
-    assert len(seen) == 4
-
-
-def test_what_an_observer_raises_is_not_blamed_on_a_machine() -> None:
-    made, ref = start(Steps)
-    made.observe(lambda transition: print(1 / 0))
-    made.post(ref, A())
-    with pytest.raises(ZeroDivisionError):
-        made.run()
-    assert made.state(ref) == "T"
-
-
-class Closing(Logger):
-    S = State(start=True)
-
-    @S.on(A)
-    async def _a(self) -> None:
-        try:
-            await self.receive(B)
-        finally:
-            self.send(self.ref, C())
-            self.log.append("closed")
-
-    @S.on(B)
-    async def _b(self) -> None:
-        try:
-            await self.receive(B)
-        finally:
-            self.log.append("raises")
-            raise RuntimeError("no")
-
-
-def test_close_ends_the_waiting_handlers() -> None:
-    log: list[object] = []
-    made, ref = start(Closing, log=log)
-    made.call_at(9.0, ref, A())
-    feed(made, ref, A())
-    made.close()
-    made.close()
-    assert log == ["closed"]
-    assert made.next_timer_s is None
-    made.post(ref, A())
-    assert made.run() == 0
-    made.create(Closing)
-    with pytest.raises(MisuseError, match=r"run\(\) after close\(\)"):
-        made.run()
-
-
-def test_close_closes_all_and_reports_the_first_failure() -> None:
-    log: list[object] = []
-    made, first = start(Closing, log=log)
-    second = made.create(Closing, log=log)
-    feed(made, first, B())
-    feed(made, second, A())
-    with pytest.raises(HandlerError, match="while being abandoned, raised RuntimeError: no"):
-        made.close()
-    assert log == ["raises", "closed"]
-
-
-def test_a_failure_closes_a_waiting_handler_quietly() -> None:
-    class Bad(Logger):
-        S = State(start=True)
-
-        @S.entry
-        async def _enter(self) -> None:
-            try:
-                await self.receive(A, match=lambda a: 1 / 0 > 0)
-            finally:
-                self.log.append("closed")
-                raise RuntimeError("hidden by the first failure")
-
-    log: list[object] = []
-    made, ref = start(Bad, log=log)
-    made.post(ref, A())
-    with pytest.raises(HandlerError, match="ZeroDivisionError"):
-        made.run()
-    assert log == ["closed"]
-
-
 def test_a_run_with_nothing_to_do_does_not_reach_the_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     made, ref = start(Failing)
     made.call_at(1.0, ref, A())
     monkeypatch.delattr("soter.machine.core.Core.run")
     assert made.run() == 0
-
-
-def test_the_default_clock_is_the_steady_one() -> None:
-    made = Runtime()
-    log: list[object] = []
-    ref = made.create(Timed, log=log)
-    made.call_at(0.0, ref, A())
-    made.run()
-    assert len(log) == 1
-
-
-def test_an_unhandled_event_names_no_handler() -> None:
-    made, ref = start(Steps)
-    made.post(ref, D())
-    with pytest.raises(UnhandledEventError) as caught:
-        made.run()
-    assert caught.value.handler is None

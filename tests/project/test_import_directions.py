@@ -161,6 +161,7 @@ LIBRARIES: dict[str, set[str] | None] = {
     "typing_extensions": None,
     "defusedxml": {"soter.campaign.random.room", "soter.geometry.kml", "soter.geometry.xml_tree"},
     "msgspec": {
+        "soter.check.trial",
         "soter.conformance.worker",
         "soter.distribution",
         "soter.isolation",

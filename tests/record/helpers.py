@@ -90,12 +90,10 @@ def every_message(path: Path) -> Iterator[tuple[str, str, bytes, bytes]]:
 
 
 @contextmanager
-def started(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """`soter run` as a process that records to a file, from the moment on in which something stands there."""
-    command = [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), "--record", str(path), "--quiet"]
-    command += [*arguments]
+def running(mission: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """`soter run` as a process, in a session of its own; it is killed at the end."""
     with subprocess.Popen(
-        command,
+        [sys.executable, "-m", "soter.cli", "run", str(mission), *map(str, arguments)],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -105,12 +103,19 @@ def started(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     ) as process:
         try:
-            wait_until(lambda: path.exists() and path.stat().st_size > 0)
             yield process
         finally:
             with suppress(ProcessLookupError):
                 if process.poll() is None:
                     os.killpg(process.pid, signal.SIGKILL)
+
+
+@contextmanager
+def started(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """`soter run` as a process that records to a file, from the moment on in which something stands there."""
+    with running(SURVEILLANCE, "--record", path, "--quiet", *arguments) as process:
+        wait_until(lambda: path.exists() and path.stat().st_size > 0)
+        yield process
 
 
 def writer_of(pid: int) -> int:

@@ -75,7 +75,7 @@ def changed(good: Path, target: Path, old: bytes, new: bytes, *, topic: str = ""
         (b'"seed":1', b'"seed":' + b"[" * 100_000, "about.json", "its about.json"),
         (b'"surveillance"', b'"\xff\xfe"', "about.json", "its about.json"),
         (b"<dimension", b"<\xff", "workspace.xml", "workspace.xml"),
-        (b'"x_m":', b'"y_m":', "/targets", "a target that begins at .* is nowhere"),
+        (b'"x_m":', b'"y_m":', "/targets", "a target that begins at .* has no place"),
         (b'"target_id":', b'"target_id":1e300,"x":', "/targets", "is not what it ought to be"),
         (b'"controller":"SC"', b'"controller":"me"', "/robots/1/tick", "it cannot be replayed"),
         (b'"margin":', b'"margin_is":"much","m":', "/robots/1/tick", "is not what it ought to be"),

@@ -19,7 +19,7 @@ from soter.record.content import RecordedTick
 from soter.record.digest import DigestState, prove
 from soter.record.reader import BadRecording, Recording
 from soter.record.recorder import Recorder
-from soter.runner import run_mission
+from soter.runner import Follower, run_mission
 from tests.project.source import ROOT
 from tests.record.helpers import (
     SURVEILLANCE,
@@ -105,7 +105,7 @@ def test_a_killed_writer_costs_the_recording_and_not_the_run(tmp_path: Path, cap
             os.kill(recorder_pid[0], signal.SIGKILL)
         return False
 
-    run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", stop=kill)
+    run = run_mission(mission(duration_s=60.0), record=tmp_path / "run.mcap", follower=Follower(stop=kill))
     assert run.result.status == "completed"
     assert run.recording is not None
     assert "killed" in run.recording.failure

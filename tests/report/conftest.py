@@ -13,6 +13,7 @@ from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.record.tracks import RunTracks, Track
 from soter.rta import SwitchRecord
 from tests.report.chromium import chromium
+from tests.report.pages import DURATION_S, Made, page_of
 
 DRIVERS = ("AC", "collision", "geofence")
 
@@ -58,3 +59,15 @@ def browser() -> Iterator[Any]:
     """Chromium, one for all tests of a process; see `tests.report.chromium`."""
     with chromium() as started:
         yield started
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """A run of four minutes; robot 2 has so little charge that it has to drive home."""
+    return page_of(tmp_path_factory.mktemp("pages"), duration_s=DURATION_S, battery__initial={"2": 0.17})
+
+
+@pytest.fixture(scope="session")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Robots that nobody holds back, sent to where they must not go."""
+    return page_of(tmp_path_factory.mktemp("hostile"), duration_s=120.0, targets="hostile", rta__enabled=False)

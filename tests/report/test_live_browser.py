@@ -20,7 +20,7 @@ from urllib.parse import urljoin
 
 import pytest
 
-from soter.live.reel import FellBehind, Reel
+from soter.live.event_buffer import EventBuffer, FellBehind
 from soter.live.view import PAGE, LiveView
 from soter.live.web import PageScreen
 from soter.record.follow import GrowingRecording
@@ -185,18 +185,18 @@ def reloaded(page: Any) -> bool:
 def test_a_page_that_has_fallen_behind_begins_anew(
     browser: Any, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    after = Reel.after
+    after = EventBuffer.after
     behind: list[int] = []
     falls = threading.Event()
 
-    def first_behind(reel: Reel, number: int, limit_s: float) -> tuple[list[bytes], bool]:
+    def first_behind(events: EventBuffer, number: int, limit_s: float) -> tuple[list[bytes], bool]:
         if not behind:
             behind.append(number)
             falls.wait(WAIT_S)
             raise FellBehind
-        return after(reel, number, limit_s)
+        return after(events, number, limit_s)
 
-    monkeypatch.setattr(Reel, "after", first_behind)
+    monkeypatch.setattr(EventBuffer, "after", first_behind)
     growing = Growing(whole, tmp_path / "run.mcap")
     growing.to(0.5)
     ended = threading.Event()

@@ -3,106 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
-from soter.rta import Motion, PointMassBound, Sample, Situation, SpeedAccelerationBound, UnicycleBound
+from soter.rta import Motion, PointMassBound, SpeedAccelerationBound, UnicycleBound
 from tests.rta.doubles import At, situation
-
-V_MAX, ACCEL, BRAKE, YAW_MAX = 0.22, 1.0, 0.8, 2.84
-PERIOD_S = 0.05
-FINE = 5
-"""Steps of the integrator in one period; each is an exact arc."""
-
-SLACK_M = 1e-9
-
-ALONG = SpeedAccelerationBound(V_MAX, ACCEL, BRAKE)
-STEP_S = PERIOD_S / FINE
-BOTH_WAYS = UnicycleBound(V_MAX, ACCEL, BRAKE, YAW_MAX, V_MAX, period_s=STEP_S)
-SLOW_BACK = UnicycleBound(V_MAX, ACCEL, BRAKE, YAW_MAX, 0.05, period_s=STEP_S)
-FORWARDS_ONLY = UnicycleBound(V_MAX, ACCEL, BRAKE, YAW_MAX, 0.0, period_s=STEP_S)
-SLOW_TURN = UnicycleBound(V_MAX, ACCEL, BRAKE, 0.002, V_MAX, period_s=STEP_S)
-UNICYCLES = [BOTH_WAYS, SLOW_BACK, FORWARDS_ONLY, SLOW_TURN]
-MOTIONS: list[Motion] = [ALONG, *UNICYCLES]
-DIRECTIONS = [(math.cos(k * math.pi / 12), math.sin(k * math.pi / 12)) for k in range(24)]
-
-Input = tuple[float, float]
-Place = tuple[float, float]
-
-times = st.floats(0.0, 3.0)
-angles = st.floats(-math.pi, math.pi)
-shares = st.floats(-1.0, 1.0)
-extremes = st.sampled_from([-1.0, 0.0, 1.0])
-inputs = st.one_of(
-    st.lists(st.tuples(shares, shares), min_size=1, max_size=30),
-    st.lists(st.tuples(extremes, extremes), min_size=1, max_size=30),
-    # One input for long, then another: what bang-bang control does.
-    st.lists(st.tuples(extremes, extremes, st.integers(1, 15)), min_size=1, max_size=4).map(
-        lambda parts: [(v, w) for v, w, count in parts for _ in range(count)]
-    ),
+from tests.rta.unicycles import (
+    ACCEL,
+    ALONG,
+    BOTH_WAYS,
+    BRAKE,
+    DIRECTIONS,
+    FINE,
+    FORWARDS_ONLY,
+    MOTIONS,
+    PERIOD_S,
+    SLACK_M,
+    STEP_S,
+    UNICYCLES,
+    V_MAX,
+    YAW_MAX,
+    Input,
+    Unicycle,
+    angles,
+    drive,
+    farthest,
+    inputs,
+    moving,
+    shares,
+    situation_of,
+    times,
 )
-
-
-class Unicycle:
-    """A robot that is told a share of its top speed and turn rate, and turns at any rate at once.
-
-    Speed grows as the model allows, and falls as fast as it likes, to 0 at once; it never falls short of BRAKE.
-    """
-
-    def __init__(self, model: UnicycleBound, heading: float, speed: float, step_s: float) -> None:
-        self.model = model
-        self.x = self.y = 0.0
-        self.heading = heading
-        self.v = speed
-        self.step_s = step_s
-
-    def step(self, v: float, w: float, slower: float) -> None:
-        model, step_s = self.model, self.step_s
-        wanted = v * (model.forward_m_s if v > 0.0 else model.reverse_m_s)
-        if wanted * self.v < 0.0:
-            self.v = 0.0
-        was, sign = abs(self.v), math.copysign(1.0, wanted or self.v)
-        if abs(wanted) > was:
-            now = min(abs(wanted), was + model.accel_m_s2 * step_s)
-            length = 0.5 * (was + now) * step_s
-        else:
-            now = max(abs(wanted), was - slower * step_s)
-            # As long as it takes to slow down, and the rest of the step at the new speed.
-            length = now * step_s + (was - now) ** 2 / (2.0 * slower)
-        self.v = sign * now
-        turn = w * model.yaw_rate_max_rad_s * step_s
-        # The chord of a circular arc.
-        chord = sign * length * (math.sin(turn / 2.0) / (turn / 2.0) if turn else 1.0)
-        self.x += chord * math.cos(self.heading + turn / 2.0)
-        self.y += chord * math.sin(self.heading + turn / 2.0)
-        self.heading += turn
-
-
-def drive(model: UnicycleBound, start: At, driven: Sequence[Input]) -> list[Place]:
-    """Drive by the inputs, a period each, then brake to rest; return all places, relative to the start."""
-    speed = start.vx_m_s * math.cos(start.heading_rad) + start.vy_m_s * math.sin(start.heading_rad)
-    robot = Unicycle(model, start.heading_rad, speed, STEP_S)
-    places = [(0.0, 0.0)]
-    for v, w in driven:
-        for _ in range(FINE):
-            robot.step(v, w, math.inf if v == 0.0 else 5.0)
-            places.append((robot.x, robot.y))
-    while robot.v != 0.0:
-        robot.step(0.0, driven[-1][1], BRAKE)
-        places.append((robot.x, robot.y))
-    return places
-
-
-def moving(heading: float, speed: float) -> At:
-    return At(heading_rad=heading, vx_m_s=speed * math.cos(heading), vy_m_s=speed * math.sin(heading))
-
-
-def farthest(places: Iterable[Place], ux: float, uy: float) -> float:
-    return max(x * ux + y * uy for x, y in places)
 
 
 @pytest.mark.parametrize("model", UNICYCLES)
@@ -124,10 +58,6 @@ def test_no_input_leaves_the_disc_of_a_robot_whose_speed_counts(
     start = moving(heading, share * V_MAX)
     reach = ALONG.reach(situation_of(start), PERIOD_S * len(driven)) + SLACK_M
     assert max(math.hypot(x, y) for x, y in drive(BOTH_WAYS, start, driven)) <= reach
-
-
-def situation_of(sample: Sample) -> Situation:
-    return Situation(1, sample, 0.0)
 
 
 @pytest.mark.parametrize("model", MOTIONS)
@@ -289,94 +219,7 @@ def test_a_heading_that_is_no_number_may_be_any(model: UnicycleBound) -> None:
         assert unsure == pytest.approx(model.bound(1.0))
 
 
-# --- noise -------------------------------------------------------------------------------------------------
-
-noises = st.one_of(st.just(0.0), st.floats(0.0, 0.3))
-heading_noises = st.one_of(st.just(0.0), st.floats(0.0, 0.6), st.floats(0.0, 3.2), st.just(math.pi / 2))
-errors = st.one_of(shares, extremes)
-
-
-class Noise(NamedTuple):
-    """What a robot declares about its samples, and what is drawn of it for one of them.
-
-    `along` is a robot that reports a speed along the heading that it reports; else a velocity, from anywhere.
-    """
-
-    position_m: float
-    speed_m_s: float
-    heading_rad: float
-    along: bool
-
-    def report(self, x: float, y: float, heading: float, v: float, stamp_s: float, drawn: Sequence[float]) -> At:
-        far, place, off, way, turned = drawn
-        seen = heading + turned * self.heading_rad
-        far *= self.position_m
-        if self.along:
-            wrong = v + off * self.speed_m_s
-            vx, vy = wrong * math.cos(seen), wrong * math.sin(seen)
-        else:
-            vx = v * math.cos(heading) + off * self.speed_m_s * math.cos(way * math.pi)
-            vy = v * math.sin(heading) + off * self.speed_m_s * math.sin(way * math.pi)
-        return At(
-            x + far * math.cos(place * math.pi), y + far * math.sin(place * math.pi), stamp_s, heading_rad=seen,
-            vx_m_s=vx, vy_m_s=vy,
-        )  # fmt: skip
-
-
-declared_noises = st.builds(Noise, noises, noises, heading_noises, st.booleans())
-drawn_errors = st.tuples(errors, errors, errors, errors, errors)
-
-
-# Robots that gain speed and turn slowly: no slack hides an error that is small at first.
-SLUGGISH = [UnicycleBound(V_MAX, 0.02, BRAKE, 0.3, back, period_s=STEP_S) for back in (V_MAX, 0.1, 0.0)]
-
-
-@pytest.mark.parametrize("exact", [BOTH_WAYS, *SLUGGISH])
-@given(noise=declared_noises, driven=inputs, heading=angles, share=shares, drawn=st.lists(drawn_errors, min_size=1))
-def test_no_input_leaves_a_tube_and_no_sample_is_refused_within_declared_noise(
-    exact: UnicycleBound,
-    noise: Noise,
-    driven: list[Input],
-    heading: float,
-    share: float,
-    drawn: list[tuple[float, ...]],
-) -> None:
-    unicycle = UnicycleBound(
-        exact.forward_m_s, exact.accel_m_s2, BRAKE, exact.yaw_rate_max_rad_s, exact.reverse_m_s, noise.speed_m_s,
-        noise.heading_rad, STEP_S,
-    )  # fmt: skip
-    along = SpeedAccelerationBound(V_MAX, exact.accel_m_s2, BRAKE, noise.speed_m_s)
-    speed = share * (exact.forward_m_s if share > 0.0 else exact.reverse_m_s)
-    seen = noise.report(0.0, 0.0, heading, speed, 0.0, drawn[0])
-    places = drive(exact, moving(heading, speed), driven)
-    time_s = PERIOD_S * len(driven)
-    for ux, uy in DIRECTIONS:
-        far = farthest(places, ux, uy) - SLACK_M
-        assert far <= unicycle.extent(seen, time_s, ux, uy)
-        assert far <= along.extent(seen, time_s, ux, uy)
-    robot, before = Unicycle(exact, heading, speed, STEP_S), seen
-    for number, (v, w) in enumerate(driven, start=1):
-        for _ in range(FINE):
-            robot.step(v, w, 5.0)
-        after = noise.report(robot.x, robot.y, robot.heading, robot.v, number * PERIOD_S, drawn[number % len(drawn)])
-        assert unicycle.admits(before, after, noise.position_m)
-        assert along.admits(before, after, noise.position_m)
-        before = after
-
-
-@pytest.mark.parametrize("error", [0.1, 0.5, 1.5, 3.0])
-@pytest.mark.parametrize("accel", [0.01, 1.0])
-def test_a_robot_that_drives_straight_on_under_a_wrong_heading_stays_in_the_tube(error: float, accel: float) -> None:
-    model = UnicycleBound(0.5, accel, 1.0, 0.01, 0.5, 0.0, error)
-    seen = At(vx_m_s=0.5, heading_rad=error)
-    for time_s in (0.0, 0.05, 0.5, 2.0):
-        assert model.extent(seen, time_s, 1.0, 0.0) == pytest.approx(model.bound(time_s))
-    assert model.admits(seen, seen._replace(x_m=0.025, stamp_s=0.05), 0.0)
-
-
-def test_a_heading_that_is_nearly_right_tells_forwards_from_backwards() -> None:
-    model = UnicycleBound(V_MAX, ACCEL, BRAKE, YAW_MAX, V_MAX, 0.01, 0.1)
-    assert model.extent(moving(0.0, V_MAX), 0.15, -1.0, 0.0) < 0.5 * model.bound(0.15)
+# --- what cannot be -----------------------------------------------------------------------------------------
 
 
 REFUSED: list[tuple[Callable[[float], object], str]] = [

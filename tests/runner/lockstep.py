@@ -16,12 +16,13 @@ from typing import Any, ClassVar, Final
 from soter.adapters.pybullet.backend import KinematicRobot
 from soter.clock import Clock
 from soter.config import MissionFile, load_mission
+from soter.controllers import MISSION
 from soter.distribution.bus import Bus
 from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
 from soter.runner import RunResult
+from soter.runner.hosts import make_host
 from soter.runner.loop import Accepted, Loop
-from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
 from soter.runner.peer_session import PeerSession
@@ -35,8 +36,6 @@ from tests.distribution.air import MemoryBus, Network
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PERIOD_S = 0.05
-
-MakeSide = Callable[["Site", Part], MissionHost]
 
 
 class OwnClock(Clock):
@@ -121,7 +120,6 @@ class Site:
 
     Args:
         processes: by name, which robots it has, and whether the planner.
-        make_side: makes the ACs' side of a process with robots; the mission's own without.
         network: what joins them.
         record: a folder into which every process with robots records; None for none.
         mission: name of the example that is run.
@@ -138,7 +136,6 @@ class Site:
     def __init__(
         self,
         processes: Mapping[str, tuple[tuple[int, ...], bool]],
-        make_side: MakeSide | None = None,
         network: Network | None = None,
         record: Path | None = None,
         mission: str = "surveillance",
@@ -161,7 +158,6 @@ class Site:
         promised = {place.id: OwnTimeRobot.declared for place in self.workspace.robots}
         self.specs: Final = [replace(spec, battery=1.0) for spec in robot_specs(self.mission, self.workspace, promised)]
         self.world: Final = World(self.workspace, self.specs, "kinematic")
-        self.make_side: Final[MakeSide] = make_side or _mission_side
         self._record: Final = record
         self.said: dict[str, list[str]] = {}
         self.loops: dict[str, Loop] = {}
@@ -171,7 +167,7 @@ class Site:
         self._processes: dict[str, _Process] = {}
         self._mine: Final = threading.Semaphore(0)
         self._starts = 0
-        self._twins: dict[str, str] = {}
+        self._duplicates: dict[str, str] = {}
 
     # --- what a test says ------------------------------------------------------------------------------------
 
@@ -188,9 +184,9 @@ class Site:
         self._processes[name] = process
         process.thread.start()
 
-    def start_twin(self, name: str) -> None:
+    def start_duplicate(self, name: str) -> None:
         """Start a second process of a name, on a host of its own."""
-        self._twins[f"{name} too"] = name
+        self._duplicates[f"{name} too"] = name
         self.start(f"{name} too")
 
     def kill(self, name: str) -> None:
@@ -246,12 +242,14 @@ class Site:
 
     def _part(self, name: str) -> OwnPart:
         processes = self.mission.distribution.processes
-        mine = processes[self._twins.get(name, name)]
+        mine = processes[self._duplicates.get(name, name)]
         homes = {robot_id: each for each, table in processes.items() for robot_id in table.robots}
-        planner_home = next(each for each, table in processes.items() if table.planner)
+        planner_home = "".join(
+            each for each, table in processes.items() if table.planner and self.mission.ac == MISSION
+        )
         promised = dict.fromkeys(homes, OwnTimeRobot.declared)
         return OwnPart(
-            self._twins.get(name, name), self.mission, mine.robots, mine.planner, homes, planner_home, promised,
+            self._duplicates.get(name, name), self.mission, mine.robots, mine.planner, homes, planner_home, promised,
             "digest", self, name,
         )  # fmt: skip
 
@@ -288,7 +286,7 @@ class Site:
     def _robots_loop(
         self, part: OwnPart, clock: OwnClock, session: PeerSession, say: Callable[[str], None]
     ) -> RunResult:
-        host = self.make_side(self, part)
+        host = _mission_side(self, part)
         recorder = None if self._record is None else Recorder(self._record / f"{part.name}.mcap", waits=True)
         fleet = OwnFleet(self.world, [spec for spec in self.specs if spec.id in part.robots], clock)
         try:
@@ -304,7 +302,7 @@ class Site:
                 recorder.close()
 
     def _result(self, loop: Loop, session: PeerSession, say: Callable[[str], None]) -> RunResult:
-        assert session.wait(loop.fleet.robots, say, lambda: False)
+        assert session.wait(loop.fleet.robots, Follower(say=say))
         loop.begin()
         status, failure = loop.run(Follower())
         return loop.result(status, failure, None)
@@ -320,6 +318,6 @@ class Site:
         self.network.advance(max(time_s, self.network.now_s))
 
 
-def _mission_side(site: Site, part: Part) -> MachineHost:
+def _mission_side(site: Site, part: Part) -> MissionHost:
     radii_m = {robot_id: each.body_radius_m for robot_id, each in part.promised.items()}
-    return MachineHost(part.mission, site.workspace, radii_m, virtual_time=True, part=part, bus=part.open_bus())
+    return make_host(part.mission, site.workspace, radii_m, virtual_time=True, part=part)

@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from soter.cli.run import _exit_code
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError, RunFailed
-from soter.runner import Run, run_mission
+from soter.runner import Follower, Run, run_mission
 from soter.runner.remote_host import NICENESS, RemoteMissionHost
 from soter.sdk import RobotSpec
 from soter.sdk.wire import Simulator
@@ -281,7 +281,7 @@ def test_a_world_that_ends_takes_the_truth_with_it(tmp_path: Path, simulator: Si
         return False
 
     overrides = {"planner": "straight-line", "duration_s": 3.5}
-    run = run_mission(load_mission(mission_file(tmp_path, simulator), overrides), stop=stop)
+    run = run_mission(load_mission(mission_file(tmp_path, simulator), overrides), follower=Follower(stop=stop))
     ticked_s = run.tracks.tracks[1].time_s
     assert run.result.status == "completed"
     assert run.result.violations is not None

@@ -13,7 +13,7 @@ import pytest
 
 from soter.adapters.mavlink.backend import VehicleBackend
 from soter.config import load_mission
-from soter.runner import run_mission
+from soter.runner import Follower, run_mission
 from soter.runner.remote_host import RemoteMissionHost
 from tests.project.source import ROOT
 
@@ -36,7 +36,9 @@ def test_a_simulator_that_dies_fails_the_run_at_once(backend: str, module: str) 
             os.kill(process_of(module), signal.SIGKILL)
         return False
 
-    result = run_mission(load_mission(ROOT / "examples" / "surveillance.toml", overrides), stop=stop).result
+    result = run_mission(
+        load_mission(ROOT / "examples" / "surveillance.toml", overrides), follower=Follower(stop=stop)
+    ).result
     assert result.status == "failed"
     assert "has ended with signal SIGKILL" in result.failure
     assert result.duration_s < 2.0
@@ -67,7 +69,7 @@ def test_waiting_for_the_missions_process_can_be_interrupted(monkeypatch: pytest
     monkeypatch.setattr(RemoteMissionHost, "ready", ready)
     mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "mavlink", "planner": "straight-line"})
     with pytest.raises(KeyboardInterrupt):
-        run_mission(mission, connecting=connecting)
+        run_mission(mission, follower=Follower(connecting=connecting))
 
 
 def test_proving_modules_can_be_interrupted_and_nothing_was_opened_by_then(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,4 +91,4 @@ def test_proving_modules_can_be_interrupted_and_nothing_was_opened_by_then(monke
     monkeypatch.setattr(VehicleBackend, "open", opened)
     mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "mavlink", "planner": "straight-line"})
     with pytest.raises(KeyboardInterrupt):
-        run_mission(mission, connecting=connecting)
+        run_mission(mission, follower=Follower(connecting=connecting))

@@ -10,12 +10,13 @@ import pytest
 
 from soter.clock import VirtualClock
 from soter.config import load_mission
-from soter.distribution.channel import ChannelFrame, Ended, Joined, Post, ReliableMessage, VisitMessage
+from soter.distribution.channel import ChannelFrame, Ended, Joined, ReliableChannel, ReliableMessage, VisitMessage
 from soter.isolation.messages import encode
 from soter.machine import Event, Machine, MachineRef, Next, Runtime, State, Stay
 from soter.runner.mailbox import Mailbox
 from soter.runner.part import Part
 from soter.runner.peer_session import PeerSession
+from soter.runner.progress import Follower
 from soter.stack.events import TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.remote import RemoteCame, RemoteJoined, RemoteVisit
 from tests.distribution.air import MemoryBus, Network
@@ -99,13 +100,13 @@ NONSENSE: Final[list[ReliableMessage]] = [
 
 
 @pytest.mark.parametrize("message", NONSENSE)
-def test_a_letter_that_makes_no_sense_to_the_task_planner_is_left_out(
+def test_a_message_that_makes_no_sense_to_the_task_planner_is_left_out(
     message: ReliableMessage, caplog: pytest.LogCaptureFixture
 ) -> None:
     network = Network()
     ground = Side(network, "ground")
     mission = load_mission(EXAMPLE)
-    alpha = Part.of(mission, mission.read_workspace(), "alpha").post(MemoryBus(network, "alpha"))
+    alpha = Part.of(mission, mission.read_workspace(), "alpha").reliable_channel(MemoryBus(network, "alpha"))
     exchanged(network, ground, alpha)
     alpha.send("ground", message)
     with caplog.at_level(logging.WARNING):
@@ -114,11 +115,11 @@ def test_a_letter_that_makes_no_sense_to_the_task_planner_is_left_out(
     assert bool(caplog.records) == isinstance(message, Ended)
 
 
-def exchanged(network: Network, host: Side, post: Post) -> None:
+def exchanged(network: Network, host: Side, channel: ReliableChannel) -> None:
     for _ in range(60):
         host.messages.pump(network.now_s)
         host.runtime.run()
-        post.pump(network.now_s)
+        channel.pump(network.now_s)
         network.advance(network.now_s + 0.05)
 
 
@@ -147,7 +148,7 @@ def test_who_is_told_to_stop_waits_no_longer() -> None:
     asked = iter([False, False, True])
     said: list[str] = []
     with PeerSession(own, VirtualClock()) as session:
-        assert not session.wait((), said.append, lambda: next(asked))
+        assert not session.wait((), Follower(say=said.append, stop=lambda: next(asked)))
     assert len(said) == 1
     assert not network.buses, "it has left the bus"
 

@@ -14,6 +14,7 @@ from soter.config import MissionFile, load_mission
 from soter.distribution.bus import Bus, bus_class, open_bus
 from soter.errors import ConfigError
 from soter.runner import run_mission
+from soter.runner.boxes import box_of
 from soter.runner.part import Part
 from tests.distribution.air import MemoryBus
 
@@ -35,6 +36,20 @@ def test_every_process_knows_what_is_its_own_and_who_has_the_rest() -> None:
     assert (ground.robots, ground.planner, ground.others) == ((), True, ("alpha", "beta"))
     assert alpha.homes == ground.homes == {1: "alpha", 2: "beta"}
     assert set(alpha.promised) == {1, 2}
+
+
+def test_controllers_need_no_task_planner() -> None:
+    alpha = part("alpha", ac="adversary:chase")
+    assert (alpha.robots, alpha.planner, alpha.planner_home, alpha.others) == ((1,), False, "", ("beta",))
+    assert alpha.digest == part("beta", ac="own.py:Own").digest != part("alpha").digest
+    machines, controllers = (box_of(each.mission, each) for each in (part("alpha"), alpha))
+    assert machines is not None
+    assert controllers is not None
+    assert (machines.network, controllers.network) == (True, False), "controllers talk to nobody"
+    without = {"alpha": {"robots": [1]}, "beta": {"robots": [2]}}
+    assert part("beta", distribution__processes=without, ac="adversary:chase").others == ("alpha",)
+    with pytest.raises(ConfigError, match="planner = true in exactly one process; it is in none"):
+        part("beta", distribution__processes=without)
 
 
 def test_processes_of_one_mission_agree_and_others_do_not() -> None:
@@ -76,7 +91,7 @@ def test_faults_that_are_declared_widen_what_others_expect_of_a_robot() -> None:
         ("alpah", {}, r"there is no 'alpah', did you mean 'alpha'\?; known are alpha, beta, ground"),
         ("alpha", {"distribution__processes": {}}, r"it names no processes, so that there is no 'alpha'"),
         ("alpha", {"backend": "kinematic"}, r"'kinematic', .* virtual time in one process; allowed with processes"),
-        ("alpha", {"ac": "adversary:chase"}, r"ac: it is 'adversary:chase', allowed with processes: 'mission'"),
+        ("ground", {"ac": "adversary:chase"}, r"processes.ground: it has no robots, .* 'adversary:chase'"),
         ("ground", {"distribution__via": "zeno"}, r"via: unknown bus 'zeno', did you mean 'zenoh'\?"),
         ("ground", {"distribution__via": "no.such:Bus"}, r"via: it is 'no.such:Bus', but there is no module 'no'"),
         (

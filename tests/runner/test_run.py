@@ -20,7 +20,7 @@ from soter.config.tables import MODULES
 from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
 from soter.missions.surveillance import Targets
 from soter.record.reader import Recording
-from soter.runner import Progress, Run, run_mission
+from soter.runner import Follower, Progress, Run, run_mission
 from soter.runner.watchdog import CutOff, Watchdog
 from soter.stack.planners import PlanRequest
 from soter_sim import World
@@ -122,7 +122,7 @@ def test_figures_add_up() -> None:
 
 def test_a_stop_ends_the_run_with_what_there_is() -> None:
     asked = iter([False, False, True])
-    run = run_mission(mission(duration_s=600.0), stop=lambda: next(asked))
+    run = run_mission(mission(duration_s=600.0), follower=Follower(stop=lambda: next(asked)))
     assert run.result.status == "interrupted"
     assert 0.0 < run.result.duration_s < 60.0
     assert run.result.deterministic is False
@@ -130,7 +130,7 @@ def test_a_stop_ends_the_run_with_what_there_is() -> None:
 
 def test_progress_is_reported() -> None:
     seen: list[Progress] = []
-    run_mission(mission(duration_s=120.0), on_progress=seen.append, progress_every_s=0.0)
+    run_mission(mission(duration_s=120.0), follower=Follower(show=seen.append, every_s=0.0))
     assert seen
     assert [robot.robot_id for robot in seen[-1].robots] == [1, 2]
     assert set(seen[-1].robots[0].margins) == {"collision", "obstacle", "geofence", "battery"}

@@ -237,7 +237,7 @@ def test_closing_ends_the_lease_and_waits_until_the_robot_stands(robot: Rig) -> 
 @pytest.mark.parametrize(
     ("changed", "why"),
     [
-        (lambda each: each._replace(gate=GateReport("other", 7, "SC", True)), "it follows somebody else"),
+        (lambda each: each._replace(gate=GateReport("other", 7, "SC", True)), "it follows another program"),
         (lambda each: each._replace(gate=GateReport("other", 7, "SC", False)), "takes no command"),
         (lambda each: each._replace(vx_m_s=0.1), r"reports 0.100 m/s and .*promise\.speed_noise_m_s = None"),
         (lambda each: each._replace(yaw_rate_rad_s=0.2), r"reports 0.000 m/s and 0.200 rad/s.*speed_noise_m_s = None"),

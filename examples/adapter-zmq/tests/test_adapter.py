@@ -222,7 +222,7 @@ def test_nobody_takes_a_robot_from_who_commands_it(simulator: Simulator) -> None
             assert not refused or robot.read_state().controller is SC
         # Where a busy host let the lease run out the robot was nobody's, and anybody might take it.
         assert refused or max(after - before for before, after in pairwise(renewed_s)) > LEASE_S / 2
-    assert "follows somebody else" in refused[0]
+    assert "follows another program" in refused[0]
 
 
 def test_closing_stops_the_robots_and_ends_their_process() -> None:

@@ -1,6 +1,6 @@
-"""The MAVLink face: the robots of a simulated world, each with an autopilot that behaves as ArduPilot's does.
+"""The MAVLink endpoints: the robots of a simulated world, each with an autopilot that behaves as ArduPilot's does.
 
-This is the contract with whoever talks to them. It imports nothing: the vehicles are another process, started by
+This is the contract with programs that talk to them. It imports nothing: the vehicles are another process, started by
 
 ```
 python -m soter_sim.mavlink [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
@@ -67,9 +67,9 @@ changes that:
   who judged the vehicle safe renews it.
 - Who has been named by a keeper other than itself is a *subordinate*: all it may send is targets, and requests for
   messages, parameters and missions. Everything else is DENIED, until 0, 0 or a reboot, also while the lease is dead.
-- While the lease lives, whoever is neither keeper nor subordinate may stop the vehicle (HOLD; BRAKE, LOITER, LAND;
-  disarm) and ask for messages; everything else is DENIED. When it is dead, they may do all that is possible without a
-  keeper.
+- While the lease lives, a program that is neither keeper nor subordinate may stop the vehicle (HOLD; BRAKE, LOITER,
+  LAND; disarm) and ask for messages; everything else is DENIED. When it is dead, they may do all that is possible
+  without a keeper.
 - NAMED_VALUE_INT `GMASTER` (request or stream 252) is 256 x system + component of the master, with a minus while the
   lease is dead, and 0 without a master. It is sent to everybody at once when it changes. POSITION_TARGET_LOCAL_NED (85)
   echoes the target while there is one, whether or not it moves the vehicle.

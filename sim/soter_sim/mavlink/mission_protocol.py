@@ -147,29 +147,23 @@ class MissionProtocol:
 
     def request_int(self, channel: Channel, by: Source, message: Message) -> None:
         """Take MISSION_REQUEST_INT."""
-        item = self._asked_for(channel, by, message)
-        if item is not None:
-            current = self._is_current(message)
-            channel.send(
-                self._autopilot.id,
-                mav.MAVLink_mission_item_int_message(
-                    *by, message.seq, item.frame, item.command, current, item.autocontinue, *item.params,
-                    item.x, item.y, item.z, message.mission_type,
-                ),
-            )  # fmt: skip
+        self._send_asked_for(channel, by, message, mav.MAVLink_mission_item_int_message)
 
     def request_float(self, channel: Channel, by: Source, message: Message) -> None:
         """Take MISSION_REQUEST, the older form."""
+        self._send_asked_for(channel, by, message, mav.MAVLink_mission_item_message, _E7)
+
+    def _send_asked_for(
+        self, channel: Channel, by: Source, message: Message, build: Callable[..., Message], unit: float | None = None
+    ) -> None:
+        """Send the item that is asked for; its place as whole numbers, or in a unit of so many of them."""
         item = self._asked_for(channel, by, message)
         if item is not None:
-            current = self._is_current(message)
-            channel.send(
-                self._autopilot.id,
-                mav.MAVLink_mission_item_message(
-                    *by, message.seq, item.frame, item.command, current, item.autocontinue, *item.params,
-                    item.x / _E7, item.y / _E7, item.z, message.mission_type,
-                ),
-            )  # fmt: skip
+            x, y = (item.x, item.y) if unit is None else (item.x / unit, item.y / unit)
+            channel.send(self._autopilot.id, build(
+                *by, message.seq, item.frame, item.command, self._is_current(message), item.autocontinue, *item.params,
+                x, y, item.z, message.mission_type,
+            ))  # fmt: skip
 
     def _asked_for(self, channel: Channel, by: Source, message: Message) -> Item | None:
         kind = message.mission_type

@@ -174,7 +174,7 @@ class Station:
         self, by: Source, message: Message, read: Callable[[Autopilot, Message], Place | Velocity]
     ) -> None:
         autopilot = self.autopilot
-        # As on any autopilot, nothing is said of what comes at the wrong time.
+        # As on any autopilot, what comes at the wrong time is not answered.
         if autopilot.mode is not Mode.GUIDED or not autopilot.armed or (autopilot.kind.flies and autopilot.landed):
             return
         try:

@@ -11,11 +11,11 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 
-from soter_sim.streamed import StreamedBase
+from soter_sim.velocity_controlled import VelocityControlledBase
 from soter_sim.world import World
 
 
-class Base(StreamedBase):
+class Base(VelocityControlledBase):
     """One robot.
 
     Args:

@@ -17,13 +17,13 @@ from rosgraph_msgs.msg import Clock
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.ros2.base import Base
-from soter_sim.streamed import StreamedFace
+from soter_sim.velocity_controlled import VelocityControlledEndpoint
 
 logger = logging.getLogger(__name__)
 
 
-class Endpoint(StreamedFace):
-    """The ROS 2 face of a world.
+class Endpoint(VelocityControlledEndpoint):
+    """The ROS 2 endpoint of a world.
 
     Args:
         workspace: fence, boxes, chargers.

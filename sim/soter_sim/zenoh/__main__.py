@@ -21,11 +21,11 @@ def main() -> None:
         ended = Ending(given.parent)
         session = open_session(options)
         try:
-            face = Endpoint(
+            endpoint = Endpoint(
                 workspace, robots, read_namespaces(given.namespaces), session, limits, stamped=given.stamped,
                 truth_port=given.truth_port, speedup=given.speedup,
             )  # fmt: skip
-            serve(face, ended, endpoints=endpoints(session))
+            serve(endpoint, ended, endpoints=endpoints(session))
         finally:
             close_session(session)
 

@@ -10,11 +10,11 @@ import zenoh
 
 from soter.adapters.zenoh import messages
 from soter.adapters.zenoh.talk import Voice, announce, hear_velocity
-from soter_sim.streamed import StreamedBase
+from soter_sim.velocity_controlled import VelocityControlledBase
 from soter_sim.world import World
 
 
-class Base(StreamedBase):
+class Base(VelocityControlledBase):
     """One robot.
 
     Args:

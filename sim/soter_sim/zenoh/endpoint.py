@@ -13,12 +13,12 @@ from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.talk import Voice, stamp_of
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter_sim.streamed import StreamedFace
+from soter_sim.velocity_controlled import VelocityControlledEndpoint
 from soter_sim.zenoh.base import Base
 
 
-class Endpoint(StreamedFace):
-    """The Zenoh face of a world.
+class Endpoint(VelocityControlledEndpoint):
+    """The Zenoh endpoint of a world.
 
     Args:
         workspace: fence, boxes, chargers.

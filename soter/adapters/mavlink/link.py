@@ -26,7 +26,7 @@ class Heard(NamedTuple):
     received_s: float
 
 
-class Twin(NamedTuple):
+class DuplicateVehicle(NamedTuple):
     """Two who say to be one vehicle.
 
     Attributes:
@@ -77,7 +77,7 @@ class MavlinkLink(ABC):
         system: the same.
         inboxes: by system id, of the vehicles that are listened to; filled before `start`.
         strangers: system ids of other autopilots that were heard, to say so.
-        twins: by system id, those who say to be a vehicle that is at another address already; they are not heard.
+        duplicates: by system id, those who say to be a vehicle that is at another address already; they are not heard.
         failed: how many messages could not be dealt with. The first is logged.
     """
 
@@ -86,13 +86,13 @@ class MavlinkLink(ABC):
         self.system: Final = system
         self.inboxes: Final[dict[int, Inbox]] = {}
         self.strangers: Final[set[int]] = set()
-        self.twins: Final[dict[int, Twin]] = {}
+        self.duplicates: Final[dict[int, DuplicateVehicle]] = {}
         self.failed = 0
 
     def send(self, system: int, component: int, name: str, fields: Fields) -> None:
         """Send a message to a vehicle in the name of one of our components; never wait.
 
-        What cannot be sent is dropped: whoever sends says it all again.
+        What cannot be sent is dropped: the sender repeats it.
 
         Args:
             system: to which vehicle.

@@ -24,7 +24,7 @@ from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle, place_of
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Controller
 
-_TWIN_MESSAGES: Final = 3
+_DUPLICATE_MESSAGES: Final = 3
 """So many are no stray packet."""
 
 _RETRY_S: Final = 0.4
@@ -154,7 +154,7 @@ class Preparation:
         for name, message_id in STREAMS.items():
             hz = yield from self._granted(name, message_id)
             yield from self._flows(name, hz)
-        self._refuse_twins()
+        self._refuse_duplicates()
         for message_id in _SLOW_STREAMS:
             vehicle.ask_for(KEEPER, message_id, _SLOW_HZ)
         vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_GPS_RAW_INT, _GPS_HZ)
@@ -267,11 +267,11 @@ class Preparation:
         self._asked_s = now_s
         return True
 
-    def _refuse_twins(self) -> None:
+    def _refuse_duplicates(self) -> None:
         vehicle = self._vehicle
-        twin = vehicle.link.twins.get(vehicle.system)
-        if twin is not None and twin.messages >= _TWIN_MESSAGES and twin.last_s >= self._since_s:
-            raise RobotUnavailable(f"{twin}; end one of them, or give it a system id of its own")
+        duplicate = vehicle.link.duplicates.get(vehicle.system)
+        if duplicate is not None and duplicate.messages >= _DUPLICATE_MESSAGES and duplicate.last_s >= self._since_s:
+            raise RobotUnavailable(f"{duplicate}; end one of them, or give it a system id of its own")
 
     def _granted(self, name: str, message_id: int) -> Generator[str, None, float]:
         """Ask for a message at a high rate, for less where that is denied; return the rate."""

@@ -1,4 +1,4 @@
-"""MAVLink 2 by pymavlink: one thread hears and decodes, whoever calls sends."""
+"""MAVLink 2 by pymavlink: one thread receives and decodes, the caller's sends."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.link import AUTOPILOT, Fields, Inbox, MavlinkLink, Twin
+from soter.adapters.mavlink.link import AUTOPILOT, DuplicateVehicle, Fields, Inbox, MavlinkLink
 from soter.adapters.mavlink.transport import Address, Peer, Transport, open_transport
 from soter.clock import Clock
 
@@ -129,12 +129,12 @@ class PymavlinkLink(MavlinkLink):
         """Return whether a vehicle speaks from where it is; the first place counts until it has fallen silent there."""
         agreed = self._peers.get(system)
         if agreed is not None and agreed[0] != peer and received_s - agreed[1] < SILENT_S:
-            twin = self.twins.get(system)
-            self.twins[system] = Twin(
-                _place(agreed[0]), _place(peer), 1 if twin is None else twin.messages + 1, received_s
+            before = self.duplicates.get(system)
+            found = self.duplicates[system] = DuplicateVehicle(
+                _place(agreed[0]), _place(peer), 1 if before is None else before.messages + 1, received_s
             )
-            if twin is None:
-                logger.warning("system %d: %s; give each vehicle a system id of its own", system, self.twins[system])
+            if before is None:
+                logger.warning("system %d: %s; give each vehicle a system id of its own", system, found)
             return False
         if agreed is not None and agreed[0] != peer:
             logger.warning("system %d: silent at %s, and now at %s", system, _place(agreed[0]), _place(peer))

@@ -252,7 +252,7 @@ class SimulatedFleet(Fleet):
     """Robots of one world; sleeping on the fleet's clock moves it.
 
     Attributes:
-        world: for whoever records or shows the world; robots are commanded through the interface.
+        world: for recordings and views of it; robots are commanded through the interface.
     """
 
     def __init__(

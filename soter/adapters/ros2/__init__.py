@@ -8,7 +8,7 @@ A robot is a namespace. In it SOTER uses these topics, all of standard types, al
 |---|---|---|---|
 | `odom` | nav_msgs/Odometry | robot | where it is, at its own time |
 | `battery_state` | sensor_msgs/BatteryState | robot | its charge |
-| `cmd_vel_ac` | geometry_msgs/Twist (or TwistStamped) | whoever is AC | the velocity that it asks for |
+| `cmd_vel_ac` | geometry_msgs/Twist (or TwistStamped) | the AC | the velocity that it asks for |
 | `cmd_vel_sc` | the same | SOTER | the velocity that its safe controller asks for |
 | `cmd_vel` | the same | mux | the one of the two that passes, or rest |
 | `soter/order` | std_msgs/String, latched | SOTER | who is in charge, and the lease: `wire.Order` |

@@ -154,7 +154,7 @@ def _wrong(
     found: Sequence[Any], topic: str, type_name: str, verb: str, profile: QoSProfile, *, hears: bool
 ) -> list[str]:
     if not found:
-        return [f"nobody {verb} {topic}"]
+        return [f"no node {verb} {topic}"]
     problems = []
     for info in found:
         theirs = info.qos_profile

@@ -26,8 +26,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
+from soter.onboard.gate_node import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, GateNode
 from soter.onboard.program import Ending, favour
-from soter.onboard.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
 from soter.onboard.velocity import REST, Velocity, VelocityGate
 from soter.onboard.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC
 
@@ -57,7 +57,7 @@ class MuxNode(Node):
         kind = TwistStamped if self._stamped else Twist
         self._velocities: Final = self.create_publisher(kind, CMD_VEL, 1)
         self._reports: Final = self.create_publisher(String, GATE, _LATCHED)
-        self._station: Final = _RosStation(gate, self)
+        self._station: Final = _RosGateNode(gate, self)
         self.create_subscription(String, ORDER, lambda message: self._station.hear_order(message.data), _LATCHED)
         self.create_subscription(kind, CMD_VEL_AC, lambda message: self._hear(AC, message), _STREAM)
         self.create_subscription(kind, CMD_VEL_SC, lambda message: self._hear(SC, message), _STREAM)
@@ -89,7 +89,7 @@ class MuxNode(Node):
         self._station.hear(by, Velocity(twist.linear.x, twist.angular.z))
 
 
-class _RosStation(Station):
+class _RosGateNode(GateNode):
     """The gate at work behind a node."""
 
     def __init__(self, gate: VelocityGate, node: MuxNode) -> None:

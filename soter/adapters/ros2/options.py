@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from soter.adapters.velocity_controlled.options import MessageNames, PlaceOptions, StreamedConfig
+from soter.adapters.velocity_controlled.options import MessageNames, PlaceOptions, VelocityControlledConfig
 from soter.problems import not_allowed
 
 _NAME: Final = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
@@ -25,8 +25,8 @@ class Ros2RobotOptions(PlaceOptions):
     """Where one robot is; its namespace is one of ROS, such as /robot1."""
 
     @classmethod
-    def check(cls, namespace: str) -> None:
-        _check_name(namespace)
+    def check(cls, name: str) -> None:
+        _check_name(name)
 
 
 def _check_name(name: str) -> None:
@@ -34,8 +34,8 @@ def _check_name(name: str) -> None:
         raise not_allowed("a ROS name such as odom or /robot1/odom")
 
 
-class Ros2Config(StreamedConfig):
-    """Options of the backend `ros2`, besides those of `StreamedConfig`.
+class Ros2Config(VelocityControlledConfig):
+    """Options of the backend `ros2`, besides those of `VelocityControlledConfig`.
 
     Attributes:
         robots: by number, where the robots are; where none is given, simulated ones are started.

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.ros2.options import Ros2Config
-from soter.adapters.velocity_controlled.robot import SETTLED, StreamedRobot, wait_for
+from soter.adapters.velocity_controlled.robot import SETTLED, VelocityControlledRobot, wait_for
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.onboard.wire import AC, SC
@@ -24,7 +24,7 @@ _NAMELESS_S: Final = 3.0
 """The name of a node is known this long after the node at the latest, unless it hides it."""
 
 
-class Ros2Robot(StreamedRobot):
+class Ros2Robot(VelocityControlledRobot):
     """One robot in a namespace of the ROS graph. It hears, and steers, in the graph's thread.
 
     Args:
@@ -107,7 +107,7 @@ class Ros2Robot(StreamedRobot):
             ]
             missing += graph.said_wrongly(node, topics.cmd_vel_sc, KINDS[config.stamped], graph.COMMAND)
         if config.use_sim_time and not graph.publishers(node, "/clock"):
-            missing.append("nobody publishes /clock, and use_sim_time is set")
+            missing.append("/clock has no publisher, and use_sim_time is set")
         return (
             f"within {config.discovery_s:g} s: {'; '.join(missing)}. Is the robot running, with `soter ros2-mux` "
             "beside it, and are the namespace, the topics and the ROS domain in [backends.ros2] right?"

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from soter.adapters.velocity_controlled.robot import StreamedRobot
-from soter.adapters.velocity_controlled.simulator import StreamedSimulator
+from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
+from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
 from soter.errors import RobotUnavailable
 from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
@@ -114,7 +114,7 @@ def _bound(port: int) -> socket.socket | None:
     return found
 
 
-class Ros2Simulator(StreamedSimulator):
+class Ros2Simulator(VelocityControlledSimulator):
     """A world in real time as ROS 2 robots, each with its mux. On this host only.
 
     Args:
@@ -159,8 +159,9 @@ class Ros2Simulator(StreamedSimulator):
         self.muxes[robot_id] = self._start(
             "soter.adapters.ros2.mux", "--robot", self.namespaces[robot_id], "--ros-args",
             "-p", "use_sim_time:=true", "-p", f"stamped:={stamped}",
-            "-p", f"lease_s:={StreamedRobot.counted_s(promised)!r}", "-p", f"v_max_m_s:={promised.v_max_m_s!r}",
-            "-p", f"yaw_rate_max_rad_s:={promised.yaw_rate_max_rad_s!r}", pipes=False,
+            "-p", f"lease_s:={VelocityControlledRobot.counted_s(promised)!r}",
+            "-p", f"v_max_m_s:={promised.v_max_m_s!r}", "-p", f"yaw_rate_max_rad_s:={promised.yaw_rate_max_rad_s!r}",
+            pipes=False,
         )  # fmt: skip
 
     def close(self) -> None:

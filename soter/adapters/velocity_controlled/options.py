@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
-from soter.adapters.velocity_controlled.robot import BASE, StreamedRobot
+from soter.adapters.velocity_controlled.robot import BASE, VelocityControlledRobot
 from soter.config.promises import Promise
 from soter.onboard.drive import tube_m
 from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
@@ -17,27 +17,10 @@ from soter.sdk import BackendConfig, Capabilities, RobotSpec
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class MessageNames(BaseModel):
-    """Where the messages of a robot are.
-
-    Attributes:
-        odom: nav_msgs/Odometry.
-        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
-        cmd_vel: what the mux passes on; looked at only, for whoever drives the robot past the mux.
-        cmd_vel_ac: what the AC asks for.
-        cmd_vel_sc: what the SC asks for.
-        order: who is in charge, to the mux.
-        gate: what the mux does.
-    """
+class _Named(BaseModel):
+    """Has names of the carrier's."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    odom: str = "odom"
-    battery: str = "battery_state"
-    cmd_vel: str = CMD_VEL
-    cmd_vel_ac: str = CMD_VEL_AC
-    cmd_vel_sc: str = CMD_VEL_SC
-    order: str = ORDER
-    gate: str = GATE
 
     @classmethod
     @abstractmethod
@@ -48,6 +31,28 @@ class MessageNames(BaseModel):
             ValueError: it is none; says what is allowed.
         """
 
+
+class MessageNames(_Named):
+    """Where the messages of a robot are.
+
+    Attributes:
+        odom: nav_msgs/Odometry.
+        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
+        cmd_vel: what the mux passes on; looked at only, to see what drives the robot past the mux.
+        cmd_vel_ac: what the AC asks for.
+        cmd_vel_sc: what the SC asks for.
+        order: who is in charge, to the mux.
+        gate: what the mux does.
+    """
+
+    odom: str = "odom"
+    battery: str = "battery_state"
+    cmd_vel: str = CMD_VEL
+    cmd_vel_ac: str = CMD_VEL_AC
+    cmd_vel_sc: str = CMD_VEL_SC
+    order: str = ORDER
+    gate: str = GATE
+
     @field_validator("*")
     @classmethod
     def _is_a_name(cls, name: str, field: ValidationInfo) -> str:
@@ -56,7 +61,7 @@ class MessageNames(BaseModel):
         return name
 
 
-class PlaceOptions(BaseModel):
+class PlaceOptions(_Named):
     """Where one robot is.
 
     Attributes:
@@ -65,18 +70,8 @@ class PlaceOptions(BaseModel):
             which its odometry reads 0, 0, 0.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     namespace: str
     odom_origin: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-
-    @classmethod
-    @abstractmethod
-    def check(cls, namespace: str) -> None:
-        """Refuse what is no namespace.
-
-        Raises:
-            ValueError: it is none; says what is allowed.
-        """
 
     @field_validator("namespace")
     @classmethod
@@ -85,7 +80,7 @@ class PlaceOptions(BaseModel):
         return namespace
 
 
-class StreamedConfig(BackendConfig):
+class VelocityControlledConfig(BackendConfig):
     """Options that every backend has whose robots are streamed to.
 
     Attributes:
@@ -105,7 +100,7 @@ class StreamedConfig(BackendConfig):
 
 def promised(promise: Promise) -> Capabilities:
     """Return what robots promise where so much is given."""
-    declared, given = StreamedRobot.declared, promise.given
+    declared, given = VelocityControlledRobot.declared, promise.given
     base = replace(declared, **given)
     limits = replace(BASE, v_max_m_s=base.v_max_m_s, brake_m_s2=base.brake_m_s2)
     # While clocks are learned, a position is off by so much time at top speed.
@@ -114,6 +109,6 @@ def promised(promise: Promise) -> Capabilities:
     return replace(base, **{**derived, **given})
 
 
-def promising(spec: RobotSpec, config: StreamedConfig) -> RobotSpec:
+def promising(spec: RobotSpec, config: VelocityControlledConfig) -> RobotSpec:
     """Return a robot with what it is asked to promise: for all of them, unless something is asked of it already."""
     return spec if spec.promised is not None else replace(spec, promised=config.promised())

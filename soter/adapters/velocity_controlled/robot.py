@@ -15,7 +15,7 @@ from soter.adapters.velocity_controlled.motion import Charge, MeasuredMotion, Po
 from soter.clock import VehicleClock
 from soter.errors import Intruder, Unsupported
 from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits
-from soter.onboard.station import PERIOD_S
+from soter.onboard.gate_node import PERIOD_S
 from soter.onboard.wire import SC, GateReport, Order
 from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, RobotState, Waypoint
 
@@ -66,7 +66,7 @@ class _Doing(NamedTuple):
     renewed_steady_s: float
 
 
-class StreamedRobot(Robot):
+class VelocityControlledRobot(Robot):
     """One robot behind a mux.
 
     Odometry is taken in the thread that hears it, which also steers: at each message it sends the next velocity for the
@@ -224,7 +224,7 @@ class StreamedRobot(Robot):
 
     def _send_goto(self, goal: Goal) -> None:
         if not self._speaks_for(goal.by.value):
-            raise Unsupported(f"robot {self.id}: its AC is somebody else's program, and is not spoken for")
+            raise Unsupported(f"robot {self.id}: its AC is another program, and SOTER sends nothing in its name")
         self._doing = self._doing._replace(target=goal.target, goal_id=goal.id)
         self._steer()
 
@@ -297,7 +297,7 @@ class StreamedRobot(Robot):
         """Return why the robot did not settle, as its mux reports it; None where its mux takes no order of ours."""
         gate, latest = self._gate, self._latest
         if self._follows_another():
-            return "its mux follows somebody else, whose lease lives; end the other program that commands it"
+            return "its mux follows another program, whose lease lives; end that program"
         if gate is not None and gate.session == self._order.session and latest is not None:
             return self.declared.unrest(latest[0])
         return None

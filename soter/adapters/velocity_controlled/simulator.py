@@ -7,13 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from soter.adapters.velocity_controlled.robot import StreamedRobot
+from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
 from soter.geometry.workspace import Workspace
 from soter.sdk import Capabilities, RobotSpec, RuleLimits, program
 from soter.sdk.wire import describe
 
 
-class StreamedSimulator(ABC):
+class VelocityControlledSimulator(ABC):
     """A world in real time and its robots' muxes, which end with this process, however it ends.
 
     It starts the world's process, which then waits for the world: `_hand_over`. Muxes may be started before or after.
@@ -57,7 +57,7 @@ class StreamedSimulator(ABC):
     def promised(self, robot_id: int) -> Capabilities:
         """Return what a robot is asked to promise, which its mux is told."""
         spec = next(spec for spec in self._robots if spec.id == robot_id)
-        return StreamedRobot.declared if spec.promised is None else spec.promised
+        return VelocityControlledRobot.declared if spec.promised is None else spec.promised
 
     def close(self) -> None:
         """End the processes and wait until they are gone. Idempotent."""

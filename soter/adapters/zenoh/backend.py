@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from soter.adapters.velocity_controlled.options import promising
-from soter.adapters.velocity_controlled.robot import StreamedRobot, wait_for
+from soter.adapters.velocity_controlled.robot import VelocityControlledRobot, wait_for
 from soter.adapters.zenoh.options import ZenohConfig, ZenohRobotOptions
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.simulator import ZenohSimulator
@@ -25,7 +25,7 @@ _LISTEN_S: Final = 0.5
 """How long to listen for others who drive a robot, before it is taken."""
 
 
-class ZenohRobot(StreamedRobot):
+class ZenohRobot(VelocityControlledRobot):
     """One robot below a namespace, which its keys begin with."""
 
     def __init__(self, spec: RobotSpec, clock: VehicleClock, session: zenoh.Session, config: ZenohConfig) -> None:

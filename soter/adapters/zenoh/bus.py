@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 class ZenohBus:
-    """Keys and bytes, to everybody else on the network who subscribes. Its own messages do not come back to it.
+    """Keys and bytes, to all other subscribers on the network. Its own messages do not come back to it.
 
     What is heard under a key is heard in a thread of that key's own, one message after another; what has not been heard
     when 1000 newer messages are there is lost. Whatever fails there is counted, the first time logged, and concerns no
@@ -63,7 +63,7 @@ class ZenohBus:
         return sum(listener.failed for listener in self._listeners)
 
     def publish(self, key: str, payload: bytes) -> None:
-        """Send it to whoever subscribes. From any thread. Never waits and never raises; it may get lost."""
+        """Send it to all subscribers. From any thread. Never waits and never raises; it may get lost."""
         import zenoh
 
         try:

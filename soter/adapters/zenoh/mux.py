@@ -26,8 +26,8 @@ from soter.adapters.zenoh.programs import add_session, positive, read_session, r
 from soter.adapters.zenoh.session import close_session, open_session
 from soter.adapters.zenoh.talk import Ear, Voice, announce, hear_velocity, make_velocity, stamp_of
 from soter.config import validate_options
+from soter.onboard.gate_node import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, GateNode
 from soter.onboard.program import Ending, favour
-from soter.onboard.station import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, Station
 from soter.onboard.velocity import REST, Velocity, VelocityGate
 from soter.onboard.wire import AC, SC
 
@@ -37,7 +37,7 @@ _REPORT_S: Final = 0.25
 """Whoever comes later, or did not hear the last report, has not to wait longer for one."""
 
 
-class ZenohStation(Station):
+class ZenohGateNode(GateNode):
     """The gate of one robot at work on keys. What is heard, and the looks, come from threads of their own, in turn.
 
     Args:
@@ -146,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ended = Ending(given.parent)
         session = open_session(options)
         try:
-            station = ZenohStation(
+            station = ZenohGateNode(
                 session, keys, gate, given.robot, clock=given.clock, stamped=given.stamped, rate=given.speedup
             )
             if given.parent is None:
@@ -161,7 +161,7 @@ def connections(session: Any, robot: str) -> str:
     """Return in words to what the mux of a robot is connected now."""
     routers, peers = (len(list(each())) for each in (session.info.routers_zid, session.info.peers_zid))
     if not routers and not peers:
-        return f"{robot}: a Zenoh session is open, but nobody is in it yet"
+        return f"{robot}: a Zenoh session is open, and no other program is in it yet"
     return f"{robot}: connected to {routers} Zenoh router{'s' * (routers != 1)} and {peers} peer{'s' * (peers != 1)}"
 
 

@@ -8,9 +8,9 @@ from typing import Annotated, Final
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from soter.adapters.velocity_controlled.options import MessageNames, PlaceOptions, StreamedConfig
+from soter.adapters.velocity_controlled.options import MessageNames, PlaceOptions, VelocityControlledConfig
 from soter.adapters.zenoh.session import SessionOptions
-from soter.onboard.station import PERIOD_S
+from soter.onboard.gate_node import PERIOD_S
 from soter.problems import not_allowed
 from soter.sdk import Capabilities
 
@@ -43,8 +43,8 @@ class ZenohRobotOptions(PlaceOptions):
     """Where one robot is; its namespace is what its keys begin with, such as robot1."""
 
     @classmethod
-    def check(cls, namespace: str) -> None:
-        check_key(namespace)
+    def check(cls, name: str) -> None:
+        check_key(name)
 
 
 def check_key(key: str) -> None:
@@ -57,8 +57,8 @@ def check_key(key: str) -> None:
         raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
 
 
-class ZenohConfig(StreamedConfig):
-    """Options of the backend `zenoh`, besides those of `StreamedConfig`.
+class ZenohConfig(VelocityControlledConfig):
+    """Options of the backend `zenoh`, besides those of `VelocityControlledConfig`.
 
     Attributes:
         robots: by number, where the robots are; where none is given, simulated ones are started.

@@ -34,9 +34,9 @@ def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
             if endpoint.protocol == "tls" and tls is not None:
                 _shake_hands(connected, endpoint.host, tls)
     except ConnectionRefusedError:
-        return "nobody listens there; start it, or correct host and port"
+        return "no program listens there; start it, or correct host and port"
     except TimeoutError:
-        return "nobody answers there; look whether the host is up, and for firewalls on the way"
+        return "no answer from there; look whether the host is up, and for firewalls on the way"
     except socket.gaierror as failure:
         return f"its host is not known ({failure.strerror}); correct the name"
     except ssl.SSLCertVerificationError as failure:
@@ -49,7 +49,7 @@ def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
     except OSError as failure:
         return f"{failure.strerror or failure}"
     return (
-        "somebody listens there and does not let us in; it must be a Zenoh router or peer, encrypt as we do, and "
+        "a program listens there and refuses the session; it must be a Zenoh router or peer, encrypt as we do, and "
         "ask for a username exactly if one is given here"
     )
 

@@ -91,7 +91,7 @@ class TlsOptions(BaseModel, extra="forbid", frozen=True):
         root_ca: the certificates of the authorities that are believed, in PEM; nobody else's count.
         certificate: this session's own, in PEM, for both ends of links.
         private_key: that of the certificate, in PEM, without a passphrase.
-        mutual: whoever connects to this session must show a certificate too.
+        mutual: peers that connect to this session must show a certificate too.
         verify_name: the host that is connected to must be named in the certificate that it shows.
     """
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from soter.adapters.velocity_controlled.robot import StreamedRobot
-from soter.adapters.velocity_controlled.simulator import StreamedSimulator
+from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
+from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
 from soter.adapters.zenoh.options import CLOCK
 from soter.adapters.zenoh.session import SessionOptions
 from soter.geometry.workspace import Workspace
@@ -17,7 +17,7 @@ from soter.scratch import Scratch
 from soter.sdk import RobotSpec, RuleLimits
 
 
-class ZenohSimulator(StreamedSimulator):
+class ZenohSimulator(VelocityControlledSimulator):
     """A world in real time as robots on keys, each with its mux. On this host only, unless told otherwise.
 
     Args:
@@ -27,8 +27,8 @@ class ZenohSimulator(StreamedSimulator):
         stamped: whether velocities are TwistStamped.
         speedup: seconds of the world in one of the host.
         truth_port: where the world tells the truth; 0 for any port that is free.
-        private: whether all sessions know each other by a name and a password of this world's own, where nothing else
-            is said of how others reach it.
+        private: whether all sessions know each other by a name and a password of this world's own, unless the
+            session's options say how others reach it.
         limits: what the mission promises, which the truth is judged by.
 
     Attributes:
@@ -69,8 +69,9 @@ class ZenohSimulator(StreamedSimulator):
         promised = self.promised(robot_id)
         self.muxes[robot_id] = self._start(
             "soter.adapters.zenoh.mux", "--robot", self.namespaces[robot_id], "--session", self._session_file,
-            "--clock", CLOCK, "--lease", repr(StreamedRobot.counted_s(promised)), "--v-max", repr(promised.v_max_m_s),
-            "--yaw-rate-max", repr(promised.yaw_rate_max_rad_s), *self._flags, pipes=False,
+            "--clock", CLOCK, "--lease", repr(VelocityControlledRobot.counted_s(promised)),
+            "--v-max", repr(promised.v_max_m_s), "--yaw-rate-max", repr(promised.yaw_rate_max_rad_s),
+            *self._flags, pipes=False,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -78,7 +79,7 @@ class ZenohSimulator(StreamedSimulator):
         self._folder.close()
 
     def _private(self, session: SessionOptions) -> SessionOptions:
-        """Return a session with a name and a password, drawn at random, that whoever connects must know.
+        """Return a session with a name and a password, drawn at random, that a peer must know to connect.
 
         It is a router, so that nobody else listens: among peers everybody would have to be asked for the password.
         """

@@ -121,12 +121,12 @@ class Wire:
         def note(forward_m_s: float, turn_rad_s: float) -> None:
             # The mux says rest there, all the time.
             if forward_m_s or turn_rad_s:
-                past.append(f"somebody says velocities on {self.keys.cmd_vel} and drives it past the mux")
+                past.append(f"another program says velocities on {self.keys.cmd_vel} and drives it past the mux")
 
         ear = self._hear_velocity(self.keys.cmd_vel, note)
         time.sleep(listen_s)
         ear.close()
-        forged = f"somebody says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
+        forged = f"another program says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
         return [*past[:1], *([forged] if self.ears["cmd_vel_sc"].heard else [])]
 
     def watch(self, intruder: Callable[[str], object]) -> None:
@@ -137,7 +137,7 @@ class Wire:
 
         def heard(forward_m_s: float, turn_rad_s: float) -> None:
             if not self._said.explains(forward_m_s, turn_rad_s, time.monotonic()):
-                intruder(f"somebody else says velocities on {self.keys.cmd_vel} and drives it past the mux")
+                intruder(f"another program says velocities on {self.keys.cmd_vel} and drives it past the mux")
 
         # An advanced controller of the user's own may ask for what it wants.
         self.ears["cmd_vel_ac"] = self._hear_velocity(
@@ -145,7 +145,7 @@ class Wire:
         )
         self.ears["cmd_vel"] = self._hear_velocity(self.keys.cmd_vel, heard)
         self._forged = lambda: intruder(
-            f"somebody else says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
+            f"another program says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
         )
 
     def _no_link(self) -> list[str]:
@@ -154,7 +154,7 @@ class Wire:
         if self._session.info.links():
             return []
         if not options.connect:
-            return ["nobody has connected, and session.connect names nobody to connect to"]
+            return ["no peer has connected, and session.connect names none"]
         return [f"no link to {text}: {why_not_reached(Endpoint.parse(text), options.tls)}" for text in options.connect]
 
     def _hear_velocity(self, key: str, take: Callable[[float, float], object]) -> Ear[Any]:
@@ -162,5 +162,5 @@ class Wire:
 
     def _warn_of_forger(self, *_velocity: float) -> None:
         if self.ears["cmd_vel_sc"].heard == 1:
-            logger.warning("%s: somebody else speaks for its safe controller", self.keys.cmd_vel_sc)
+            logger.warning("%s: another program speaks for its safe controller", self.keys.cmd_vel_sc)
         self._forged()

@@ -35,7 +35,6 @@ class Rta:
     obstacle_reach_m: float = 0.1
     apart_m: float = 0.5
     passing_m: float = 0.5
-    collision_safe_m: float = 0.3
     collision_safer_m: float = 0.5
 
     def with_own_modules(self, rng: Random, room: DrawnRoom, figures: Figures, nasty: bool) -> None:
@@ -128,7 +127,7 @@ def _collision(rng: Random, found: Rta, figures: Figures, nasty: bool) -> None:
             safe_m = round(rng.uniform(0.05, 0.25), 3)
         safer_m = _up(safe_m + 2.0 * figures.spare_m(delta_s) * _slack(rng, nasty))
         found.table["collision"] = {"delta_s": delta_s, "phi_safe_m": safe_m, "phi_safer_m": safer_m}
-    found.collision_safe_m, found.collision_safer_m = safe_m, safer_m
+    found.collision_safer_m = safer_m
     found.apart_m = safer_m + 0.002
     # Two robots that pass each other under their safe controllers, or one that passes a robot at its station.
     found.passing_m = safer_m + 2.0 * figures.reach_m(delta_s) + 0.05

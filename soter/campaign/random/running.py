@@ -17,7 +17,7 @@ from soter.campaign.random.room import DrawnRoom
 from soter.campaign.random.witness import WATCHED, witnesses
 from soter.config import MissionFile, load_mission
 from soter.registry import load_backend
-from soter.runner import Run, run_mission
+from soter.runner import Follower, Run, run_mission
 from soter.scratch import Scratch
 from soter.specs import read_options
 
@@ -95,7 +95,7 @@ def run_judged(
     if backend in mission.backends:
         overrides["backends"] = {**mission.backends, WATCHED[backend]: mission.backends[backend]}
     mission = load_mission(mission_file, overrides)
-    run = run_mission(mission, stop=stop, record=record)
+    run = run_mission(mission, record=record, follower=Follower(stop=stop))
     return run, _judged(Configuration.read(mission_file).room, mission, run)
 
 

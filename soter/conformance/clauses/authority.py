@@ -46,11 +46,8 @@ def flushes(bench: Bench) -> None:
     """A switch flushes what the other had in flight, on the vehicle too: the robot stops."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
-    called_s = bench.now_s
     robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.expect_stop(
-        robot, called_s, "_hand_over() leaves the old controller's set-points in force, or comes too late"
-    )
+    bench.expect_stop(robot, "_hand_over() leaves the old controller's set-points in force, or comes too late")
 
 
 @clause("authority.at_once", truth=True)
@@ -65,11 +62,10 @@ def at_once(bench: Bench) -> None:
     )
     robot.switch_ac_sc(Controller.AC, "conformance")
     bench.get_going(robot, bench.place(robot, 0.9))
-    called_s = bench.now_s
     for to in (Controller.SC, Controller.AC):
         robot.switch_ac_sc(to, "conformance")
     bench.expect_stop(
-        robot, called_s, "two switches at once, to and fro, are none to the vehicle, which looks at the last one only: "
+        robot, "two switches at once, to and fro, are none to the vehicle, which looks at the last one only: "
         "each flushes"
     )  # fmt: skip
 
@@ -226,9 +222,8 @@ def flood_then_switch(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, 0.9))
     for _ in range(500):
         robot.goto(bench.place(robot, 0.9), Controller.AC)
-    called_s = bench.now_s
     robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.expect_stop(robot, called_s, "the switch waits behind gotos in a queue, or they are executed after it")
+    bench.expect_stop(robot, "the switch waits behind gotos in a queue, or they are executed after it")
 
 
 @clause("authority.old_cancel")

@@ -101,12 +101,11 @@ def nearly_flat(bench: Bench) -> None:
     )  # fmt: skip
     low = "once its battery is nearly flat it does otherwise, such as going home by itself"
     goal = bench.get_going(robot, bench.place(robot, 0.9), cause=f"{low}, or not at all")
-    called_s = bench.now_s
     goal.cancel()
-    bench.expect_stop(robot, called_s, f"a cancel does not count: {low}")
+    bench.expect_stop(robot, f"a cancel does not count: {low}")
     bench.get_going(robot, bench.place(robot, -0.9), cause=f"{low}, or not at all")
     bench.expect_stop(
-        robot, bench.now_s, f"its lease does not count: {low}", extra_s=bench.caps.lease_s, renew=False
+        robot, f"its lease does not count: {low}", extra_s=bench.caps.lease_s, renew=False
     )  # fmt: skip
 
 

@@ -182,6 +182,6 @@ def restart(bench: Bench) -> None:
     bench.run(SETTLE_S)
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.expect_stop(
-        robot, bench.now_s, "after a restart its lease is longer than lease_s: what was set is lost with the power",
+        robot, "after a restart its lease is longer than lease_s: what was set is lost with the power",
         extra_s=bench.caps.lease_s, renew=False,
     )  # fmt: skip

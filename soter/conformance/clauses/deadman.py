@@ -97,9 +97,7 @@ def reading(bench: Bench) -> None:
     """Reading the state does not renew the lease."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
-    bench.expect_stop(
-        robot, bench.now_s, "read_state() renews the lease" + _RENEWED, extra_s=bench.caps.lease_s, renew=False
-    )
+    bench.expect_stop(robot, "read_state() renews the lease" + _RENEWED, extra_s=bench.caps.lease_s, renew=False)
 
 
 def _renews_nothing(bench: Bench, robot: Robot, call: Callable[[], object], what: str) -> None:

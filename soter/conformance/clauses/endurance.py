@@ -111,7 +111,7 @@ def counters(bench: Bench) -> None:
         named in (None, goal.id), f"after {sent} goals samples name goal {named}, not {goal.id}: of too few digits"
     )
     goal.cancel()
-    bench.expect_stop(robot, bench.now_s, cause)
+    bench.expect_stop(robot, cause)
 
 
 class _Commands:

@@ -99,10 +99,9 @@ def cancel(bench: Bench) -> None:
         "a goto to the place of one that was cancelled is taken for the same, and not sent",
     ):
         goal = bench.get_going(robot, bench.place(robot, 0.9), cause=cause)
-        called_s = bench.now_s
         goal.cancel()
         bench.require_status(goal, GoalStatus.CANCELLED, "_cancel() is overridden")
-        bench.expect_stop(robot, called_s, "_halt() does nothing, or is not passed on to the vehicle")
+        bench.expect_stop(robot, "_halt() does nothing, or is not passed on to the vehicle")
     bench.go(robot, bench.place(robot, 0.2, 0.2), cause="after a cancel the robot takes no new goal")
     if bench.caps.reverses:
         bench.run(SETTLE_S)
@@ -114,9 +113,8 @@ def cancel(bench: Bench) -> None:
         )  # fmt: skip
         with suppress(Unsupported):
             goal = bench.get_going(robot, behind)
-            called_s = bench.now_s
             goal.cancel()
-            bench.expect_stop(robot, called_s, "while it drives backwards a cancel does not stop it")
+            bench.expect_stop(robot, "while it drives backwards a cancel does not stop it")
 
 
 @clause("goal.of_sc")
@@ -124,19 +122,15 @@ def of_sc(bench: Bench) -> None:
     """What ends a goal of the AC ends one of the SC: a cancel, its time-out, and a lease that ends."""
     robot = bench.open_one(Controller.SC)
     goal = bench.get_going(robot, bench.place(robot, 0.9), Controller.SC)
-    called_s = bench.now_s
     goal.cancel()
-    bench.expect_stop(robot, called_s, "a cancel stops goals of the AC only")
+    bench.expect_stop(robot, "a cancel stops goals of the AC only")
     bench.get_going(robot, bench.place(robot, -0.9), Controller.SC)
-    bench.expect_stop(
-        robot, bench.now_s, "the lease counts for goals of the AC only", extra_s=bench.caps.lease_s, renew=False
-    )
+    bench.expect_stop(robot, "the lease counts for goals of the AC only", extra_s=bench.caps.lease_s, renew=False)
     timeout_s = 0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s
     goal = robot.goto(bench.place(robot, 0.9, timeout_s=timeout_s), Controller.SC)
     bench.run(timeout_s + 1.0, lambda: not goal.active)
-    called_s = bench.now_s
     bench.require_status(goal, GoalStatus.TIMED_OUT, "the goal's own time-out counts, in fleet time")
-    bench.expect_stop(robot, called_s, "the time-out of a goal stops goals of the AC only")
+    bench.expect_stop(robot, "the time-out of a goal stops goals of the AC only")
 
 
 @clause("goal.cancel_early")
@@ -196,7 +190,7 @@ def timeout(bench: Bench) -> None:
         "the time-out is not kept in fleet time",
     )
     bench.require(called_s - sent_s >= timeout_s - 1e-6, "it timed out early: host time instead of fleet time")
-    bench.expect_stop(robot, called_s, "a goal that timed out is not stopped on the vehicle")
+    bench.expect_stop(robot, "a goal that timed out is not stopped on the vehicle")
 
 
 @clause("goal.written_in_read_state")

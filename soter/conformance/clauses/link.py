@@ -225,10 +225,9 @@ def switch_is_not_lost(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.faulty = True
     bench.harness.loss(0.5)
-    called_s = bench.now_s
     robot.switch_ac_sc(Controller.SC, "conformance")
     bench.expect_stop(
-        robot, called_s, "a switch that got lost is not repeated: say with each renewal who is in charge",
+        robot, "a switch that got lost is not repeated: say with each renewal who is in charge",
         extra_s=bench.caps.lease_s + 6 * TICK_S,
     )  # fmt: skip
 

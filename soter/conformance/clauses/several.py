@@ -31,7 +31,7 @@ def ids(bench: Bench) -> None:
         sample = bench.look(robot)
         bench.require(
             sample.state.robot_id == robot.id,
-            f"robot {robot.id} hands out a sample of robot {sample.state.robot_id}: keep samples by whom they are from",
+            f"robot {robot.id} hands out a sample of robot {sample.state.robot_id}: keep each robot's samples apart",
         )
         off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
         bench.require(
@@ -185,7 +185,7 @@ def last(bench: Bench) -> None:
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.expect_stop(
-        robot, bench.now_s, "what watches the leases of two robots leaves out those behind them", renew=False,
+        robot, "what watches the leases of two robots leaves out those behind them", renew=False,
         extra_s=bench.caps.lease_s,
     )  # fmt: skip
 

@@ -52,7 +52,7 @@ class Adversary(Controller, ABC):
 
     Options: ClassVar[type[BaseModel]] = AdversaryOptions
     options: AdversaryOptions
-    fleet = True
+    fleet = per_process = True
 
     @abstractmethod
     def act(self, now_s: float, tick: int) -> None: ...

@@ -111,7 +111,7 @@ def enter(
     Args:
         box: what it is to be boxed in with.
         scratch: an empty folder, the only one that it may write to.
-        inherited: what is taken from whoever started it, and so from it, and by what.
+        inherited: what is taken from its parent, and so from it, and by what.
         close: descriptors that only the boxed process holds.
         lifeline_fd: read end of a pipe; when the other end is closed, all of it ends.
     """

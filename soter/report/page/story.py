@@ -24,7 +24,7 @@ from soter.report.page.rules import RuleMargins, modules_of
 S = TypeVar("S", bound=MutableSequence[Any])
 
 
-class Grown(Generic[S]):
+class IncrementalSeries(Generic[S]):
     """A sequence of which only what is new or has changed need be told.
 
     Args:
@@ -60,14 +60,14 @@ class Grown(Generic[S]):
         return since, self.values[since:]  # type: ignore[return-value]
 
 
-class Rows(Grown[list[list[Any]]]):
+class Rows(IncrementalSeries[list[list[Any]]]):
     """Rows of a table."""
 
     def __init__(self) -> None:
         super().__init__([])
 
 
-class Numbers(Grown["array[float]"]):
+class Numbers(IncrementalSeries["array[float]"]):
     """A column of numbers."""
 
     def __init__(self) -> None:

@@ -146,7 +146,7 @@ class Lane:
         if not self._ready:
             self._begin(message)
         elif self._busy is None:
-            raise Garbage("a message that nobody asked for")
+            raise Garbage("an answer without a request")
         else:
             job = self._busy
             job.result = decode_result(job.number, job.request.request_id, message)

@@ -21,7 +21,7 @@ from soter.geometry.earth import Projection
 from soter.geometry.reading import read_workspace
 from soter.geometry.site import GeoOrigin
 from soter.geometry.workspace import Workspace
-from soter.runner import run_mission
+from soter.runner import Follower, run_mission
 from soter.sdk import Controller, Fleet, RobotSpec, Waypoint
 from tests.adapters.mavlink.puppet import Puppet, ready, tick
 from tests.adapters.mavlink.test_missions import EXAMPLES, SAFE, options
@@ -227,7 +227,9 @@ def test_given_vehicles_keep_every_rule_in_a_harbour(origin: tuple[float, float]
             way_m = math.hypot(*autopilot.said()[:2])
             ways_m[autopilot.id] = max(ways_m.get(autopilot.id, 0.0), way_m)
 
-    result = run_mission(load_mission(EXAMPLES / "ardurover" / "mission.toml", overrides), pace=looks).result
+    result = run_mission(
+        load_mission(EXAMPLES / "ardurover" / "mission.toml", overrides), follower=Follower(pace=looks)
+    ).result
     assert (result.status, result.violations, result.uncontrolled) == ("completed", SAFE, {})
     assert result.assumptions == {}
     assert result.ac_share >= 0.4

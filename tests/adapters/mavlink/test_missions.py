@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.config import load_mission
 from soter.conformance import Verdict, find_harness, judge, select
 from soter.conformance.given import Given
-from soter.runner import RunResult, run_mission
+from soter.runner import Follower, RunResult, run_mission
 from soter.sdk import Controller, RobotSpec, Waypoint
 from tests.adapters.mavlink.virtual import BACKEND, VirtualBackend, VirtualConfig, Wire
 
@@ -46,7 +46,7 @@ def run(
     def pace(now_s: float) -> None:
         happens(VirtualBackend.wire, round(now_s - HAPPENS_S, 3))
 
-    return run_mission(mission, pace=pace).result
+    return run_mission(mission, follower=Follower(pace=pace)).result
 
 
 def once(what: Callable[[Wire], object], at_s: float = 0.0) -> Callable[[Wire, float], object]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from soter.errors import Intruder, RobotUnavailable, Unsupported
+from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from tests.adapters.velocity_controlled import behaviour
 from tests.adapters.velocity_controlled.driving import PATIENT, ROOM, SPECS, tick
@@ -91,8 +91,8 @@ def refusal(fleet: WireFleet[Any]) -> str:
 def test_what_is_missing_is_listed(simulator: Ros2Simulator, open_fleet: Open) -> None:
     text = refusal(open_fleet(simulator, ready=False, robots={1: {"namespace": "/nobody"}}, discovery_s=3.0))
     assert text.startswith("robot 1 at /nobody: within 3 s: ")
-    for missing in ("nobody publishes odom", "nobody publishes battery_state", "nobody publishes soter/gate",
-                    "nobody subscribes to cmd_vel_sc"):  # fmt: skip
+    for missing in ("no node publishes odom", "no node publishes battery_state", "no node publishes soter/gate",
+                    "no node subscribes to cmd_vel_sc"):  # fmt: skip
         assert missing in text
     assert "/clock" not in text
     assert "Is the robot running, with `soter ros2-mux` beside it" in text
@@ -140,19 +140,12 @@ def test_whoever_goes_round_the_mux_later_is_noticed_too(
 
     robot = open_fleet(simulator).robots[0]
 
-    def intruder() -> str:
-        try:
-            robot.renew_lease()
-        except Intruder as found:
-            return repr(found)
-        return ""
-
-    assert not intruder()
+    assert not behaviour.intruder(robot)
     node = graph.node("/teleop")
     publisher = node.create_publisher(Twist, f"/robot1/{topic}", 1)
-    wait_until(lambda: "/teleop/soter publish" in intruder())
+    wait_until(lambda: "/teleop/soter publish" in behaviour.intruder(robot))
     node.destroy_publisher(publisher)
-    wait_until(lambda: not intruder())
+    wait_until(lambda: not behaviour.intruder(robot))
 
 
 def test_a_robot_that_follows_another_program_is_refused(open_fleet: Open) -> None:
@@ -175,7 +168,7 @@ def test_an_ac_that_is_somebody_elses_is_not_spoken_for(
     robot = fleet.robots[0]
     assert graphs.publishers(graph.node("/looking"), "/robot1/cmd_vel_ac") == []
     robot.switch_ac_sc(Controller.AC, "test")
-    with pytest.raises(Unsupported, match="its AC is somebody else's program"):
+    with pytest.raises(Unsupported, match="its AC is another program"):
         robot.goto(Waypoint(2.3, 2.6), Controller.AC)
 
 

@@ -59,7 +59,7 @@ def test_a_monitor_without_robots_says_what_is_missing_and_moves_nothing() -> No
         _, err = process.communicate(timeout=60)
     domain.close()
     assert process.returncode == 2
-    assert "robot 1 at /robot1: within 0.5 s: nobody publishes odom" in err
+    assert "robot 1 at /robot1: within 0.5 s: no node publishes odom" in err
 
 
 def test_a_signal_ends_the_monitors_wait_for_robots_that_are_not_there() -> None:

@@ -28,7 +28,7 @@ ITS_OWN = {
     "soter.onboard.gate",
     "soter.onboard.mux",
     "soter.onboard.program",
-    "soter.onboard.station",
+    "soter.onboard.gate_node",
     "soter.onboard.velocity",
     "soter.onboard.wire",
 }

@@ -8,10 +8,19 @@ from collections.abc import Callable
 
 import pytest
 
-from soter.adapters.velocity_controlled.simulator import StreamedSimulator
-from soter.errors import RobotUnavailable
-from soter.sdk import Controller, Fleet, GoalStatus, Link, Waypoint
+from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
+from soter.errors import Intruder, RobotUnavailable
+from soter.sdk import Controller, Fleet, GoalStatus, Link, Robot, Waypoint
 from tests.adapters.velocity_controlled.driving import rest_after_s, tick, under_way
+
+
+def intruder(robot: Robot) -> str:
+    """What a robot says of who goes round its mux; empty where nobody does."""
+    try:
+        robot.renew_lease()
+    except Intruder as found:
+        return repr(found)
+    return ""
 
 
 def drives(fleet: Fleet) -> None:
@@ -40,7 +49,7 @@ def silence(fleet: Fleet) -> None:
     assert stopped_s <= caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2 + 0.2
 
 
-def mux_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
+def mux_dies(fleet: Fleet, simulator: VelocityControlledSimulator) -> None:
     """When its mux dies the robot stops, and goes on with the next."""
     under_way(fleet)
     simulator.muxes[1].kill()
@@ -54,7 +63,7 @@ def mux_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
     assert goal.status is GoalStatus.REACHED
 
 
-def robot_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
+def robot_dies(fleet: Fleet, simulator: VelocityControlledSimulator) -> None:
     """When the robot dies its link goes down, and closing does not hang."""
     under_way(fleet)
     simulator.world.kill()
@@ -74,7 +83,10 @@ def robot_dies(fleet: Fleet, simulator: StreamedSimulator) -> None:
 
 
 def robot_reboots(
-    fleet: Fleet, simulator: StreamedSimulator, start_again: Callable[[], StreamedSimulator], on_s: float
+    fleet: Fleet,
+    simulator: VelocityControlledSimulator,
+    start_again: Callable[[], VelocityControlledSimulator],
+    on_s: float,
 ) -> None:
     """A robot that was on for so long, and was switched off and on again, works without a restart."""
     robot = fleet.robots[0]
@@ -104,7 +116,7 @@ def follows_another_program(first: Fleet, other: Fleet) -> None:
     renewing = threading.Thread(target=lambda: tick(first, done.is_set, 30.0))
     renewing.start()
     try:
-        with pytest.raises(RobotUnavailable, match="its mux follows somebody else, whose lease lives"):
+        with pytest.raises(RobotUnavailable, match="its mux follows another program, whose lease lives"):
             other.robots[0].init(5.0)
     finally:
         done.set()

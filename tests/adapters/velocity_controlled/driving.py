@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from soter.adapters.velocity_controlled.robot import StreamedRobot
+from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
 from soter.conformance.driver import drive_until
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Controller, Fleet, RobotSpec, Waypoint
@@ -20,7 +20,7 @@ ROOM = Workspace(
 )  # fmt: skip
 SPECS = [RobotSpec(place.id, place.x_m, place.y_m, place.heading_rad, 0.8) for place in ROOM.robots]
 
-PATIENT = [replace(SPECS[0], promised=replace(StreamedRobot.declared, lease_s=5.0))]
+PATIENT = [replace(SPECS[0], promised=replace(VelocityControlledRobot.declared, lease_s=5.0))]
 """One robot whose lease lives on while this host stands still for a moment."""
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.adapters.velocity_controlled.robot import LEASE_S, StreamedRobot
+from soter.adapters.velocity_controlled.robot import LEASE_S, VelocityControlledRobot
 from soter.clock import VehicleClock
 from soter.errors import Unsupported
 from soter.onboard.wire import GateReport, Order
@@ -28,7 +28,7 @@ class Host:
         return self.now_s
 
 
-class Fake(StreamedRobot):
+class Fake(VelocityControlledRobot):
     """Keeps what it says; its mux takes every order at once."""
 
     def __init__(self, host: Host, promised: Capabilities | None = None, **options: Any) -> None:
@@ -214,7 +214,7 @@ def test_an_ac_that_is_somebody_elses_is_not_spoken_for() -> None:
     robot.host.now_s += 0.03
     robot.hear(500.03)
     assert robot.velocities == []
-    with pytest.raises(Unsupported, match="its AC is somebody else's program"):
+    with pytest.raises(Unsupported, match="its AC is another program"):
         robot.goto(Waypoint(1.0, 0.0), Controller.AC)
 
 

@@ -28,7 +28,7 @@ from soter.adapters.zenoh.options import ZenohConfig
 from soter.adapters.zenoh.session import SessionOptions, endpoints
 from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Ear, Voice, stamp_of
-from soter.errors import Intruder, RobotUnavailable
+from soter.errors import RobotUnavailable
 from soter.onboard.wire import GateReport, Order
 from soter.sdk import Controller, GoalStatus, Link, Waypoint
 from soter.sdk.wire import WireFleet
@@ -95,7 +95,7 @@ def test_what_has_another_type_is_named(shared: ZenohSimulator, open_fleet: Open
 def test_that_there_is_no_link_is_said_with_the_cause(shared: ZenohSimulator, open_fleet: Open) -> None:
     nowhere = SessionOptions(connect=("tcp/127.0.0.1:9",))
     text = refusal(open_fleet(shared, ready=False, session=nowhere, discovery_s=0.5))
-    assert "no link to tcp/127.0.0.1:9: nobody listens there; start it, or correct host and port" in text
+    assert "no link to tcp/127.0.0.1:9: no program listens there; start it, or correct host and port" in text
     assert "nothing was heard" not in text
 
 
@@ -133,7 +133,7 @@ def test_whoever_can_go_round_the_mux_is_noticed(
     forged = Twist(Vector3(x=0.001))
     with saying(somebody, f"robot1/{key}", forged):
         text = refusal(open_fleet(shared, ready=False))
-    assert f"somebody says velocities on robot1/{key}" in text
+    assert f"another program says velocities on robot1/{key}" in text
     assert what in text
     assert "let them say it on robot1/cmd_vel_ac" in text
 
@@ -144,17 +144,10 @@ def test_whoever_goes_round_the_mux_later_is_noticed_too(
 ) -> None:
     robot = open_fleet(shared).robots[0]
 
-    def intruder() -> str:
-        try:
-            robot.renew_lease()
-        except Intruder as found:
-            return repr(found)
-        return ""
-
-    assert not intruder()
+    assert not behaviour.intruder(robot)
     with saying(somebody, f"robot1/{key}", Twist(Vector3(x=0.001))):
-        wait_until(lambda: f"robot1/{key}" in intruder())
-    wait_until(lambda: not intruder())
+        wait_until(lambda: f"robot1/{key}" in behaviour.intruder(robot))
+    wait_until(lambda: not behaviour.intruder(robot))
 
 
 def test_a_world_of_a_runs_own_lets_nobody_else_in() -> None:

@@ -214,8 +214,8 @@ def test_a_client_without_a_router_says_so_in_time() -> None:
     with pytest.raises(RobotUnavailable) as found:
         open_session(client([f"tcp/127.0.0.1:{port}"], open_timeout_s=0.3))
     assert str(found.value) == (
-        f"no Zenoh router is reached within 0.3 s at tcp/127.0.0.1:{port}: nobody listens there; start it, or correct "
-        "host and port"
+        f"no Zenoh router is reached within 0.3 s at tcp/127.0.0.1:{port}: no program listens there; start it, or "
+        "correct host and port"
     )
     assert time.monotonic() - begun_s < 3.0
 
@@ -228,7 +228,7 @@ def test_a_name_that_is_unknown_is_named() -> None:
 def test_what_is_no_zenoh_is_told_of() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         where = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        with pytest.raises(RobotUnavailable, match="somebody listens there and does not let us in"):
+        with pytest.raises(RobotUnavailable, match="a program listens there and refuses the session"):
             open_session(client([where], open_timeout_s=0.3))
 
 
@@ -273,7 +273,7 @@ def test_only_users_with_their_password_get_in(
                 client(where, username="alpha", **by("BETA"), open_timeout_s=0.3),
                 client(where, username="gamma", **by("BETA"), open_timeout_s=0.3),
             ):
-                with pytest.raises(RobotUnavailable, match="does not let us in") as found:
+                with pytest.raises(RobotUnavailable, match="refuses the session") as found:
                     open_session(stranger)
                 assert "secret" not in str(found.value)
             with opened(SessionOptions(connect=tuple(where))) as (peer,):

@@ -69,7 +69,7 @@ def test_whoever_has_no_certificate_of_ours_gets_nothing_across(ours: Authority,
         forged = theirs.tls("alpha", root=ours.root)
         assert "it wants tls.certificate of an authority that it knows" in why_refused(where, forged)
         plain = where[0].replace("tls/", "tcp/")
-        with pytest.raises(RobotUnavailable, match="does not let us in"):
+        with pytest.raises(RobotUnavailable, match="refuses the session"):
             open_session(client([plain], open_timeout_s=0.3))
         # Those who do not give up, and publish all the time.
         tries: list[dict[str, Any]] = [

@@ -15,7 +15,7 @@ class FellBehind(Exception):
     """What comes next for this viewer is not kept any more."""
 
 
-class Reel:
+class EventBuffer:
     """Numbered parts, of which the last ones are kept. Viewers take them at their own pace and hold nobody up.
 
     Any thread may use it.

@@ -23,7 +23,7 @@ COMMAND_S: Final = 0.2
 """Motors stop so long after the last velocity, in the world's time."""
 
 
-class StreamedBase(ABC):
+class VelocityControlledBase(ABC):
     """The base of one robot: its motors follow the last velocity, and stop when it is old.
 
     Args:
@@ -56,7 +56,7 @@ class StreamedBase(ABC):
         return (forward_m_s, turn_rad_s) if now_s - asked_s < COMMAND_S else (0.0, 0.0)
 
 
-class StreamedFace(RealTimeWorld):
+class VelocityControlledEndpoint(RealTimeWorld):
     """A world in real time, and what its robots say of themselves.
 
     Args:
@@ -79,7 +79,7 @@ class StreamedFace(RealTimeWorld):
         speedup: float = 1.0,
     ) -> None:
         super().__init__(workspace, robots, limits, STEP_S, truth_port, speedup)
-        self.bases: Final[list[StreamedBase]] = []
+        self.bases: Final[list[VelocityControlledBase]] = []
 
     @property
     def clock_s(self) -> float:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from soter.onboard.station import Station
+from soter.onboard.gate_node import GateNode
 from soter.onboard.velocity import REST, Velocity, VelocityGate
 from soter.onboard.wire import AC, SC, GateReport, Order
 
 AHEAD = Velocity(0.2, 0.0)
 
 
-class Bench(Station):
+class Bench(GateNode):
     """A station that keeps what it says."""
 
     def __init__(self, rate: float = 1.0) -> None:

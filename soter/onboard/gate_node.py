@@ -21,7 +21,7 @@ PERIOD_S: Final = 0.02
 logger = logging.getLogger(__name__)
 
 
-class Station(ABC):
+class GateNode(ABC):
     """One robot's gate between what is heard and what is said. Not thread-safe.
 
     Whoever carries the messages calls `hear_order` and `hear` with what arrives, `look` every `PERIOD_S`, and fills the
@@ -93,4 +93,4 @@ class Station(ABC):
 
     @abstractmethod
     def _say(self, report: str) -> None:
-        """Send what the gate does to whoever commands the robot."""
+        """Send what the gate does to the supervisor."""
