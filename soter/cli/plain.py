@@ -61,7 +61,7 @@ class Unfailing(io.FileIO):
         self._on_full: Final = on_full
         self.full = False
 
-    def write(self, data: ReadableBuffer) -> int | None:
+    def write(self, data: ReadableBuffer) -> int | None:  # type: ignore[override]
         """Write what can be written; return the length of all of it."""
         try:
             return super().write(data)
@@ -170,7 +170,7 @@ def _unfailing(stream: io.TextIOWrapper, file: Unfailing) -> TextIO:
     stream.flush()
     return io.TextIOWrapper(
         # As Python does where it is told to keep nothing back.
-        file if stream.write_through else io.BufferedWriter(file),  # type: ignore[type-var]
+        file if stream.write_through else io.BufferedWriter(file),
         encoding=stream.encoding,
         errors=stream.errors,
         line_buffering=stream.line_buffering,
