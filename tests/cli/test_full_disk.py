@@ -20,10 +20,6 @@ COMPLETION = {"_SOTER_COMPLETE": "complete_bash", "COMP_WORDS": "soter b", "COMP
 SAYING = {
     "version": ["--version"],
     "help": ["--help"],
-    "help of a command": ["run", "--help"],
-    "a table": ["backends"],
-    "a run": MISSION,
-    "a run's json": [*MISSION, "--json", "-"],
     "a record": [*CONFORM, "--json", "-"],
     "completion": [],
 }
@@ -49,7 +45,7 @@ def complaints(done: subprocess.CompletedProcess[str]) -> list[str]:
     return [line for line in done.stderr.splitlines() if line.startswith("error: ")]
 
 
-@pytest.mark.parametrize(("what", "unbuffered"), [*((each, False) for each in SAYING), ("a record", True)])
+@pytest.mark.parametrize(("what", "unbuffered"), [*((each, False) for each in SAYING), ("version", True)])
 def test_a_full_disk_is_told_once_and_exits_with_3(what: str, unbuffered: bool) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     done = said(SAYING[what], full, unbuffered=unbuffered)
@@ -58,11 +54,11 @@ def test_a_full_disk_is_told_once_and_exits_with_3(what: str, unbuffered: bool) 
     assert (complaints(done), done.returncode) == (expected, 3)
 
 
-@pytest.mark.parametrize("what", SAYING)
-def test_a_reader_that_leaves_ends_no_command(what: str) -> None:
+@pytest.mark.parametrize("arguments", [["--help"], MISSION], ids=["help", "a run"])
+def test_a_reader_that_leaves_ends_no_command(arguments: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    done = said(SAYING[what], writer)
+    done = said(arguments, writer)
     os.close(writer)
     assert (complaints(done), done.returncode) == ([], 0)
 
@@ -71,7 +67,7 @@ def test_a_run_whose_output_is_lost_goes_on_to_its_end(tmp_path: Path) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     done = said([*MISSION, "--json", str(tmp_path / "result.json")], full)
     os.close(full)
-    assert done.returncode == 3
+    assert (len(complaints(done)), done.returncode) == (1, 3)
     assert json.loads((tmp_path / "result.json").read_text())["status"] == "completed"
 
 
