@@ -8,6 +8,8 @@ VENV := .venv/bin
 WORKERS ?= 4
 # Tests of ROS 2 measure times on a wire: no more at once than keep the cores busy.
 ROS2_WORKERS ?= 3
+# Tests start hundreds of processes, each of which would compile all of SOTER anew.
+unexport PYTHONDONTWRITEBYTECODE
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
 
 .PHONY: help

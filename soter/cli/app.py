@@ -34,7 +34,7 @@ from soter.cli import (
     zenoh_router,
 )
 from soter.cli.complete import answer
-from soter.cli.exits import ExitCode
+from soter.cli.exits import ExitCode, complain_of_room
 from soter.cli.help import only, tidy
 from soter.cli.plain import emit, guard_streams
 
@@ -91,7 +91,7 @@ def _options(
 
 def main() -> None:
     """Run the command line and exit."""
-    guard_streams()
+    files = guard_streams(complain_of_room)
     # Completion asks for options of commands that are not named yet.
     completes = "_SOTER_COMPLETE" in os.environ
     try:
@@ -105,13 +105,14 @@ def main() -> None:
             answer(lambda: command(prog_name="soter"))
         command(prog_name="soter")
     except SystemExit as end:
-        if all(thread.daemon for thread in {*threading.enumerate()} - before):
-            raise
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError):
                 stream.flush()
-        # Foreign code may have left threads that never end, and Python would wait for them.
-        last = threading.Timer(_ENDS_S, os._exit, [end.code or 0])
-        last.daemon = True
-        last.start()
+        if any(file.full for file in files):
+            end.code = ExitCode.RUN_FAILED
+        if any(not thread.daemon for thread in {*threading.enumerate()} - before):
+            # Foreign code may have left threads that never end, and Python would wait for them.
+            last = threading.Timer(_ENDS_S, os._exit, [end.code or 0])
+            last.daemon = True
+            last.start()
         raise

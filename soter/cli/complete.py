@@ -99,15 +99,20 @@ def answer(command: Callable[[], object]) -> None:
     """Answer a shell that asks what may follow.
 
     Bash takes colons and equals signs for words of their own, asks with them so, and puts what it is told in place of
-    what stands behind them.
+    what stands behind them. Fish and zsh put it in place of the whole word: of `--backend=k` too.
     """
     cut = _join() if "COMP_CWORD" in os.environ else 0
+    word = os.environ.get("_TYPER_COMPLETE_ARGS", "").rpartition(" ")[2]
+    option = word[: word.find("=") + 1] if word.startswith("-") else ""
+    zsh = os.environ["_SOTER_COMPLETE"] == "complete_zsh"
     said = io.StringIO()
     try:
         with redirect_stdout(said):
             command()
     finally:
-        sys.stdout.write("".join(line[cut:] for line in said.getvalue().splitlines(keepends=True)))
+        before = "" if zsh else option
+        lines = (before + line[cut:] for line in said.getvalue().splitlines(keepends=True))
+        sys.stdout.write("compset -P '*='; " * bool(zsh and option) + "".join(lines))
 
 
 def _join() -> int:

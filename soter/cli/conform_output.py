@@ -63,7 +63,7 @@ class Files:
         self._files: Final = [
             (each, text) for each, text in ((json_file, _json), (junit_file, Record.as_junit)) if each is not None
         ]
-        self._failed = False
+        self._failed: Final[set[int]] = set()
 
     def keep_up(self, record: Record) -> None:
         """Write what can be written again and again."""
@@ -71,7 +71,6 @@ class Files:
 
     def finish(self, record: Record) -> bool:
         """Write everything; return whether all of it could be written."""
-        self._failed = False
         self._write(record, self._files)
         return not self._failed
 
@@ -84,7 +83,9 @@ class Files:
             except OSError as failure:
                 if not self._failed:
                     complain(f"the record could not be written: {failure}")
-                self._failed = True
+                self._failed.add(id(file))
+            else:
+                self._failed.discard(id(file))
 
 
 def _json(record: Record) -> str:

@@ -8,21 +8,16 @@ from collections.abc import Iterable, Sequence
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from soter.cli.plain import behind, discard, plain
+from soter.cli.plain import behind, plain
 
 
 class HumanConsole(Console):
-    """A rich console that loses its reader without losing the run, and whose colours and cursor are its own."""
+    """A rich console whose colours and cursor are its own."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Yield what a renderable is made of; of what it says, nothing moves a cursor."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(plain(segment.text), segment.style)
-
-    def on_broken_pipe(self) -> None:
-        """Be silent from now on: the reader of the progress has left, the robots have not."""
-        self.quiet = True
-        discard(self.file)
 
 
 def make_console(*, stderr: bool = False) -> HumanConsole:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import signal
 import stat
@@ -18,7 +17,7 @@ from typing import Annotated, Any, Final, Self
 import typer
 
 from soter.cli.option import switch
-from soter.cli.plain import behind, plain
+from soter.cli.plain import FULL, behind, plain
 from soter.errors import BackendError, ConfigError, IllFormedModule, SoterError
 
 
@@ -38,9 +37,6 @@ class ExitCode(IntEnum):
 Force = Annotated[bool, switch("--force", "Replace files that are there already.")]
 """An option of every command that writes files."""
 
-_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
-"""What the system says where a disk, or a user's share of it, is full."""
-
 
 def complain(message: str) -> None:
     """Write a message for the user to standard error, in one piece and without wrapping it."""
@@ -48,6 +44,11 @@ def complain(message: str) -> None:
     with suppress(OSError):
         typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, file=behind(sys.stderr))
         typer.echo(plain(message), err=True)
+
+
+def complain_of_room(failure: OSError) -> None:
+    """Say that a disk is full."""
+    complain(f"nothing more can be written: {failure.strerror}; make room, or write elsewhere")
 
 
 @contextmanager
@@ -68,8 +69,8 @@ def guard() -> Iterator[None]:
     except typer.Exit:
         raise
     except Exception as failure:
-        if isinstance(failure, OSError) and failure.errno in _FULL:
-            complain(f"nothing more can be written: {failure.strerror}; make room, or write elsewhere")
+        if isinstance(failure, OSError) and failure.errno in FULL:
+            complain_of_room(failure)
         else:
             with suppress(OSError):
                 typer.echo(plain(traceback.format_exc()), err=True, nl=False)

@@ -63,6 +63,8 @@ class Output:
 
     def _try(self) -> None:
         try:
+            if str(self.path) == "-":
+                raise self._refusal("it does not go to standard output; name a file")
             if self._target.is_dir():
                 raise self._refusal("it is a folder; name a file in it")
             if not self._target.parent.is_dir():

@@ -8,12 +8,19 @@ what is logged, and by `guard_streams` all the rest.
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
-import os
 import re
 import sys
-from typing import IO, Any, Final, TextIO
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final, TextIO
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says where a disk, a user's share of it, or what a file may hold is full."""
 
 _UNSAFE: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # C0 but tabulators and ends of lines, DEL, C1
@@ -34,18 +41,39 @@ def _written_out(found: re.Match[str]) -> str:
 
 
 def emit(text: str) -> None:
-    """Write a line to standard output; a reader that has left does not end the command."""
-    try:
-        print(plain(text), flush=True)
-    except BrokenPipeError:
-        discard(sys.stdout)
+    """Write a line to standard output."""
+    print(plain(text), flush=True)
 
 
-def discard(stream: IO[str]) -> None:
-    """Let what a stream still holds, and all that is written to it from now on, go nowhere."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, stream.fileno())
-    os.close(devnull)
+class Unfailing(io.FileIO):
+    """A file that takes all that is written to it, and ends no command: robots may depend on that.
+
+    Args:
+        fd: of the file.
+        on_full: called once, with what the system said, where a disk is full. That a reader has left is told to nobody.
+
+    Attributes:
+        full: whether something was lost because a disk was full.
+    """
+
+    def __init__(self, fd: int, on_full: Callable[[OSError], None]) -> None:
+        super().__init__(fd, "wb", closefd=False)
+        self._on_full: Final = on_full
+        self.full = False
+
+    def write(self, data: ReadableBuffer) -> int | None:  # type: ignore[override]
+        """Write what can be written; return the length of all of it."""
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            pass
+        except OSError as failure:
+            if failure.errno not in FULL:
+                raise
+            if not self.full:
+                self.full = True
+                self._on_full(failure)
+        return memoryview(data).nbytes
 
 
 class PlainStream(io.TextIOBase):
@@ -111,17 +139,40 @@ def behind(stream: TextIO) -> TextIO:
     return stream.stream if isinstance(stream, PlainStream) else stream
 
 
-def guard_streams() -> None:
+def guard_streams(on_full: Callable[[OSError], None]) -> list[Unfailing]:
     """Let nothing that a terminal obeys out of this process by standard output or standard error.
 
     What the library of the command line says of wrong usage has colours; it repeats what the command was called with.
+
+    Args:
+        on_full: called once for each of the two that is on a full disk, instead of failing.
+
+    Returns:
+        Where the two write to.
     """
     harmless = all(plain(argument) == argument for argument in sys.argv)
+    files = []
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):
             # A terminal that cannot show a character gets a question mark, not the end of the run.
             stream.reconfigure(errors="replace")
+            if stream is getattr(sys, f"__{name}__"):
+                stream = _unfailing(stream, file := Unfailing(stream.fileno(), on_full))
+                files.append(file)
             setattr(sys, name, PlainStream(stream, styled=harmless))
     if logging.lastResort is not None:
         logging.lastResort.setFormatter(PlainFormatter())
+    return files
+
+
+def _unfailing(stream: io.TextIOWrapper, file: Unfailing) -> TextIO:
+    stream.flush()
+    return io.TextIOWrapper(
+        # As Python does where it is told to keep nothing back.
+        file if stream.write_through else io.BufferedWriter(file),
+        encoding=stream.encoding,
+        errors=stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )

@@ -238,25 +238,6 @@ def test_python_m_soter_cli_is_soter() -> None:
     assert done.stdout == f"soter {soter.__version__}\n"
 
 
-def test_a_reader_that_leaves_ends_no_command() -> None:
-    script = (
-        "import os; from soter.cli.console import make_console; from soter.cli.plain import emit\n"
-        "reader, writer = os.pipe(); os.dup2(writer, 1); os.close(writer); os.close(reader)\n"
-        "emit('x'); emit('y'); make_console().print('z'); raise SystemExit(7)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (7, "")
-
-
-def test_a_full_disk_is_no_fault_of_soter() -> None:
-    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device, as a shell opens it
-        command = [sys.executable, "-m", "soter.cli", "backends"]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 3
-    assert "error: nothing more can be written: No space left on device; make room" in done.stderr
-    assert "fault of SOTER" not in done.stderr
-
-
 def test_threads_that_foreign_code_has_left_do_not_keep_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
     ended, codes = threading.Event(), []
 

@@ -92,6 +92,8 @@ def test_names_that_no_system_takes_are_refused_before_anything_runs(tmp_path: P
         refuse_clashes({"--json": tmp_path / ("x" * 300)})
     with pytest.raises(ConfigError, match="--json: '/' cannot be written: it is a folder"):
         Output(Path("/"), "--json")
+    with pytest.raises(ConfigError, match="-o: '-' cannot be written: it does not go to standard output"):
+        Output(Path("-"), "-o")
 
 
 def test_one_file_is_not_written_twice(tmp_path: Path) -> None:
