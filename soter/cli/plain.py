@@ -14,10 +14,7 @@ import logging
 import re
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, TextIO
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+from typing import Any, Final, TextIO
 
 FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where a disk, a user's share of it, or what a file may hold is full."""
@@ -61,7 +58,7 @@ class Unfailing(io.FileIO):
         self._on_full: Final = on_full
         self.full = False
 
-    def write(self, data: ReadableBuffer) -> int | None:  # type: ignore[override]
+    def write(self, data: bytes | bytearray | memoryview) -> int | None:  # type: ignore[override]
         """Write what can be written; return the length of all of it."""
         try:
             return super().write(data)
