@@ -58,7 +58,7 @@ class Unfailing(io.FileIO):
         self._on_full: Final = on_full
         self.full = False
 
-    def write(self, data: bytes | bytearray | memoryview) -> int | None:  # type: ignore[override]
+    def write(self, data: Any) -> int | None:  # type: ignore[override]
         """Write what can be written; return the length of all of it."""
         try:
             return super().write(data)
