@@ -17,8 +17,10 @@ from typing import Any, Final, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter.adapters.mavlink.frames import Frame, GeoPoint, turned_rad
+from soter.adapters.mavlink.frames import GeoPoint, local_m, turned_rad
 from soter.adapters.mavlink.simulator import free_port
+from soter.geometry.earth import Projection
+from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
 from soter_sim.bodies import Bodies
@@ -66,7 +68,7 @@ class Autopilots:
     Args:
         program: an ArduPilot built for SITL.
         folder: where each may write.
-        workspace: whose origin is `ORIGIN`.
+        workspace: whose origin is `ORIGIN`, or one with places on earth.
         robots: which, and where; ids are system ids.
         model: of the simulator, such as "rover-skid".
         parameters: what differs from the defaults of the program.
@@ -96,6 +98,8 @@ class Autopilots:
         self.processes: Final[dict[int, subprocess.Popen[bytes]]] = {}
         self.seen: Final[dict[int, tuple[float, float, float, float]]] = {}
         self._robots: Final = tuple(robots)
+        earth = workspace.plan.origin if isinstance(workspace, Site) else None
+        self._earth: Final = None if earth is None else Projection(earth, "workspace")
         self._armed: Final[dict[int, bool]] = {}
         self._program, self._folder, self._model = program, folder, model
         self._world: Final = _World(workspace, robots, fastest_m_s, limits)
@@ -173,8 +177,9 @@ class Autopilots:
             robot_id, 1, name.encode(), value, mav.MAV_PARAM_TYPE_REAL32
         ))  # fmt: skip
 
-    @staticmethod
-    def _geodetic(x_m: float, y_m: float) -> tuple[float, float]:
+    def _geodetic(self, x_m: float, y_m: float) -> tuple[float, float]:
+        if self._earth is not None:
+            return self._earth.place(x_m, y_m)
         east_deg = x_m / (_M_PER_DEG * cos(radians(ORIGIN.lat_deg)))
         return ORIGIN.lat_deg + y_m / _M_PER_DEG, ORIGIN.lon_deg + east_deg
 
@@ -210,9 +215,17 @@ class Autopilots:
                 return
             for message in parser.parse_buffer(data) or ():
                 if message.get_type() == "SIM_STATE":
-                    self.seen[robot_id] = _pose(message)
+                    self.seen[robot_id] = self._pose(message)
                 elif message.get_type() == "HEARTBEAT":
                     self._armed[robot_id] = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+
+    def _pose(self, message: Any) -> tuple[float, float, float, float]:
+        heading_rad = turned_rad(message.yaw)
+        way = atan2(message.vn, message.ve)
+        ahead = cos(remainder(way - heading_rad, 6.283185307179586))
+        speed = hypot(message.vn, message.ve)
+        x_m, y_m = local_m(self._earth or ORIGIN, message.lat_int, message.lon_int)
+        return x_m, y_m, heading_rad, speed if ahead >= 0.0 else -speed
 
     def _step(self) -> None:
         bodies = self._world.bodies
@@ -225,16 +238,6 @@ class Autopilots:
         ]
         self._world.move([x_m for x_m, _ in places], [y_m for _, y_m in places])
         self._server.tell()
-
-
-def _pose(message: Any) -> tuple[float, float, float, float]:
-    there = GeoPoint(message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt)
-    frame = Frame.between(ORIGIN, there, 0.0)
-    heading_rad = turned_rad(message.yaw)
-    way = atan2(message.vn, message.ve)
-    ahead = cos(remainder(way - heading_rad, 6.283185307179586))
-    speed = hypot(message.vn, message.ve)
-    return frame.east_m, frame.north_m, heading_rad, speed if ahead >= 0.0 else -speed
 
 
 def _bound() -> socket.socket:

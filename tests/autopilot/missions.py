@@ -9,14 +9,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from soter.config import MissionFile, load_mission
+from soter.geometry.earth import Projection
+from soter.geometry.site import GeoOrigin
 from soter.sdk import RobotSpec, RuleLimits
-from tests.autopilot.ardupilot import Autopilots
+from tests.autopilot.ardupilot import ORIGIN, Autopilots
 
+EXAMPLES: Final = Path(__file__).resolve().parents[2] / "examples"
 REST_S: Final = 4.0
 MOVES_M_S: Final = 0.05
 FAST_M_S: Final = 0.6
@@ -37,16 +40,18 @@ class Example:
         folder: of examples/.
         model: of the simulator.
         parameters: what its vehicles need beside what the example sets.
+        file: the mission file, where it is not the example's.
     """
 
     folder: str
     model: str
     parameters: dict[str, float]
+    file: Path | None = None
 
     @property
     def path(self) -> Path:
         """The mission file."""
-        return Path(__file__).resolve().parents[2] / "examples" / self.folder / "mission.toml"
+        return self.file or EXAMPLES / self.folder / "mission.toml"
 
     @property
     def mission(self) -> MissionFile:
@@ -70,7 +75,7 @@ class Example:
         """Start its vehicles."""
         mission = self.mission
         workspace = mission.read_workspace()
-        lines = [line.split() for line in self.path.with_name(f"{self.folder}.parm").read_text().splitlines()]
+        lines = [line.split() for line in (EXAMPLES / self.folder / f"{self.folder}.parm").read_text().splitlines()]
         return Autopilots(
             Path(program), folder, workspace,
             [RobotSpec(place.id, place.x_m, place.y_m, 0.3 * place.id) for place in workspace.robots],
@@ -78,6 +83,33 @@ class Example:
             parameters=self.parameters | {line[0]: float(line[1]) for line in lines if line and line[0] != "#"},
             limits=RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m),
         )  # fmt: skip
+
+
+def drawn_on_a_map(example: Example, folder: Path, origin: GeoOrigin) -> Example:
+    """Return an example whose field is one of places on earth, where it was, seen from an origin anywhere."""
+    field = Projection(GeoOrigin(ORIGIN.lat_deg, ORIGIN.lon_deg), "field")
+
+    def feature(kind: str, *corners: tuple[float, float]) -> dict[str, Any]:
+        places = [field.place(*corner)[::-1] for corner in corners]
+        shape: dict[str, Any] = {"type": "Point", "coordinates": places[0]}
+        if len(places) > 1:
+            shape = {"type": "Polygon", "coordinates": [[*places, places[0]]]}
+        return {"type": "Feature", "properties": {"soter": kind, "height_m": 1.0}, "geometry": shape}
+
+    workspace = example.mission.read_workspace()
+    fence, keep_outs = workspace.outlines()
+    features = [feature("fence", *(fence or ())), *(feature("keep_out", *ring) for ring in keep_outs)]
+    features += [feature("station", place.charger.centre) for place in workspace.robots]
+    world = folder / "field.geojson"
+    world.write_text(json.dumps(
+        {"type": "FeatureCollection", "origin": [origin.lon_deg, origin.lat_deg], "features": features}
+    ))  # fmt: skip
+    text = "".join(
+        line for line in example.path.read_text().splitlines(keepends=True) if not line.startswith("origin = ")
+    )
+    file = folder / "drawn.toml"
+    file.write_text(text.replace("field.xml", str(world)))
+    return replace(example, file=file)
 
 
 class Ended:

@@ -18,8 +18,9 @@ from typing import Final
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.geometry.site import GeoOrigin
 from tests.autopilot.ardupilot import Autopilots
-from tests.autopilot.missions import CALIBRATED, RULES, Example, run
+from tests.autopilot.missions import CALIBRATED, RULES, Example, drawn_on_a_map, run
 
 PROGRAM: Final = os.environ.get("ARDUROVER", "")
 pytestmark = [
@@ -55,6 +56,15 @@ def test_two_rovers_with_hostile_targets_break_no_rule(rovers: Autopilots, tmp_p
     assert result["ac_share"] >= 0.8
     assert result["longest_stall_s"] <= 30.0
     assert 0.9 <= ended.top_m_s <= 1.0
+
+
+def test_two_rovers_in_a_field_that_is_drawn_on_a_map_break_no_rule(tmp_path: Path) -> None:
+    """Its origin is 13 km from where they are."""
+    drawn = drawn_on_a_map(ROVER, tmp_path, GeoOrigin(47.30, 8.65))
+    with drawn.start(PROGRAM, tmp_path / "vehicles") as rovers:
+        ended = run(drawn, rovers, tmp_path, float(os.environ.get("AUTOPILOT_S", "120")))
+    assert (ended.code, ended.result["violations"], ended.result["uncontrolled"]) == (0, RULES, {})
+    assert ended.result["ac_share"] >= 0.5
 
 
 @pytest.mark.parametrize(
@@ -107,6 +117,16 @@ def test_a_rover_that_is_started_anew_is_made_ready_again(rovers: Autopilots, tm
     ended = run(ROVER, rovers, tmp_path, 90.0, restart)
     assert (ended.code, ended.result["violations"]) == (3, RULES)
     assert 30.0 < ended.result["uncontrolled"]["1"]["lasted_s"] < 70.0
+
+
+def test_a_rover_that_another_ground_station_reboots_is_nobodys_until_it_is_made_ready_again(
+    rovers: Autopilots, tmp_path: Path
+) -> None:
+    forced = (1.0, 0.0, 0.0, 0.0, 0.0, 20190226.0)
+    reboot = mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+    ended = run(ROVER, rovers, tmp_path, 90.0, lambda _: rovers.command(1, reboot, *forced))
+    assert (ended.code, ended.result["violations"]) == (3, RULES)
+    assert ended.result["uncontrolled"]["1"]["lasted_s"] < 70.0
 
 
 def test_a_rover_that_stands_still_for_three_seconds_is_made_ready_again(rovers: Autopilots, tmp_path: Path) -> None:
