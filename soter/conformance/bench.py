@@ -96,6 +96,10 @@ class Bench(Judging):
         """Open a fresh fleet of one robot, ready, with a controller in charge; of more, where the last is judged."""
         return self.open(self.judged, in_charge)[-1]
 
+    def open_most(self) -> tuple[Robot, ...]:
+        """Open a fresh fleet of as many robots as the harness has, ready, with the AC in charge of each."""
+        return self.open(max(self.harness.robots_most, 2))
+
     def close(self) -> None:
         """Close the fleet opened last, for the next one in the same clause."""
         self.fleet.close()
@@ -135,6 +139,7 @@ class Bench(Judging):
             "newer ones must be dropped",
         )
         self._stamps[robot.id] = state.stamp_s
+        self.always.note(self, robot, state)
         if self.truth:
             at_s, (x_m, y_m, heading_rad) = self.timed_pose(robot.id)
             speed, rate = 0.0, 0.0

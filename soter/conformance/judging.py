@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from soter.conformance.always import Always
 from soter.conformance.diagnosis import explain
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import Failed, Figure, NotTested
@@ -48,6 +49,7 @@ class Judging:
         judged: how many robots clauses about one open, of which they judge the last.
         opener: opens robots in place of the harness's `open`; None for that.
         faulty: the clause has broken the link, so that silence is no surprise.
+        always: what was beyond a promise in passing, which no clause was about.
         scatter_m: how far places were off the even ways that were fitted to them, at most.
     """
 
@@ -64,6 +66,7 @@ class Judging:
         self.faulty = False
         self.scatter_m = 0.0
         self.judged = 1
+        self.always = Always()
         self.opener: Callable[[], Fleet] | None = None
 
     @property

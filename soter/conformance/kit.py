@@ -85,6 +85,8 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         ready_s = min(2.0 * harness.connect_timeout_s + _START_S, harness.clause_limit_s)
         with _host_limit(ready_s, extended=lambda: harness.clause_limit_s if bench.capabilities else 0.0):
             clause.check(bench)
+            if harness.judges and bench.always.wrong:
+                raise Failed(bench.always.wrong)
     except NotTested as missing_part:
         verdict, reason = Verdict.NOT_TESTED, str(missing_part)
     except Failed as failure:
@@ -148,9 +150,11 @@ def _host_limit(seconds: float, extended: Callable[[], float] = lambda: 0.0) -> 
             f"not done after {max(seconds, limit_s):g} s on the host: a call blocks, or the robot's time stands still"
         )
 
-    before = signal.signal(signal.SIGALRM, give_up)
     began_s = time.monotonic()
-    remaining_s, interval_s = signal.setitimer(signal.ITIMER_REAL, seconds)
+    # Stopped first: somebody else's timer that ends just now is not this one's.
+    remaining_s, interval_s = signal.setitimer(signal.ITIMER_REAL, 0.0)
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:

@@ -74,7 +74,10 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
             "place is known to a tenth"
         ),
     ),
-    "overshoot_m": (("bounds.overshoot",), "the farthest of five legs, and of one backwards"),
+    "overshoot_m": (
+        ("bounds.overshoot",),
+        "the farthest of seven legs, two of them through the whole room, and of one backwards",
+    ),
     "position_noise_m": (
         ("truth.bounds.noise", "bounds.rest", "endurance.minute"),
         (

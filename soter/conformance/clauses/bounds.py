@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
@@ -15,6 +16,7 @@ from soter.errors import Unsupported
 from soter.sdk import Controller, Robot, Waypoint
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2), (0.5, -0.5), (0.0, 0.0))
+_THROUGH = ((0.85, 0.1), (-0.85, -0.1))
 _TRIALS = 16
 _WAKES = 200
 _RESTS_S = 8.0
@@ -114,11 +116,13 @@ def clock(bench: Bench) -> None:
     )  # fmt: skip
 
 
-def _legs(bench: Bench) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
+def _legs(
+    bench: Bench, more: Sequence[tuple[float, float]] = ()
+) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
     """Drive legs from rest to rest; return where each began, its target, and what was seen of it."""
     robot = bench.open_one()
     legs = []
-    for ahead, left in _LEGS[: bench.trials(len(_LEGS))]:
+    for ahead, left in (*more, *_LEGS)[: bench.trials(len(more) + len(_LEGS))]:
         began, began_s = bench.look(robot), bench.now_s
         target = bench.place(robot, ahead, left, radius_m=bench.near_m)
         bench.go(robot, target)
@@ -198,7 +202,8 @@ def long_tube(bench: Bench) -> None:
 @clause("bounds.overshoot", truth=True)
 def overshoot(bench: Bench) -> None:
     """The robot runs no more than overshoot_m beyond its target."""
-    furthest = max((0.0, *(beyond for leg in _legs(bench) for beyond, _ in _along_and_across(*leg))))
+    legs = _legs(bench, _THROUGH)
+    furthest = max((0.0, *(beyond for leg in legs for beyond, _ in _along_and_across(*leg))))
     bench.measure(
         "overshoot_m", furthest, bench.caps.overshoot_m, _off_m(bench),
         "it brakes too late for its target, or overshoot_m is declared too small",

@@ -19,6 +19,8 @@ _MOVING_SHARE = 0.4
 _TURNED_RAD = 0.4
 _TURN_ENDS_S = 0.25
 _LEFT_M = 0.05
+_FIRST_S = 1.0
+_STAYS_S = 15.0
 _LEFT_S = 0.2
 _WAYS: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
     ("a cancel", lambda _, goal: goal.cancel(), True),
@@ -90,6 +92,43 @@ def lease(bench: Bench) -> None:
     )  # fmt: skip
     bench.measure("lease_worst_s", max(seen), caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s, cause)
     measure_braking(bench, stops, "when its lease ends")
+
+
+@clause("deadman.first")
+def first(bench: Bench) -> None:
+    """Before its lease is renewed for the first time a robot moves for no goal."""
+    (robot,) = bench.open_raw().robots
+    robot.init(bench.harness.connect_timeout_s)
+    bench.capabilities = robot.capabilities
+    bench.run(2 * TICK_S, renew=False)
+    robot.goto(bench.place(robot, 0.8), robot.in_charge)
+    bench.run(bench.caps.latency_s + TICK_S, renew=False)
+    bench.run(_FIRST_S, renew=False)
+    moved_m = bench.look(robot).distance_m(robot.spec.x_m, robot.spec.y_m)
+    bench.require(
+        moved_m <= bench.still_m + bench.caps.position_noise_m,
+        f"it went {moved_m:.2f} m before its lease was renewed for the first time: there is none until then, or init() "
+        f"or goto() renews it{_RENEWED}",
+    )
+
+
+@clause("deadman.stays")
+def stays(bench: Bench) -> None:
+    """When its lease has ended a robot stays where it came to rest, for as long as nothing renews it."""
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.run(bench.orphaned_s() + TICK_S + bench.caps.sample_age_s, renew=False)
+    rest = bench.true_place(robot)
+    clock, ends_s = bench.fleet.clock, bench.now_s + _STAYS_S
+    while bench.now_s < ends_s:
+        clock.sleep_until(bench.now_s + 1.0)
+        moved_m = math.dist(rest, bench.true_place(robot))
+        bench.require(
+            moved_m <= bench.still_m,
+            f"it stood when its lease had ended, and moved by {moved_m:.2f} m within the next "
+            f"{_STAYS_S - (ends_s - bench.now_s):.0f} s without a renewal: the vehicle's own fail-safe drives it home, "
+            "or what it was told comes back",
+        )
 
 
 @clause("deadman.reading", truth=True)

@@ -16,7 +16,7 @@ from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import quantile
-from soter.conformance.trials import ToAndFro
+from soter.conformance.trials import Shuttle, ToAndFro, measure_braking
 from soter.conformance.usage import usage
 from soter.sdk import Controller, Robot, RobotState
 
@@ -26,6 +26,7 @@ _LASTS_S: Final = 75.0
 _ROUNDS: Final = 3
 _REST_M: Final = 2e-4
 _SWITCHES: Final = 10
+_STOPS: Final = 4
 
 _COUNTED: Final = 2**16 + 2**10
 _COUNTS_FOR_S: Final = 20.0
@@ -48,7 +49,7 @@ _MANY: Final = 200
 
 @clause("endurance.minute")
 def minute(bench: Bench) -> None:
-    """In more than a minute of driving no goal is taken late, places do not drift, and no more is held than before."""
+    """In more than a minute of driving no goal is taken late, brakes and places stay true, and no more is held."""
     robot = bench.open_one()
     commands, ages_s = _Commands(bench, robot), []
     held = [_held()]
@@ -74,6 +75,9 @@ def minute(bench: Bench) -> None:
             "first", spread=late_s,
         )  # fmt: skip
     commands.shuttle.goal.cancel()
+    bench.run(SETTLE_S)
+    tired = [*Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
+    measure_braking(bench, tired, f"after {_LASTS_S:.0f} s of driving", "tired_brake_m_s2")
     bench.run(SETTLE_S)
     state = bench.look(robot).state
     if bench.fleet.truth is not None or bench.harness.gives("observe"):

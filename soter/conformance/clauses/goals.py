@@ -8,7 +8,7 @@ from contextlib import suppress
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import quantile
+from soter.conformance.track import quantile, turn
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Waypoint
@@ -18,6 +18,10 @@ _REPLACED = 4
 _EARLY = 2
 _GAINS = 0.15
 _SAMPLE_S = 0.02
+_CANCELS_IN_PROCESS = 100
+_CANCELS = 12
+_STARTS_S = 0.1
+_SEES_S = 0.2
 
 
 @clause("goal.ids")
@@ -33,6 +37,13 @@ def ids(bench: Bench) -> None:
         seen in (None, goals[-1].id),
         f"the sample names goal {seen}, the one in progress is {goals[-1].id}: an older goal, the vehicle's own count, "
         "a number of too few bits, or what was sent to the same place again was taken for one goal",
+    )
+    goals[-1].cancel()
+    bench.run(bench.caps.latency_s + bench.caps.sample_age_s + 4 * TICK_S)
+    seen = bench.look(robot).state.goal_id
+    bench.require(
+        seen is None,
+        f"the sample names goal {seen}, which was cancelled: say what the robot works on, not what it was told last",
     )
 
 
@@ -155,6 +166,30 @@ def cancel_early(bench: Bench) -> None:
     robot.goto(bench.place(robot, 0.8), Controller.AC).cancel()
     bench.run(caps.latency_s + 2 * TICK_S)
     bench.expect_still(robot, 1.0, "a cancel right after its goto is lost: it stops only what moves already")
+
+
+@clause("goal.cancels")
+def cancels(bench: Bench) -> None:
+    """Each of many cancels stops the robot; none is lost."""
+    robot, caps = bench.open_one(), bench.caps
+    starts_s = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + _STARTS_S
+    stops_s = starts_s + caps.v_max_m_s / caps.brake_m_s2 + TICK_S
+    bench.go(robot, bench.place(robot, 0.0))
+    for number in range(_CANCELS_IN_PROCESS if caps.in_process else _CANCELS):
+        # To and fro about one place, and most of the time turning.
+        goal = robot.goto(bench.place(robot, 0.8 if number % 2 else -0.8), Controller.AC)
+        bench.run(starts_s)
+        goal.cancel()
+        bench.run(stops_s)
+        before = bench.look(robot)
+        bench.run(_SEES_S)
+        after = bench.look(robot)
+        moved_m, turned_rad = after.distance_m(before.x_m, before.y_m), turn(before.heading_rad, after.heading_rad)
+        bench.require(
+            moved_m <= bench.still_m and abs(turned_rad) <= bench.still_rad,
+            f"{stops_s:.2f} s after cancel number {number + 1} it still moves, {moved_m:.3f} m and "
+            f"{abs(turned_rad):.2f} rad within {_SEES_S:g} s: one cancel of many is lost",
+        )
 
 
 @clause("goal.cancel_own")

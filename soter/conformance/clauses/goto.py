@@ -19,7 +19,7 @@ _HOST_S = 0.05
 _TWO = 2
 _OFF_RAD = 0.15
 _REST_S = 0.7
-_IDLE_S = 8.0
+_IDLE_S = 25.0
 _LOW = 0.25
 _WAYS = ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0))
 # Each leads back from where the one before led.

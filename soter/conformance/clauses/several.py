@@ -81,18 +81,18 @@ def chosen(bench: Bench) -> None:
 @clause("several.goto", truth=True)
 def goto(bench: Bench) -> None:
     """A goto to one robot moves that one and no other."""
-    robots = bench.open(2)
-    for mover, other in (robots, robots[::-1]):
-        before = bench.look(other)
+    robots = bench.open_most()
+    for mover in robots:
+        before = [(other, bench.look(other)) for other in robots if other is not mover]
         goal = mover.goto(bench.place(mover, 0.6), Controller.AC)
         bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
-        after = bench.look(other)
-        moved = after.distance_m(before.x_m, before.y_m)
-        bench.require(
-            moved <= bench.still_m,
-            f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the wrong "
-            "robot, or broadcast",
-        )
+        for other, was in before:
+            moved = bench.look(other).distance_m(was.x_m, was.y_m)
+            bench.require(
+                moved <= bench.still_m,
+                f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the "
+                "wrong robot, or broadcast",
+            )
         bench.require_status(goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it")
         bench.run(SETTLE_S)
 
@@ -100,32 +100,32 @@ def goto(bench: Bench) -> None:
 @clause("several.switch")
 def switch(bench: Bench) -> None:
     """A switch of one robot pre-empts nothing of another."""
-    first, second = bench.open(2)
-    kept = first.goto(bench.place(first, 0.7), Controller.AC)
-    bench.get_going(second, bench.place(second, 0.8))
-    second.switch_ac_sc(Controller.SC, "conformance")
-    bench.arrive(kept, "a switch of one robot took charge of another")
-    states = [bench.look(robot).state.controller for robot in (first, second)]
-    bench.require(
-        states in ([Controller.AC, Controller.SC], [None, None]),
-        f"robot {first.id} reports {states[0]} in charge and robot {second.id} {states[1]}, expected AC and SC: "
-        "hand-overs are addressed to the wrong robot, or reports are taken for another's",
-    )
+    *others, last = bench.open_most()
+    kept = [robot.goto(bench.place(robot, 0.7), Controller.AC) for robot in others]
+    bench.get_going(last, bench.place(last, 0.8))
+    last.switch_ac_sc(Controller.SC, "conformance")
+    for goal in kept:
+        bench.arrive(goal, "a switch of one robot took charge of another")
+    for robot in (*others, last):
+        found = bench.look(robot).state.controller
+        bench.require(
+            found in (robot.in_charge, None),
+            f"robot {robot.id} reports {found} in charge, expected {robot.in_charge}: hand-overs are addressed to the "
+            "wrong robot, or reports are taken for another's",
+        )
 
 
 @clause("several.cancel", truth=True)
 def cancel(bench: Bench) -> None:
     """A cancel to one robot stops that one and no other."""
-    first, second = bench.open(2)
-    for stopped, kept in ((first, second), (second, first)):
-        goal = kept.goto(bench.place(kept, 0.7), Controller.AC)
-        mine = bench.get_going(stopped, bench.place(stopped, 0.8))
-        mine.cancel()
-        bench.run(bench.way_s(), lambda goal=goal: not goal.active)  # type: ignore[misc]
-        bench.require_status(
-            goal, GoalStatus.REACHED, f"a cancel to robot {stopped.id} stopped robot {kept.id}: stops are broadcast"
-        )
-        bench.go(kept, bench.place(kept, 0.0))
+    robots = bench.open_most()
+    for number, stopped in enumerate(robots[: bench.trials(len(robots))]):
+        others = [robot for robot in robots if robot is not stopped]
+        way = -0.7 if number % 2 else 0.7
+        goals = [(kept, kept.goto(bench.place(kept, way), Controller.AC)) for kept in others]
+        bench.get_going(stopped, bench.place(stopped, way)).cancel()
+        for kept, goal in goals:
+            bench.arrive(goal, f"a cancel to robot {stopped.id} stopped robot {kept.id}: stops are broadcast")
 
 
 @clause("several.charge", needs=("reports_battery",))
@@ -183,6 +183,8 @@ def last(bench: Bench) -> None:
         check(bench)
         bench.close()
     robot = bench.open_one()
+    bench.go(robot, bench.place(robot, -0.4))
+    state.moves_as_said(bench, bench.tracks[robot.id])
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.expect_stop(
         robot, "what watches the leases of two robots leaves out those behind them", renew=False,
@@ -193,22 +195,23 @@ def last(bench: Bench) -> None:
 @clause("several.lease", truth=True)
 def lease(bench: Bench) -> None:
     """Renewing one robot's lease keeps no other alive."""
-    first, second = bench.open(2)
-    bench.get_going(second, bench.place(second, 0.9))
+    *others, last = bench.open_most()
+    bench.get_going(last, bench.place(last, 0.9))
 
-    def renew_first() -> bool:
-        first.renew_lease()
+    def renew_others() -> bool:
+        for robot in others:
+            robot.renew_lease()
         return False
 
-    bench.run(bench.orphaned_s() + TICK_S + bench.caps.sample_age_s, renew_first, renew=False)
-    rest = bench.look(second)
-    bench.run(0.5, renew_first, renew=False)
-    later = bench.look(second)
+    bench.run(bench.orphaned_s() + TICK_S + bench.caps.sample_age_s, renew_others, renew=False)
+    rest = bench.look(last)
+    bench.run(0.5, renew_others, renew=False)
+    later = bench.look(last)
     moved = later.distance_m(rest.x_m, rest.y_m)
     bench.require(
         moved <= bench.still_m,
-        f"robot {second.id} went on by {moved:.2f} m without a renewal while robot {first.id} was renewed: the lease "
-        "is the fleet's instead of the robot's",
+        f"robot {last.id} went on by {moved:.2f} m without a renewal while the others were renewed: the lease is the "
+        "fleet's instead of the robot's",
     )
 
 

@@ -32,6 +32,7 @@ _VELOCITY = 0.05
 _TURNED_RAD = 0.01
 _MOTION = slice(RobotState._fields.index("x_m"), RobotState._fields.index("yaw_rate_rad_s"))
 _ROUND_RAD = 0.6
+_STOPS = 2
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
 
@@ -69,6 +70,10 @@ def ranges(bench: Bench) -> None:
         bench.require(
             not bench.caps.reports_battery or state.battery is not None,
             "a sample carries no charge, and others do: where one was not measured anew, hand out the last one",
+        )
+        bench.require(
+            not bench.caps.reports_controller or state.controller is not None,
+            "a sample does not say who is in charge, and others do: hand out what the robot has said last",
         )
         bench.require(
             -math.pi - 1e-9 < state.heading_rad <= math.pi + 1e-9,
@@ -175,10 +180,31 @@ def _far_enough(
 def velocity(bench: Bench) -> None:
     """The velocity of a sample is how its position changes."""
     robot = _drive_about(bench)
-    _moves_as_said(bench, bench.tracks[robot.id])
+    moves_as_said(bench, bench.tracks[robot.id])
+    _brakes_as_said(bench, robot)
 
 
-def _moves_as_said(bench: Bench, track: list[TrackSample]) -> None:
+def _brakes_as_said(bench: Bench, robot: Robot) -> None:
+    """Judge whether velocities are how places change while a robot that was told to stop comes to rest."""
+    for number in range(_STOPS):
+        goal = bench.get_going(robot, bench.place(robot, 0.8 if number % 2 else -0.8), closely=True)
+        at = bench.look(robot)
+        goal.cancel()
+        bench.run(bench.orphaned_s(), closely=True)
+        seen = bench.since(robot, at.at_s)
+        said_m = sum((a.speed_m_s + b.speed_m_s) / 2.0 * (b.at_s - a.at_s) for a, b in pairwise(seen))
+        ran_m = seen[-1].distance_m(at.x_m, at.y_m)
+        noise_m_s = bench.caps.speed_noise_m_s or 0.0
+        bench.measure(
+            "stop_error_m", abs(ran_m - said_m), 0.25 * ran_m,
+            STILL_M / 2.0 + 2.0 * bench.noise_m + noise_m_s * (seen[-1].at_s - at.at_s),
+            f"told to stop it runs on by {ran_m:.3f} m, and velocities say {said_m:.3f} m: they are what it was told, "
+            "filtered, or those of an earlier sample",
+        )  # fmt: skip
+
+
+def moves_as_said(bench: Bench, track: list[TrackSample]) -> None:
+    """Judge whether velocities are how places change, wherever a robot drove straight on."""
     legs = _straight(bench, track)
     bench.require(len(legs) >= 3, "samples never showed half of v_max_m_s: velocity is missing, or in another unit")
     # Over whole stretches, so that noise of one sample does not count; each by itself, so that none hides another.
@@ -235,7 +261,7 @@ def backwards(bench: Bench) -> None:
             f"while it drives backwards its sample says {ahead:.2f} m/s forwards: the speed has lost its sign",
         )
     if not bench.truth:
-        _moves_as_said(bench, bench.tracks[robot.id])
+        moves_as_said(bench, bench.tracks[robot.id])
 
 
 @clause("state.yaw_rate", truth=True)

@@ -1,0 +1,60 @@
+"""Always: what holds of every sample and every motion, whatever a clause has driven the robots for."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from soter.conformance.track import turn
+
+if TYPE_CHECKING:
+    from soter.conformance.judging import Judging
+    from soter.sdk import Robot, RobotState
+
+_FASTER: Final = 1.05
+_TURNS: Final = 1.1
+_TURNS_RAD_S: Final = 0.1
+_OFF_M: Final = 0.001
+_OFF_RAD: Final = 0.05
+_LATE_S: Final = 0.1
+_LATE_M: Final = 0.01
+
+
+class Always:
+    """Takes note of what was beyond a promise most, each by as many times as it may be."""
+
+    def __init__(self) -> None:
+        self._worst: dict[str, tuple[float, str]] = {}
+
+    @property
+    def wrong(self) -> str:
+        """What is wrong, or nothing."""
+        return max(self._worst.values(), default=(0.0, ""))[1]
+
+    def note(self, bench: Judging, robot: Robot, state: RobotState) -> None:
+        """Look at a sample that was read just now."""
+        caps = robot.capabilities
+        noise_m_s = 0.002 + (caps.speed_noise_m_s or 0.02 * caps.v_max_m_s)
+        self._keep("v_max_m_s", math.hypot(state.vx_m_s, state.vy_m_s), _FASTER * caps.v_max_m_s + noise_m_s, robot)
+        rate_rad_s = caps.yaw_rate_max_rad_s
+        self._keep("yaw_rate_max_rad_s", abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S, robot)
+        truth = bench.fleet.truth
+        if truth is None:
+            return
+        x_m, y_m, heading_rad = truth.pose(robot.id)
+        age_s = max(bench.now_s - state.stamp_s, 0.0)
+        may_be_m, may_be_rad = caps.position_noise_m + _OFF_M, (caps.heading_noise_rad or 0.0) + _OFF_RAD
+        if not caps.in_process:
+            # The truth comes over a wire of its own.
+            age_s, may_be_m = age_s + caps.jitter_s + _LATE_S, may_be_m + _LATE_M
+        off_m, off_rad = math.dist((x_m, y_m), state[3:5]), abs(turn(heading_rad, state.heading_rad))
+        self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot)
+        self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot)
+
+    def _keep(self, promise: str, seen: float, most: float, robot: Robot) -> None:
+        times = seen / most
+        if times > max(1.0, self._worst.get(promise, (0.0, ""))[0]):
+            self._worst[promise] = (times, (
+                f"{promise} was {seen:.3g} of robot {robot.id}, allowed at any time is {most:.3g}: it keeps what it "
+                "promises in most that it does, and not in what it was driven for here"
+            ))  # fmt: skip
