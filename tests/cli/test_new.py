@@ -58,7 +58,10 @@ def test_it_is_listed_and_judged_by_its_name(package: Path) -> None:
 
 
 def test_it_is_clean_and_says_nothing_of_what_it_was_made_from(package: Path) -> None:
-    files = [path for path in package.rglob("*") if path.is_file() and "dist-info" not in str(path)]
+    made_since = ("dist-info", "__pycache__")
+    files = [
+        path for path in package.rglob("*") if path.is_file() and not any(each in str(path) for each in made_since)
+    ]
     assert {path.name for path in files} >= {"README.md", "pyproject.toml", "tests.yml", "adapter.py", "harness.py"}
     assert not [path for path in files if path.suffix == ".in" or "template" in path.read_text().lower()]
     for path in (path for path in files if path.suffix == ".py"):

@@ -168,7 +168,7 @@ def test_numbers_that_do_not_fit_are_refused() -> None:
 def test_nothing_else_is_judged() -> None:
     clearance = PathClearance(TERRAIN, SAFE_M)
     assert clearance.margin(Situation(1, At(), 0.0)) == -math.inf
-    with pytest.raises(TypeError, match="phi_safer of a path's clearance is one too"):
+    with pytest.raises(TypeError, match="phi_safer of a path's clearance has to be one too"):
         clearance.edge_margin(Above())
     made = guard()
     for node in (made.module.ac, made.module.sc):
