@@ -136,3 +136,13 @@ def test_no_two_classes_have_one_name() -> None:
     found = re.compile(r"^class (\w+)", re.MULTILINE)
     names = Counter(name for path in python_files(PACKAGES["soter"]) for name in found.findall(path.read_text()))
     assert {name for name, times in names.items() if times > 1} == {"Controller", "Robot"}
+
+
+def test_every_file_that_opens_pages_is_one_that_the_browsers_tests_are_taken_from() -> None:
+    opens = {
+        path for path in (ROOT / "tests").glob("*/test_*.py") if "tests.report.chromium import" in path.read_text()
+    }
+    taken = set((ROOT / "tests").glob("*/test_*browser.py"))
+    assert "tests/*/test_*browser.py" in (ROOT / "Makefile").read_text()
+    assert opens
+    assert opens - taken == {ROOT / "tests" / "benchmarks" / "test_benchmarks.py"}
