@@ -11,13 +11,18 @@ from __future__ import annotations
 import errno
 import io
 import logging
+import os
 import re
+import stat
 import sys
 from collections.abc import Callable
 from typing import Any, Final, TextIO
 
 FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where a disk, a user's share of it, or what a file may hold is full."""
+
+_LEFT: Final = (errno.EPIPE, errno.ESHUTDOWN, errno.ECONNRESET)
+"""What it says where the reader has left."""
 
 _UNSAFE: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # C0 but tabulators and ends of lines, DEL, C1
@@ -56,18 +61,18 @@ class Unfailing(io.FileIO):
     def __init__(self, fd: int, on_full: Callable[[OSError], None]) -> None:
         super().__init__(fd, "wb", closefd=False)
         self._on_full: Final = on_full
+        # Of a terminal that is gone the system says what it says of a broken disk, and no more that it is a terminal.
+        self._left: Final = (*_LEFT, errno.EIO) if stat.S_ISCHR(os.fstat(fd).st_mode) else _LEFT
         self.full = False
 
     def write(self, data: Any) -> int | None:  # type: ignore[override]
         """Write what can be written; return the length of all of it."""
         try:
             return super().write(data)
-        except BrokenPipeError:
-            pass
         except OSError as failure:
-            if failure.errno not in FULL:
+            if failure.errno not in (*FULL, *self._left):
                 raise
-            if not self.full:
+            if failure.errno in FULL and not self.full:
                 self.full = True
                 self._on_full(failure)
         return memoryview(data).nbytes

@@ -81,6 +81,7 @@ class SiteRoadmap:
         low_x, low_y, high_x, high_y = terrain.bounds
         self._cell_m: Final = max(high_x - low_x, high_y - low_y) / (2.0 * math.sqrt(max(len(self.corners), 1)))
         self._ends: dict[tuple[int, int], Indices] = {}
+        self._every_end: Final[Indices] = np.arange(len(self.corners) + 1)
 
     def seeing(self, place: Point) -> list[int]:
         """Return the indices of the corners that a leg leads to a place from: of many, the nearest ones."""
@@ -99,7 +100,7 @@ class SiteRoadmap:
     def ends(self, x: float, y: float) -> Indices:
         """See `soter.stack.routes.Roadmap.ends`; of many corners only the nearest are looked at."""
         if len(self.places) <= _TRIED:
-            return np.arange(len(self.places) + 1)
+            return self._every_end
         cell = math.floor(x / self._cell_m), math.floor(y / self._cell_m)
         found = self._ends.get(cell)
         if found is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -13,8 +14,10 @@ import pytest
 
 from tests.project.source import ROOT
 
-MISSION = ["run", "examples/surveillance.toml", "--backend", "kinematic", "--planner", "straight-line", "--no-record",
-           "--duration", "1"]  # fmt: skip
+MISSION = [
+    "run", str(ROOT / "examples" / "surveillance.toml"), "--backend", "kinematic", "--planner", "straight-line",
+    "--no-record", "--duration", "1",
+]  # fmt: skip
 CONFORM = ["conform", "kinematic", "--only", "deadman.lease"]
 COMPLETION = {"_SOTER_COMPLETE": "complete_bash", "COMP_WORDS": "soter b", "COMP_CWORD": "1"}
 SAYING = {
@@ -61,6 +64,21 @@ def test_a_reader_that_leaves_ends_no_command(arguments: list[str]) -> None:
     done = said(arguments, writer)
     os.close(writer)
     assert (complaints(done), done.returncode) == ([], 0)
+
+
+def test_a_terminal_that_is_gone_costs_a_run_nothing(tmp_path: Path) -> None:
+    shown, terminal = pty.openpty()
+    # As with `nohup` or in a session that is left: no signal ends it, and what it writes fails.
+    run = subprocess.Popen(
+        ["sh", "-c", 'trap "" HUP; exec "$@"', "sh", sys.executable, "-m", "soter.cli", *MISSION,
+         "--json", "result.json"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "sim")))},
+        stdin=terminal, stdout=terminal, stderr=terminal, start_new_session=True,
+    )  # fmt: skip
+    os.close(terminal)
+    os.close(shown)
+    assert run.wait(60.0) == 0
+    assert json.loads((tmp_path / "result.json").read_text())["status"] == "completed"
 
 
 def test_a_run_whose_output_is_lost_goes_on_to_its_end(tmp_path: Path) -> None:

@@ -27,15 +27,21 @@ class Addressed(ZmqRobot):
             self._commands.send(json.dumps([self.id, message.decode()]).encode(), zmq.NOBLOCK)
 
 
+def until_closed(shared: ExitStack) -> zmq.Context[zmq.Socket[bytes]]:
+    """Return a context that is destroyed, with what it has not sent, where the backend is closed."""
+    context = zmq.Context()
+    context.linger = 0
+    shared.callback(context.destroy)
+    return context
+
+
 class SaysByOne(ZmqBackend):
     """Tells all robots by the socket of the first."""
 
     def connect(
         self, config: ZmqConfig, robots: Sequence[RobotSpec], clock: VehicleClock, shared: ExitStack
     ) -> Sequence[Robot]:
-        context = zmq.Context()
-        context.linger = 0
-        shared.callback(context.destroy)
+        context = until_closed(shared)
         one = opened(context, zmq.PUSH, config.robots[robots[0].id].command)
         made = [Addressed(each, clock, one) for each in robots]
         receiver = Receiver(context, {config.robots[each.id].report: each.receive for each in made})
@@ -49,9 +55,7 @@ class HearsByOne(ZmqBackend):
     def connect(
         self, config: ZmqConfig, robots: Sequence[RobotSpec], clock: VehicleClock, shared: ExitStack
     ) -> Sequence[Robot]:
-        context = zmq.Context()
-        context.linger = 0
-        shared.callback(context.destroy)
+        context = until_closed(shared)
         at = config.robots
         made = {each.id: ZmqRobot(each, clock, opened(context, zmq.PUSH, at[each.id].command)) for each in robots}
         receiver = Receiver(

@@ -31,11 +31,24 @@ _MOVES_S: Final = 1.0
 
 
 class GeoPoint(NamedTuple):
-    """A place on earth; its height is above the sea."""
+    """A place on earth; its height is above the sea.
+
+    As the origin of a workspace in metres it has those of ArduPilot's sphere.
+    """
 
     lat_deg: float
     lon_deg: float
     alt_m: float
+
+    def place(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return latitude and longitude of a place in a workspace with its origin here."""
+        lon_deg = self.lon_deg + x_m / (_M_PER_DEG * cos(radians(self.lat_deg)))
+        return self.lat_deg + y_m / _M_PER_DEG, remainder(lon_deg, 360.0)
+
+    def point(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """Return x and y of a place in a workspace with its origin here."""
+        frame = Frame.between(self, GeoPoint(lat_deg, lon_deg, self.alt_m), 0.0)
+        return frame.east_m, frame.north_m
 
 
 def geodetic_e7(origin: GeoPoint | Projection, x_m: float, y_m: float) -> tuple[int, int]:
@@ -43,20 +56,13 @@ def geodetic_e7(origin: GeoPoint | Projection, x_m: float, y_m: float) -> tuple[
 
     They are whole numbers on the wire: the place is off by up to 6 mm.
     """
-    if isinstance(origin, Projection):
-        lat_deg, lon_deg = origin.place(x_m, y_m)
-        return round(1e7 * lat_deg), round(1e7 * lon_deg)
-    east_m_per_deg = _M_PER_DEG * cos(radians(origin.lat_deg))
-    lon_deg = origin.lon_deg + x_m / east_m_per_deg
-    return round(1e7 * (origin.lat_deg + y_m / _M_PER_DEG)), round(1e7 * remainder(lon_deg, 360.0))
+    lat_deg, lon_deg = origin.place(x_m, y_m)
+    return round(1e7 * lat_deg), round(1e7 * lon_deg)
 
 
 def local_m(origin: GeoPoint | Projection, lat_e7: int, lon_e7: int) -> tuple[float, float]:
     """Return x and y, in a workspace with its origin there, of a place in 1e-7 degrees."""
-    if isinstance(origin, Projection):
-        return origin.point(1e-7 * lat_e7, 1e-7 * lon_e7)
-    east = Frame.between(origin, GeoPoint(1e-7 * lat_e7, 1e-7 * lon_e7, origin.alt_m), 0.0)
-    return east.east_m, east.north_m
+    return origin.point(1e-7 * lat_e7, 1e-7 * lon_e7)
 
 
 def wrapped_rad(angle_rad: float) -> float:
