@@ -1,6 +1,6 @@
 """Simulated robots that drive to goals by themselves, behind a gate each, whatever carries the messages.
 
-A wire of one's own is a subclass of `CommandedFace` and a module that calls `run`:
+A wire of one's own is a subclass of `CommandedEndpoint` and a module that calls `run`:
 
 ```
 python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
@@ -114,7 +114,7 @@ class CommandedVehicle:
         return self._drive.command(x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s, self.gate.passing(now_s))
 
 
-class CommandedFace(RealTimeWorld):
+class CommandedEndpoint(RealTimeWorld):
     """A world in real time, and its robots' ends of a wire.
 
     A subclass waits for what comes in `_wait`, hands it to `take` in `_hear`, and sends in `_say`.
@@ -192,7 +192,7 @@ class CommandedFace(RealTimeWorld):
                     vehicle.restart()
 
 
-Make = Callable[[Workspace, Sequence[RobotSpec], RuleLimits, int, Mapping[int, Any]], CommandedFace]
+Make = Callable[[Workspace, Sequence[RobotSpec], RuleLimits, int, Mapping[int, Any]], CommandedEndpoint]
 """Makes the endpoint of a world: workspace, robots, limits, truth port, and by robot the address that it had."""
 
 

@@ -15,10 +15,10 @@ from soter.onboard.command import Command, Report
 from soter.sdk import RobotSpec, RuleLimits
 from soter_lcm.bus import Bus, free_url
 from soter_lcm.wire import command_channel, decode_command, encode_report, report_channel
-from soter_sim.commanded import CommandedFace, run
+from soter_sim.commanded import CommandedEndpoint, run
 
 
-class Endpoint(CommandedFace):
+class Endpoint(CommandedEndpoint):
     """The robots' end of the bus.
 
     Args:

@@ -15,11 +15,11 @@ import zmq
 from soter.geometry.workspace import Workspace
 from soter.onboard.command import Command, Report
 from soter.sdk import RobotSpec, RuleLimits
-from soter_sim.commanded import CommandedFace, run
+from soter_sim.commanded import CommandedEndpoint, run
 from soter_zmq.wire import decode_command, encode_report
 
 
-class Endpoint(CommandedFace):
+class Endpoint(CommandedEndpoint):
     """The robots' ends of the wire.
 
     Args:

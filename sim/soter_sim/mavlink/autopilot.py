@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.fence import Fence
 from soter_sim.mavlink.flaws import Flaws
-from soter_sim.mavlink.frames import Globe, GlobeReckoning, Origin, Reckoning, turned, wrapped_rad
+from soter_sim.mavlink.frames import Origin, turned, wrapped_rad
 from soter_sim.mavlink.guided import Guided
 from soter_sim.mavlink.kinds import Kind, Mode
 from soter_sim.mavlink.mission import Mission
@@ -104,7 +104,8 @@ class Autopilot:
         self.speed_m_s: float | None = None
         self.backwards = False
         self._told_ready = False
-        self.reckoning = self._reckoned()
+        booted_at = self._vehicle.sample()
+        self.reckoning = self.origin.reckoning(booted_at.x_m, booted_at.y_m)
         self.fence.enabled = bool(self.parameters["FENCE_ENABLE"])
         self.failed: str | None = None
         self._idle_since_s = inf
@@ -152,12 +153,6 @@ class Autopilot:
         east_m_s, north_m_s = turned(at.east_m_s, at.north_m_s, -north_rad)
         heading_rad = wrapped_rad(at.heading_rad - north_rad)
         return at._replace(x_m=x_m, y_m=y_m, heading_rad=heading_rad, east_m_s=east_m_s, north_m_s=north_m_s)
-
-    def _reckoned(self) -> Reckoning:
-        if not isinstance(self.origin, Globe):
-            return Reckoning(self.origin)
-        at = self._vehicle.sample()
-        return GlobeReckoning(self.origin, at.x_m, at.y_m)
 
     @property
     def landed(self) -> bool:

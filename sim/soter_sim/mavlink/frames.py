@@ -65,6 +65,10 @@ class Origin(NamedTuple):
             (lat_e7 - self.lat_deg * 1e7) * _M_PER_E7_DEG,
         )
 
+    def reckoning(self, x_m: float, y_m: float) -> Reckoning:
+        """Return what the EKF of a vehicle that boots at a place in the workspace makes of places."""
+        return Reckoning(self)
+
 
 class Globe(Origin):
     """Where on earth a world has its origin whose metres are those of the ellipsoid."""
@@ -82,6 +86,9 @@ class Globe(Origin):
 
     def local_m(self, lat_e7: float, lon_e7: float) -> tuple[float, float]:
         return self.projection.point(1e-7 * lat_e7, 1e-7 * lon_e7)
+
+    def reckoning(self, x_m: float, y_m: float) -> Reckoning:
+        return GlobeReckoning(self, x_m, y_m)
 
 
 @lru_cache
