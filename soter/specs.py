@@ -82,8 +82,9 @@ def promises(
     """Return what the robots of a mission promise, by id, under the faults that they are said to have.
 
     Raises:
-        ConfigError: a tick at which samples are older than promised; a fault that is not allowed, or after which no
-            battery ever seems full enough; or bodies of that size do not fit where the mission wants them.
+        ConfigError: a tick that is longer than a lease, or at which samples are older than promised; a fault that is
+            not allowed, or after which no battery ever seems full enough; or bodies of that size do not fit where the
+            mission wants them.
     """
     declared = asked(backend, config, mission, workspace)
     for each in set(declared.values()):
@@ -103,8 +104,17 @@ def promises(
 
 
 def _check_tick(mission: MissionFile, declared: Capabilities) -> None:
-    """Check that robots in virtual time, which move in whole periods of theirs, have a new sample for every tick."""
+    """Check that robots are renewed in time, and, in virtual time, have a new sample for every tick.
+
+    There they move in whole periods of theirs.
+    """
     tick_s, period_s = mission.base_tick_s, declared.setpoint_period_s
+    if tick_s > declared.lease_s + _ROUNDING:
+        raise mission.refusal(
+            "base_tick_s",
+            f"it is {tick_s:g}, but a lease lasts {declared.lease_s:g} s, so that robots would stop between two ticks; "
+            f"allowed: at most {declared.lease_s:g}, or robots that promise a longer lease_s",
+        )
     ticks = max(1, round(tick_s / period_s))
     whole = math.isclose(ticks * period_s, tick_s, rel_tol=1e-9)
     if declared.in_process and not whole and declared.sample_age_s < period_s:

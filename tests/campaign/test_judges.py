@@ -24,9 +24,9 @@ RULES = ("collision", "obstacle", "geofence")
 def test_both_judges_see_the_same_rules_broken_by_the_same_robots(seed: int) -> None:
     rng = Random(seed)
     limits = RuleLimits(rng.uniform(0.0, 1.0), rng.choice((0.0, rng.uniform(0.0, 0.3))))
-    radius_m = rng.choice((BODY_RADIUS_M, rng.uniform(0.1, 0.3)))
+    radius_m = {robot.id: rng.choice((BODY_RADIUS_M, rng.uniform(0.1, 0.3))) for robot in specs(*POSES)}
     workspace = Workspace(5.0, 5.0, tuple(Box(*box) for box in BOXES), (RobotPlace(1, 1.0, 1.0, Box(*STATION)),))
-    robots = [promising(spec, radius_m) for spec in specs(*POSES)]
+    robots = [promising(spec, radius_m[spec.id]) for spec in specs(*POSES)]
     with World(workspace, robots, limits=limits) as world:
         witness = world.engine = EngineWitness(world.engine)
         for robot_id in witness.ids:

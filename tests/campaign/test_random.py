@@ -23,9 +23,10 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from typer.testing import CliRunner
 
+from soter.adapters.pybullet import SimulatedPromise
 from soter.campaign.job import JUDGED, Done, Job, carry_out
 from soter.campaign.random.configuration import Configuration
-from soter.campaign.random.drawing import MOST_ROBOTS, draw
+from soter.campaign.random.drawing import MOST_ROBOTS, MOST_TIMES, draw
 from soter.campaign.random.floor import LEAST_M, MOST_M, STYLES
 from soter.campaign.random.judge import PromisedLimits, Ways, judge
 from soter.campaign.random.room import DrawnRoom, Patch, Start
@@ -70,18 +71,9 @@ NEVER_DRAWN = {
     "planners.ompl-rrtstar": "the same",
     **{f"backends.{name}.promise": "drawn for the kinematic backend" for name in WATCHED if name != "kinematic"},
     **{
-        f"backends.kinematic.promise.{name}": "drawn are speed, brake, size, latency, age, jitter, noise and tube"
-        for name in (
-            "accel_m_s2",
-            "heading_noise_rad",
-            "lease_s",
-            "overshoot_m",
-            "pivots_first",
-            "reverses",
-            "setpoint_period_s",
-            "speed_noise_m_s",
-            "yaw_rate_max_rad_s",
-        )
+        f"{above}.{name}": "simulated robots have one value of it only"
+        for name in ("pivots_first", "reverses", "setpoint_period_s")
+        for above in ("backends.kinematic.promise", "robots.*")
     },
 }
 """Keys that no seed gives, each with the reason."""
@@ -118,12 +110,13 @@ def known_keys() -> set[str]:
     }
     for name, model in raw.items():
         # What the runner fills in is no key, and the kinematic backend's engine is fixed. Facts are those of any.
-        found |= {_any_facts(f"{name}.{key}") for key in keys_of(model) if key not in ("workspace", "seed", "limits")}
+        found |= {_any_name(f"{name}.{key}") for key in keys_of(model) if key not in ("workspace", "seed", "limits")}
+    found |= {f"robots.*.{key}" for key in keys_of(SimulatedPromise)}
     return found - {"backends.kinematic.engine"}
 
 
-def _any_facts(key: str) -> str:
-    return re.sub(r"^adversaries\..*\.facts\.", "adversaries.*.facts.", key)
+def _any_name(key: str) -> str:
+    return re.sub(r"^robots\.\d+\.", "robots.*.", re.sub(r"^adversaries\..*\.facts\.", "adversaries.*.facts.", key))
 
 
 def given_keys(tables: Mapping[str, Any], above: str = "") -> Iterator[str]:
@@ -144,7 +137,7 @@ def given_keys(tables: Mapping[str, Any], above: str = "") -> Iterator[str]:
 
 
 def test_every_key_of_a_mission_file_is_drawn_or_left_out_for_a_reason() -> None:
-    found = {_any_facts(key) for configuration in drawn() for key in given_keys(configuration.tables)}
+    found = {_any_name(key) for configuration in drawn() for key in given_keys(configuration.tables)}
     known = known_keys()
 
     def is_under(key: str, above: str) -> bool:
@@ -163,7 +156,14 @@ def test_what_is_drawn_covers_what_there_is() -> None:
     assert {*range(1, 7), MOST_ROBOTS} <= set(robots) <= set(range(1, MOST_ROBOTS + 1))
     sizes = [side for each in drawn() for side in (each.room.width, each.room.depth)]
     assert LEAST_M <= min(sizes) < 1.2
-    assert 10.0 < max(sizes) <= MOST_M
+    assert 4.0 * MOST_M < max(sizes) <= MOST_TIMES * MOST_M
+    tables = [each.tables.get("robots", 0) for each in drawn()]
+    unlike = [{name: own for name, own in each.items() if name != "count"} for each in tables if isinstance(each, dict)]
+    assert len(unlike) > 0.1 * len(drawn())
+    assert {*range(1, 4)} <= {len(each) for each in unlike}
+    speeds = [own.get("v_max_m_s", 0.22) for each in unlike for own in each.values()]
+    assert min(speeds) < 0.08
+    assert max(speeds) > 1.3
     faults = [len(each.tables.get("fault", ())) for each in drawn()]
     assert max(faults) == 3
     assert sum(count >= 2 for count in faults) > 0.4 * len(faults)
@@ -192,7 +192,7 @@ def test_the_loader_takes_most_of_what_is_drawn(tmp_path: Path) -> None:
 # --- the judge ---------------------------------------------------------------------------------------------------
 
 ROOM = DrawnRoom(4.0, 3.0, (Start(1, 1.0, 1.0, 0.0), Start(2, 3.0, 1.0, 0.0)), (Patch(0.9, 0.9, 1.1, 1.1),) * 2)
-LIMITS = PromisedLimits(("collision", "obstacle", "geofence", "battery"), 0.1, 0.0, 0.3, {}, {})
+LIMITS = PromisedLimits(("collision", "obstacle", "geofence", "battery"), {1: 0.1, 2: 0.1}, 0.0, 0.3, {}, {})
 
 
 def ways_of(*robots: list[tuple[float, float]], charge: list[float] | None = None) -> Ways:
@@ -232,6 +232,15 @@ def test_bodies_that_overlap_collide_whatever_the_mission_says() -> None:
     assert rules(ROOM, ways_of([(1.0, 1.0)], [(1.15, 1.0)]), replace(LIMITS, separation_m=0.1)) == ["collision"]
 
 
+def test_each_body_is_judged_by_its_own_radius() -> None:
+    unlike = replace(LIMITS, radius_m={1: 0.1, 2: 0.5})
+    boxed = replace(ROOM, boxes=(Patch(2.0, 0.0, 2.1, 0.4),))
+    assert rules(boxed, ways_of([(1.8, 0.2)], [(3.0, 2.0)]), unlike) == []
+    assert rules(boxed, ways_of([(3.0, 2.0)], [(1.8, 0.2)]), unlike) == ["obstacle"]
+    assert rules(ROOM, ways_of([(1.0, 1.0)], [(1.59, 1.0)]), unlike) == ["collision"]
+    assert rules(ROOM, ways_of([(1.0, 1.0)], [(1.61, 1.0)]), unlike) == []
+
+
 def test_users_rules_are_judged() -> None:
     own = replace(LIMITS, far_m={"far": 2.0}, keep_out={"out": (2.0, 2.0, 0.5)})
     assert rules(ROOM, ways_of([(1.0, 1.0)], [(2.9, 1.0)]), own) == ["far"]
@@ -269,7 +278,7 @@ def test_both_judges_see_the_same_of_robots_without_protection() -> None:
     mission = load_mission(ROOT / "examples" / "surveillance.toml", overrides)
     result, witness = run_mission(mission).result, witnesses[-1]
     room = DrawnRoom.read(mission.workspace)
-    limits = PromisedLimits.of(mission.rta.model_dump(), 0.105)
+    limits = PromisedLimits.of(mission.rta.model_dump(), dict.fromkeys(witness.ids, 0.105))
     assert limits.rules == ()
     limits = replace(limits, rules=LIMITS.rules)
     counts = Counter(rules(room, Ways(witness.ids, *witness.seen(result.duration_s)), limits))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -62,7 +64,7 @@ def test_what_is_admitted_gives_every_ac_its_robot(settings: dict[str, Any]) -> 
 
 @given(st.floats(0.004, 0.3).map(lambda each: round(each, 3)))
 def test_a_tick_between_two_samples_is_refused_and_the_nearest_that_is_not_is_named(tick_s: float) -> None:
-    asked = mission(ticked(tick_s))
+    asked = mission(ticked(tick_s, **{"backends.kinematic.promise.lease_s": 0.3}))
     nearest_s = max(1, round(tick_s / PERIOD_S)) * PERIOD_S
     if abs(nearest_s - tick_s) < 1e-9:
         promised(asked)
@@ -73,6 +75,21 @@ def test_a_tick_between_two_samples_is_refused_and_the_nearest_that_is_not_is_na
 
 def test_a_tick_between_two_samples_is_allowed_to_robots_that_promise_no_younger_ones() -> None:
     promised(mission(ticked(0.02, **{"backends.kinematic.promise.sample_age_s": PERIOD_S})))
+
+
+@pytest.mark.parametrize("tick_s", [0.05, 0.1, 0.15, 0.2, 0.3])
+@pytest.mark.parametrize("lease_s", [0.05, 0.1, 0.2, 0.3])
+def test_robots_do_not_stop_between_two_ticks_or_are_refused(tick_s: float, lease_s: float) -> None:
+    room = {"rta.collision.phi_safe_m": 0.6, "rta.collision.phi_safer_m": 1.2, "rta.obstacle.phi_safer_m": 0.4}
+    lease = {"backends.kinematic.promise.lease_s": lease_s, "robots": 1, "duration_s": 60.0}
+    asked = mission(ticked(tick_s, **room, **lease, **{"rta.obstacle.delta_s": tick_s, "battery.initial": [1.0]}))
+    if tick_s > lease_s:
+        with pytest.raises(ConfigError, match=rf"base_tick_s: it is {tick_s:g}, .* {lease_s:g} s, .* longer lease_s$"):
+            promised(asked)
+        return
+    track = run_mission(asked).tracks.tracks[1]
+    ways_m = [math.dist(*ends) for ends in pairwise(zip(track.x_m, track.y_m, strict=True))]
+    assert max(ways_m) / (track.time_s[1] - track.time_s[0]) > 0.95 * 0.22
 
 
 @given(st.lists(st.floats(-0.4, -0.01), min_size=1, max_size=2), st.floats(0.5, 1.0), st.floats(0.5, 3.0))

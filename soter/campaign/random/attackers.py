@@ -9,7 +9,7 @@ from typing import Annotated, Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from soter.controllers.adversaries import Adversary, AdversaryOptions
-from soter.rta import Region, RTAModule, Situation, SpeedBound
+from soter.rta import Region, RTAModule, Situation
 from soter.rta.models import PairBound
 from soter.sdk import Waypoint
 from soter.stack.module_kit import ModuleKit
@@ -99,11 +99,10 @@ class FarApart(Region):
 
 def declare_far(kit: ModuleKit, options: FarOptions) -> RTAModule:
     """Declare a module that keeps robots far apart; its safe controller stands."""
-    own = SpeedBound(kit.capabilities.v_max_m_s, kit.capabilities.brake_m_s2)
     stand = kit.go_to(lambda situation: (situation.own.x_m, situation.own.y_m))
     safe = FarApart(options.far_m)
     safer = replace(safe, least_m=options.far_m + options.spare_m)
-    return RTAModule(kit.name, kit.ac, stand, 2.0 * kit.tick_s, safe, safer, PairBound(own, own))
+    return RTAModule(kit.name, kit.ac, stand, 2.0 * kit.tick_s, safe, safer, PairBound(kit.model, kit.peer_model))
 
 
 class KeepOutOptions(_Options):

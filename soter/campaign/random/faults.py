@@ -33,7 +33,7 @@ def _with_times(rng: Random, kind: str, parameters: Table, ids: Sequence[int]) -
         table["every_s"] = round(table["duration_s"] + rng.uniform(0.5, 60.0), 2)
     if "start_s" not in table and rng.random() < 0.4:
         table["start_s"] = round(rng.uniform(0.0, 120.0), 2)
-    if rng.random() < 0.1:
+    if rng.random() < 0.15:
         table["declared"] = True
     return table
 

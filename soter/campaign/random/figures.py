@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from soter.sdk import Capabilities
@@ -14,10 +15,12 @@ class Figures:
     Attributes:
         promise: v, brake, latency, age, jitter, noise, lease, radius.
         tick_s: the base tick.
+        slowest_m_s: top speed of the slowest robot.
     """
 
     promise: Capabilities
     tick_s: float
+    slowest_m_s: float
 
     def reach_m(self, delta_s: float) -> float:
         """Return how far a robot gets within a module's horizon, and until it stands."""
@@ -36,6 +39,13 @@ class Figures:
         p = self.promise
         return p.v_max_m_s * (self.tick_s + p.latency_s + p.sample_age_s) + self.braking_m
 
+    @property
+    def early_s(self) -> float:
+        """How long before it must the AC of one of two robots that meet has to lose control, so that both can stop."""
+        p = self.promise
+        aside_m = p.v_max_m_s * (self.tick_s + p.latency_s) / 2.0
+        return p.v_max_m_s / (2.0 * p.brake_m_s2) - math.sqrt(aside_m / p.brake_m_s2)
+
     def spare_m(self, delta_s: float) -> float:
         """Return the room that a module with this Delta needs between phi_safe and phi_safer, noise included."""
         return self.reach_m(delta_s) + self.promise.position_noise_m
@@ -45,7 +55,10 @@ def worst(promises: list[Capabilities]) -> Capabilities:
     """Return one promise that is as bad as the worst of several in the figures that matter here."""
     first = promises[0]
     values = {name: getattr(first, name) for name in Capabilities.__slots__}
-    for name in ("v_max_m_s", "body_radius_m", "latency_s", "sample_age_s", "jitter_s", "position_noise_m", "tube_m"):
+    for name in (
+        "v_max_m_s", "body_radius_m", "latency_s", "sample_age_s", "jitter_s", "lease_s", "position_noise_m", "tube_m",
+        "overshoot_m",
+    ):  # fmt: skip
         values[name] = max(getattr(each, name) for each in promises)
     values["brake_m_s2"] = min(each.brake_m_s2 for each in promises)
     for name in ("accel_m_s2", "speed_noise_m_s", "heading_noise_rad"):

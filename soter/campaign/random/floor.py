@@ -25,6 +25,15 @@ class Floor:
     depth: float
     boxes: tuple[Patch, ...] = ()
 
+    def scaled(self, times: float) -> Floor:
+        """Return the same room so many times as large."""
+
+        def larger(value: float) -> float:
+            return round(value * times, 3)
+
+        boxes = [Patch(*map(larger, (box.low_x, box.low_y, box.high_x, box.high_y))) for box in self.boxes]
+        return Floor(self.style, larger(self.width), larger(self.depth), tuple(boxes))
+
 
 def draw_floor(rng: Random, nasty: bool) -> Floor:
     """Return a room of 1 to 12 m, turned and mirrored as it comes."""

@@ -28,7 +28,7 @@ class PromisedLimits:
 
     Attributes:
         rules: those whose modules are on.
-        radius_m: of a body.
+        radius_m: of each robot's body, by its id.
         obstacle_m: phi_safe of the obstacle module.
         separation_m: phi_safe of the collision module.
         far_m: least distance of a user's rule, by its name.
@@ -36,14 +36,14 @@ class PromisedLimits:
     """
 
     rules: tuple[str, ...]
-    radius_m: float
+    radius_m: Mapping[int, float]
     obstacle_m: float
     separation_m: float
     far_m: Mapping[str, float]
     keep_out: Mapping[str, tuple[float, float, float]]
 
     @classmethod
-    def of(cls, rta: Mapping[str, Any], radius_m: float) -> PromisedLimits:
+    def of(cls, rta: Mapping[str, Any], radius_m: Mapping[int, float]) -> PromisedLimits:
         """Return what `[rta]` promises, written out with its defaults."""
         if not rta["enabled"]:
             return cls((), radius_m, 0.0, 0.0, {}, {})
@@ -115,7 +115,7 @@ def _alone(room: DrawnRoom, limits: PromisedLimits, ways: Ways, index: int) -> I
         yield "geofence", EXACT_M - outside
     if "obstacle" in limits.rules and room.boxes:
         boxes = shapely.union_all([box.polygon for box in room.boxes])
-        yield "obstacle", _apart(boxes, x, y, limits.radius_m + limits.obstacle_m) - EXACT_M
+        yield "obstacle", _apart(boxes, x, y, limits.radius_m[ways.ids[index]] + limits.obstacle_m) - EXACT_M
     if "battery" in limits.rules:
         flat = (charge <= 0.0) & ~ways.on_station(room.stations)[:, index]
         yield "battery", np.where(flat, -1.0, charge)
@@ -128,7 +128,8 @@ def _pair(limits: PromisedLimits, ways: Ways, first: int, second: int) -> Iterat
     here = shapely.Point(0.0, 0.0)
     if "collision" in limits.rules:
         # Bodies that overlap are in collision, whatever the mission says of centres.
-        yield "collision", _apart(here, dx, dy, max(limits.separation_m, 2.0 * limits.radius_m)) + EXACT_M
+        bodies_m = limits.radius_m[ways.ids[first]] + limits.radius_m[ways.ids[second]]
+        yield "collision", _apart(here, dx, dy, max(limits.separation_m, bodies_m)) + EXACT_M
     for name, far_m in limits.far_m.items():
         yield name, _apart(here, dx, dy, far_m) + EXACT_M
 

@@ -109,7 +109,7 @@ def draw_rta(rng: Random, floor: Floor, figures: Figures, nasty: bool) -> Rta:
 
 def _slack(rng: Random, nasty: bool) -> float:
     """Return how much more than needed is given; nasty ones are at the edge, on either side of it."""
-    return rng.uniform(0.95, 1.3) if nasty else rng.uniform(1.02, 1.8)
+    return rng.uniform(0.98, 1.3) if nasty else rng.uniform(1.02, 1.8)
 
 
 def _collision(rng: Random, found: Rta, figures: Figures, nasty: bool) -> None:
@@ -118,10 +118,13 @@ def _collision(rng: Random, found: Rta, figures: Figures, nasty: bool) -> None:
 
     def fits() -> bool:
         spare_m = 2.0 * figures.spare_m(delta_s)
-        return _whole(delta_s, figures.tick_s) and safe_m >= least_m and safer_m - safe_m >= spare_m
+        often = _whole(delta_s, figures.tick_s) and delta_s >= figures.early_s
+        return often and safe_m >= least_m and safer_m - safe_m >= spare_m
 
     if rng.random() > 0.3 or not fits():
         delta_s = _ticks(rng, figures.tick_s, 0.4 if nasty else 0.15)
+        if not nasty or rng.random() < 0.8:
+            delta_s = max(delta_s, round(math.ceil(figures.early_s / figures.tick_s + 0.01) * figures.tick_s, 6))
         safe_m = _up(max(least_m * 1.001, rng.uniform(0.2 if nasty else 0.22, 0.45)))
         if nasty and rng.random() < 0.1:
             safe_m = round(rng.uniform(0.05, 0.25), 3)

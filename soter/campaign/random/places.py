@@ -30,6 +30,7 @@ class Needs:
         spot: of boxes: centres of starts and stations.
         apart: of each other: starts, and stations.
         passing: of a robot that stands on its station: centres of those that pass it.
+        station: width of a station, at least.
     """
 
     fence: float
@@ -37,6 +38,7 @@ class Needs:
     spot: float
     apart: float
     passing: float
+    station: float
 
 
 def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) -> DrawnRoom | None:
@@ -69,7 +71,9 @@ def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) ->
         Start(number, *place, round(rng.uniform(-math.pi, math.pi), 2) if rng.random() < 0.7 else 0.0)
         for number, place in enumerate(starts, start=1)
     )
-    return DrawnRoom(floor.width, floor.depth, robots, tuple(_station(rng, floor, at) for at in stations), floor.boxes)
+    return DrawnRoom(
+        floor.width, floor.depth, robots, tuple(_station(rng, floor, at, needs.station) for at in stations), floor.boxes
+    )
 
 
 def _free(floor: Floor, fence: float, boxes: float) -> BaseGeometry:
@@ -120,13 +124,13 @@ def _well_formed(
     return True
 
 
-def _station(rng: Random, floor: Floor, at: tuple[float, float]) -> Patch:
+def _station(rng: Random, floor: Floor, at: tuple[float, float], least: float) -> Patch:
     """Return a station around a place, in the room."""
     x, y = at
     most_x, most_y = (2.0 * min(at, size - at) for at, size in ((x, floor.width), (y, floor.depth)))
-    wide, deep = (min(max(STATION_M[0], rng.uniform(*STATION_M)), most) for most in (most_x, most_y))
+    wide, deep = (min(max(least, rng.uniform(*STATION_M)), most) for most in (most_x, most_y))
     if rng.random() < 0.5:
-        wide = deep = min(0.4, wide, deep)
+        wide = deep = min(max(0.4, least), wide, deep)
     half_x, half_y = round(wide / 2.0, 3), round(deep / 2.0, 3)
     return Patch(round(x - half_x, 6), round(y - half_y, 6), round(x + half_x, 6), round(y + half_y, 6))
 

@@ -19,7 +19,7 @@ from soter.config import MissionFile, load_mission
 from soter.registry import load_backend
 from soter.runner import Follower, Run, run_mission
 from soter.scratch import Scratch
-from soter.specs import read_options
+from soter.specs import asked, read_options
 
 STUCK_S: Final = 300.0
 """A robot in SC for longer than this, without charging, is stuck; one whose battery is empty is another matter."""
@@ -104,8 +104,10 @@ def _judged(room: DrawnRoom, mission: MissionFile, run: Run) -> Judgement:
     ways = Ways(witness.ids, *witness.seen(result.duration_s))
     room = room.only([index for index, start in enumerate(room.robots) if start.id in ways.ids])
     backend = load_backend(mission.backend)
-    promised = backend.promises(read_options(backend, mission, mission.read_workspace()))
-    limits = PromisedLimits.of(mission.rta.model_dump(), promised.body_radius_m)
+    workspace = mission.read_workspace()
+    promised = asked(backend, read_options(backend, mission, workspace), mission, workspace)
+    radius_m = {robot_id: each.body_radius_m for robot_id, each in promised.items()}
+    limits = PromisedLimits.of(mission.rta.model_dump(), radius_m)
     breaches = judge(room, limits, ways)
     return Judgement(
         truth={rule: (result.violations or {}).get(rule, 0) for rule in limits.rules},

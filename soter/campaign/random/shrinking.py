@@ -73,8 +73,13 @@ def _without_robot(config: Configuration, index: int) -> Configuration:
     if faults:
         tables["fault"] = faults
     tables.get("battery", {}).get("initial", {}).pop(str(gone), None)
-    if "robots" in tables:
-        tables["robots"] = min(tables["robots"], len(room.robots) - 1)
+    robots = tables.get("robots", {})
+    if isinstance(robots, dict):
+        robots.pop(str(gone), None)
+        if "count" in robots:
+            robots["count"] = min(robots["count"], len(room.robots) - 1)
+    else:
+        tables["robots"] = min(robots, len(room.robots) - 1)
     return Configuration(tables, room.only([at for at in range(len(room.robots)) if at != index]))
 
 
