@@ -30,8 +30,12 @@ _LONG: Final = 64.0
 _LINES: Final = 64
 """Of many lines so many are looked at at once: those next to each other are near the same pieces."""
 
-_PARTS: Final = 4
-"""What may be nearest is chosen for parts of cells: so many a side."""
+_WIDER: Final = 4
+"""What a cell has to choose from is what one that is so many times as wide has chosen, and so on."""
+
+_PARTS: Final = 2
+_LITTLE: Final = 8
+"""Where more edges than these may be nearest to a cell, they are chosen for parts of it: so many a side."""
 
 _MOST: Final = 200_000
 """So many parts are kept; after that all are forgotten."""
@@ -156,7 +160,7 @@ class Pieces:
         self._radius_m: Final = np.array([each.radius_m for each in self.all])
         self._edges: Final = Edges([each.edges for each in self.all])
         extent_m = float((self._high.max(axis=0) - self._low.min(axis=0)).max()) if self.all else 0.0
-        self._top: Final = max(0, math.ceil(math.log2(max(extent_m / cell_m, 1.0)))) if len(self.all) > _FEW else 0
+        self._top: Final = math.ceil(math.log(max(extent_m / cell_m, 1.0), _WIDER)) if len(self.all) > _FEW else 0
         self._every: Final = np.arange(len(self.all))
         self._cells: dict[tuple[int, int], Near] = {}
         self._parts: dict[tuple[int, int], Near] = {}
@@ -165,7 +169,8 @@ class Pieces:
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the nearest piece; infinite without any."""
-        part = _floor(x_m * self._parts_per_m), _floor(y_m * self._parts_per_m)
+        per_m = self._parts_per_m
+        part = _floor(x_m * per_m), _floor(y_m * per_m)
         edges, pieces = self._parts.get(part) or self._near_part(*part)
         least = math.inf
         for ax, ay, ux, uy, length in edges:
@@ -302,7 +307,7 @@ class Pieces:
         return away
 
     def _nearest_in(self, column: int, row: int, level: int) -> Indices:
-        """Return the pieces of which one is the nearest to any point of a cell; cells of a level are twice as large."""
+        """Return the pieces of which one is the nearest to any point of a cell of a level."""
         found = self._nearest.get((column, row, level))
         if found is None:
             above, away, reach_m, _ = self._look(column, row, level)
@@ -311,8 +316,8 @@ class Pieces:
 
     def _look(self, column: int, row: int, level: int) -> tuple[Indices, Floats, float, EdgesSeen]:
         """Return what pieces a cell has to choose from, how far its middle is from them, how far the nearest may be."""
-        above = self._every if level >= self._top else self._nearest_in(column >> 1, row >> 1, level + 1)
-        side = self._cell_m * 2.0**level
+        above = self._every if level >= self._top else self._nearest_in(column // _WIDER, row // _WIDER, level + 1)
+        side = self._cell_m * float(_WIDER) ** level
         away, edges = self._edges.look(above, (column + 0.5) * side, (row + 0.5) * side)
         # Anywhere in the cell the nearest is no farther than this.
         return above, away, (max(float(away.min()), 0.0) + side * math.sqrt(2.0)) * (1.0 + 1e-9), edges
@@ -324,7 +329,7 @@ class Pieces:
         if near is None:
             near = self._cells[cell] = self._worked_out(*cell)
         edges, pieces = near
-        if len(edges) > _FEW:
+        if len(edges) > _LITTLE:
             # Far from a curve, many of its edges are about as near to a cell, but not to a part of it.
             side = self._cell_m / _PARTS
             away = [_edge_m((column + 0.5) * side, (row + 0.5) * side, edge) for edge in edges]
