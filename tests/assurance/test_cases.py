@@ -13,6 +13,7 @@ import pytest
 
 from soter.campaign.job import JUDGED, Done, Job, carry_out
 from soter.campaign.random.configuration import Configuration
+from soter.campaign.random.room import Patch, patch_of
 
 CASES = sorted((Path(__file__).parent / "cases").glob("*.toml"))
 
@@ -45,12 +46,13 @@ def test_cases_with_enough_room_are_accepted(tmp_path: Path) -> None:
     for name, wider_m in (("corridor", 0.45), ("bent-corridor", 0.45)):
         case = Configuration.read(CASES[0].parent / f"{name}.toml")
         boxes = []
-        for box in case.room.boxes:
+        for box in filter(None, map(patch_of, case.room.boxes)):
             # Every box gives way on the side that faces the corridor.
             low_x = box.low_x + wider_m if name == "bent-corridor" and box.low_x > 4.9 else box.low_x
             low_y = box.low_y + wider_m if box.low_y > 1.0 else box.low_y
             high_y = box.high_y - wider_m if box.low_y == 0.0 and name == "corridor" else box.high_y
-            boxes.append(replace(box, low_x=low_x, low_y=low_y, high_y=high_y))
+            boxes.append(replace(box, low_x=low_x, low_y=low_y, high_y=high_y).ring)
         assert_safe(judged(replace(case, room=replace(case.room, boxes=tuple(boxes))).write(tmp_path / name)))
     roomy = Configuration.read(CASES[0].parent / "narrow-1020.toml")
-    assert_safe(judged(replace(roomy, room=replace(roomy.room, width=1.6)).write(tmp_path / "roomy")))
+    wider = Patch(0.0, 0.0, 1.6, max(y for _, y in roomy.room.fence))
+    assert_safe(judged(replace(roomy, room=replace(roomy.room, fence=wider.ring)).write(tmp_path / "roomy")))

@@ -35,7 +35,9 @@ def test_both_judges_see_the_same_rules_broken_by_the_same_robots(seed: int) -> 
         world.advance(60.0)
         seen = {(each.rule, each.robots) for each in world.truth.report().violations}
     starts = tuple(Start(robot_id, *pose) for robot_id, pose in enumerate(POSES, 1))
-    room = DrawnRoom(5.0, 5.0, starts, (Patch(*STATION),), tuple(Patch(*box) for box in BOXES))
+    room = DrawnRoom(
+        Patch(0.0, 0.0, 5.0, 5.0).ring, starts, (Patch(*STATION),), tuple(Patch(*box).ring for box in BOXES)
+    )
     promised = PromisedLimits(RULES, radius_m, limits.clearance_m, limits.separation_m, {}, {})
     found = judge(room, promised, Ways(witness.ids, *witness.seen(60.0)))
     assert {(each.rule, each.robots) for each in found} == seen

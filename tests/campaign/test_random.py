@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely  # type: ignore[import-untyped]
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel
@@ -29,7 +30,7 @@ from soter.campaign.random.configuration import Configuration
 from soter.campaign.random.drawing import MOST_ROBOTS, MOST_TIMES, draw
 from soter.campaign.random.floor import LEAST_M, MOST_M, STYLES
 from soter.campaign.random.judge import PromisedLimits, Ways, judge
-from soter.campaign.random.room import DrawnRoom, Patch, Start
+from soter.campaign.random.room import DrawnRoom, Patch, Start, patch_of
 from soter.campaign.random.running import Judgement, in_sc_s
 from soter.campaign.random.shrinking import shrunk
 from soter.campaign.random.witness import WATCHED, witnesses
@@ -148,15 +149,27 @@ def test_every_key_of_a_mission_file_is_drawn_or_left_out_for_a_reason() -> None
     assert {each for each in NEVER_DRAWN if not any(is_under(key, each) for key in known)} == set()
 
 
+def sides_m(room: DrawnRoom) -> tuple[float, float]:
+    """How long and how wide a room is, whichever way it is turned."""
+    around = np.array(room.inside.minimum_rotated_rectangle.exterior.coords)
+    long_m, wide_m, *_ = np.hypot(*np.diff(around, axis=0).T)
+    return float(long_m), float(wide_m)
+
+
 def test_what_is_drawn_covers_what_there_is() -> None:
     acs = Counter(each.tables.get("ac", "mission") for each in drawn())
     assert {f"adversary:{name}" for name in ADVERSARIES} < set(acs)
     assert {fault["kind"] for each in drawn() for fault in each.tables.get("fault", ())} == set(FAULT_KINDS)
     robots = Counter(len(each.room.robots) for each in drawn())
     assert {*range(1, 7), MOST_ROBOTS} <= set(robots) <= set(range(1, MOST_ROBOTS + 1))
-    sizes = [side for each in drawn() for side in (each.room.width, each.room.depth)]
-    assert LEAST_M <= min(sizes) < 1.2
-    assert 4.0 * MOST_M < max(sizes) <= MOST_TIMES * MOST_M
+    rectangles = [side for each in drawn() if patch_of(each.room.fence) for side in sides_m(each.room)]
+    assert LEAST_M <= min(rectangles) < 1.2
+    assert 4.0 * MOST_M < max(side for each in drawn() for side in sides_m(each.room)) <= MOST_TIMES * MOST_M + 0.01
+    shapes = [each.room for each in drawn() if patch_of(each.room.fence) is None]
+    assert len(shapes) > 0.2 * len(drawn())
+    assert any(not shapely.equals(each.inside, each.inside.convex_hull) for each in shapes)
+    assert any(patch_of(box) is None for each in shapes for box in each.boxes)
+    assert max(abs(corner) for each in shapes for corner in each.inside.bounds) > 5000.0
     tables = [each.tables.get("robots", 0) for each in drawn()]
     unlike = [{name: own for name, own in each.items() if name != "count"} for each in tables if isinstance(each, dict)]
     assert len(unlike) > 0.1 * len(drawn())
@@ -191,7 +204,9 @@ def test_the_loader_takes_most_of_what_is_drawn(tmp_path: Path) -> None:
 
 # --- the judge ---------------------------------------------------------------------------------------------------
 
-ROOM = DrawnRoom(4.0, 3.0, (Start(1, 1.0, 1.0, 0.0), Start(2, 3.0, 1.0, 0.0)), (Patch(0.9, 0.9, 1.1, 1.1),) * 2)
+ROOM = DrawnRoom(
+    Patch(0.0, 0.0, 4.0, 3.0).ring, (Start(1, 1.0, 1.0, 0.0), Start(2, 3.0, 1.0, 0.0)), (Patch(0.9, 0.9, 1.1, 1.1),) * 2
+)
 LIMITS = PromisedLimits(("collision", "obstacle", "geofence", "battery"), {1: 0.1, 2: 0.1}, 0.0, 0.3, {}, {})
 
 
@@ -208,7 +223,7 @@ def rules(room: DrawnRoom, ways: Ways, limits: PromisedLimits = LIMITS) -> list[
 def test_the_judge_sees_each_rule_broken() -> None:
     assert rules(ROOM, ways_of([(1.0, 1.0), (0.0, 0.0), (4.0, 3.0)])) == []
     assert rules(ROOM, ways_of([(1.0, 1.0), (-0.001, 1.0), (1.0, 1.0), (4.1, 1.0)])) == ["geofence", "geofence"]
-    boxed = replace(ROOM, boxes=(Patch(2.0, 0.0, 2.1, 2.0),))
+    boxed = replace(ROOM, boxes=(Patch(2.0, 0.0, 2.1, 2.0).ring,))
     assert rules(boxed, ways_of([(1.0, 1.0), (1.899, 1.0)])) == []
     assert rules(boxed, ways_of([(1.0, 1.0), (1.91, 1.0)])) == ["obstacle"]
     assert rules(boxed, ways_of([(1.91, 1.0)]), replace(LIMITS, obstacle_m=0.05)) == ["obstacle"]
@@ -219,7 +234,7 @@ def test_the_judge_sees_each_rule_broken() -> None:
 
 
 def test_the_judge_sees_what_happens_between_two_poses() -> None:
-    boxed = replace(ROOM, boxes=(Patch(2.0, 1.0, 2.02, 1.02),))
+    boxed = replace(ROOM, boxes=(Patch(2.0, 1.0, 2.02, 1.02).ring,))
     assert rules(boxed, ways_of([(1.88, 1.0), (2.14, 1.0)])) == ["obstacle"]
     assert rules(ROOM, ways_of([(1.0, 1.0), (1.4, 1.0)], [(1.4, 1.1), (1.0, 1.1)])) == ["collision"]
 
@@ -234,11 +249,20 @@ def test_bodies_that_overlap_collide_whatever_the_mission_says() -> None:
 
 def test_each_body_is_judged_by_its_own_radius() -> None:
     unlike = replace(LIMITS, radius_m={1: 0.1, 2: 0.5})
-    boxed = replace(ROOM, boxes=(Patch(2.0, 0.0, 2.1, 0.4),))
+    boxed = replace(ROOM, boxes=(Patch(2.0, 0.0, 2.1, 0.4).ring,))
     assert rules(boxed, ways_of([(1.8, 0.2)], [(3.0, 2.0)]), unlike) == []
     assert rules(boxed, ways_of([(3.0, 2.0)], [(1.8, 0.2)]), unlike) == ["obstacle"]
     assert rules(ROOM, ways_of([(1.0, 1.0)], [(1.59, 1.0)]), unlike) == ["collision"]
     assert rules(ROOM, ways_of([(1.0, 1.0)], [(1.61, 1.0)]), unlike) == []
+
+
+def test_a_fence_of_any_shape_is_judged() -> None:
+    fence = ((100.0, 0.0), (104.0, 0.0), (104.0, 2.0), (102.0, 2.0), (102.0, 4.0), (100.0, 4.0))
+    bent = replace(ROOM, fence=fence, boxes=(((100.5, 0.5), (101.0, 0.5), (100.5, 1.0)),))
+    assert rules(bent, ways_of([(103.9, 1.0), (101.0, 1.9), (101.0, 3.9)])) == []
+    assert rules(bent, ways_of([(103.9, 1.0), (102.5, 2.01)])) == ["geofence"]
+    assert rules(bent, ways_of([(100.9, 0.9)])) == []
+    assert rules(bent, ways_of([(100.8, 0.8)])) == ["obstacle"]
 
 
 def test_users_rules_are_judged() -> None:
@@ -253,7 +277,7 @@ point = st.tuples(st.floats(0.2, 3.8), st.floats(0.2, 2.8))
 @given(st.lists(point, min_size=2, max_size=6), st.lists(point, min_size=2, max_size=6))
 def test_the_judge_misses_nothing_that_dense_sampling_sees(first: list[Any], second: list[Any]) -> None:
     count = min(len(first), len(second))
-    boxed = replace(ROOM, boxes=(Patch(1.5, 1.0, 2.5, 1.4),))
+    boxed = replace(ROOM, boxes=(Patch(1.5, 1.0, 2.5, 1.4).ring,))
     found = set(rules(boxed, ways_of(first[:count], second[:count])))
 
     def dense(places: list[Any]) -> list[tuple[float, float]]:

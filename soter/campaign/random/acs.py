@@ -7,8 +7,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Any, Final
 
-import shapely  # type: ignore[import-untyped]
-from shapely import LineString, Point
+from shapely import LineString, Point  # type: ignore[import-untyped]
 
 from soter.campaign.random.configuration import Tables
 from soter.campaign.random.figures import Figures
@@ -75,14 +74,14 @@ def _places(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta) -> list[li
         rng.shuffle(centres)
         return centres
     fence_m = figures.reach_m(rta.geofence_delta_s)
-    inside = shapely.box(0.0, 0.0, room.width, room.depth).buffer(-fence_m, join_style="mitre")
+    inside = room.inside.buffer(-fence_m, join_style="mitre")
     keep_m = figures.promise.body_radius_m + rta.obstacle_safe_m + rta.obstacle_reach_m
-    boxes = [box.polygon.buffer(keep_m) for box in room.boxes]
-    allowed = inside.difference(shapely.union_all(boxes))
+    allowed = inside.difference(room.kept_out.buffer(keep_m))
+    low_x, low_y, high_x, high_y = room.inside.bounds
     start = rng.choice(room.robots)
     chain = [(start.x, start.y)]
     for _ in range(_PLACES):
-        tried = [(rng.uniform(0.0, room.width), rng.uniform(0.0, room.depth)) for _ in range(40)]
+        tried = [(rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)) for _ in range(40)]
         seen = [at for at in tried if allowed.covers(Point(at)) and allowed.covers(LineString([chain[-1], at]))]
         if seen:
             # Away from where it has been: down corridors and into corners.

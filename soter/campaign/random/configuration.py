@@ -11,7 +11,6 @@ from soter.campaign.random.room import DrawnRoom
 from soter.config.toml_text import toml
 
 MISSION_FILE: Final = "mission.toml"
-WORKSPACE_FILE: Final = "workspace.xml"
 
 Tables = dict[str, Any]
 
@@ -36,10 +35,10 @@ class Configuration:
             note: goes to the top of the mission file, as a comment.
         """
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / WORKSPACE_FILE).write_text(self.room.xml(), encoding="utf-8")
+        workspace = self.room.write(folder)
         mission = folder / MISSION_FILE
         comment = "".join(f"# {line}\n" for line in note.splitlines())
-        mission.write_text(comment + toml({"workspace": WORKSPACE_FILE, **self.tables}), encoding="utf-8")
+        mission.write_text(comment + toml({"workspace": workspace, **self.tables}), encoding="utf-8")
         return mission
 
     @classmethod

@@ -9,6 +9,8 @@ from pkgutil import resolve_name
 from random import Random
 from typing import Any, Final
 
+import shapely  # type: ignore[import-untyped]
+
 from soter.adapters.pybullet import PERIOD_S, SimulatedPromise
 from soter.campaign.random.acs import draw_ac
 from soter.campaign.random.configuration import Configuration, Tables
@@ -73,6 +75,8 @@ def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
     else:
         tables["backend"], tables["backends"] = "pybullet", {"pybullet": {"engine": engine}}
     floor = draw_floor(rng, nasty).scaled(_room(rng, [promise, *unlike.values()]))
+    if rng.random() < 0.35:
+        floor = floor.reshaped(rng)
     tick_s = rng.choice(_ODD_TICKS if nasty and rng.random() < 0.1 else _TICKS)
     if tick_s != 0.05 or rng.random() < 0.1:
         tables["base_tick_s"] = tick_s
@@ -115,8 +119,8 @@ def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
 
 def _room_for(floor: Floor, nasty: bool) -> int:
     """Return about how many robots there is room for."""
-    boxes = sum((box.high_x - box.low_x) * (box.high_y - box.low_y) for box in floor.boxes)
-    return max(1, int((floor.width * floor.depth - boxes) / (0.6 if nasty else 1.2)))
+    boxes = sum(shapely.Polygon(box).area for box in floor.boxes)
+    return max(1, int((floor.inside.area - boxes) / (0.6 if nasty else 1.2)))
 
 
 def _robot(rng: Random, nasty: bool, common: Tables | None = None) -> Tables:
@@ -192,7 +196,7 @@ def _promised(
 
 def _battery(rng: Random, floor: Floor, figures: Figures, module: Tables, ids: Sequence[int], nasty: bool) -> Tables:
     """Return the batteries, and put into the battery's module what they ask for."""
-    longest_m = (1.0 if not floor.boxes else 2.0) * (floor.width + floor.depth)
+    longest_m = (1.0 if not floor.boxes and len(floor.fence) == 4 else 2.0) * (floor.width + floor.depth)
     reserve = rng.uniform(1.0, 10.0) if nasty else rng.uniform(2.5, 6.0)
     if rng.random() < 0.3:
         reserve = 4.0

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from soter.campaign.random.room import Patch
+import shapely  # type: ignore[import-untyped]
+from shapely.affinity import affine_transform  # type: ignore[import-untyped]
+
+from soter.campaign.random.room import Patch, Ring
 
 LEAST_M: Final = 1.0
 MOST_M: Final = 12.0
@@ -18,21 +21,63 @@ WALL_M: Final = (0.08, 0.4)
 
 @dataclass(frozen=True)
 class Floor:
-    """A room without robots: metres from the origin, and its boxes; `style` names how it was drawn."""
+    """A room without robots.
+
+    Attributes:
+        style: how it was drawn.
+        width: how long it is one way, in metres.
+        depth: how long it is the other way.
+        fence: around it.
+        boxes: what is kept out.
+    """
 
     style: str
     width: float
     depth: float
-    boxes: tuple[Patch, ...] = ()
+    fence: Ring
+    boxes: tuple[Ring, ...] = ()
+
+    @property
+    def inside(self) -> shapely.Polygon:
+        """What is inside of the fence."""
+        return shapely.Polygon(self.fence)
 
     def scaled(self, times: float) -> Floor:
         """Return the same room so many times as large."""
 
-        def larger(value: float) -> float:
-            return round(value * times, 3)
+        def larger(ring: Ring) -> Ring:
+            return tuple((round(x * times, 3), round(y * times, 3)) for x, y in ring)
 
-        boxes = [Patch(*map(larger, (box.low_x, box.low_y, box.high_x, box.high_y))) for box in self.boxes]
-        return Floor(self.style, larger(self.width), larger(self.depth), tuple(boxes))
+        return Floor(
+            self.style, self.width * times, self.depth * times, larger(self.fence), tuple(map(larger, self.boxes))
+        )
+
+    def reshaped(self, rng: Random) -> Floor:
+        """Return the room with another outline, other boxes, turned, and somewhere else.
+
+        Boxes that stand at the fence become notches in it; corners of it and of boxes are cut.
+        """
+        boxes = [shapely.Polygon(box) for box in self.boxes]
+        inside = self.inside
+        if rng.random() < 0.6:
+            at_fence = [box for box in boxes if not inside.boundary.disjoint(box)]
+            boxes = [box for box in boxes if inside.boundary.disjoint(box)]
+            inside = inside.difference(shapely.union_all(at_fence))
+            inside = max(getattr(inside, "geoms", [inside]), key=lambda part: part.area)
+            boxes = [box for box in boxes if inside.covers(box)]
+        # A ring of notches would leave a fence with a hole.
+        inside = shapely.Polygon(inside.exterior)
+        for corner in self.fence:
+            if rng.random() < 0.3:
+                reach_m = rng.uniform(0.05, 0.3) * min(self.width, self.depth)
+                inside = _cut(inside, corner, reach_m)
+        boxes = [_cut(box, rng.choice(box.exterior.coords), rng.uniform(0.02, 0.2)) for box in boxes]
+        angle_rad = rng.choice((0.0, rng.uniform(-math.pi, math.pi)))
+        east_m, north_m = (rng.choice((0.0, rng.uniform(-50.0, 50.0), rng.uniform(-9000.0, 9000.0))) for _ in range(2))
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        moved = [cos, -sin, sin, cos, east_m, north_m]
+        fence, *kept_out = (_ring(affine_transform(each, moved)) for each in (inside, *boxes))
+        return Floor(self.style, self.width, self.depth, fence, tuple(kept_out))
 
 
 def draw_floor(rng: Random, nasty: bool) -> Floor:
@@ -50,7 +95,20 @@ def draw_floor(rng: Random, nasty: bool) -> Floor:
         boxes = [Patch(box.low_y, box.low_x, box.high_y, box.high_x) for box in boxes]
     if rng.random() < 0.5:
         boxes = [Patch(width - box.high_x, box.low_y, width - box.low_x, box.high_y) for box in boxes]
-    return Floor(style, width, depth, tuple(_kept(box, width, depth) for box in boxes if _solid(box, width, depth)))
+    kept = tuple(_kept(box, width, depth).ring for box in boxes if _solid(box, width, depth))
+    return Floor(style, width, depth, Patch(0.0, 0.0, width, depth).ring, kept)
+
+
+def _cut(polygon: shapely.Polygon, corner: tuple[float, float], reach_m: float) -> shapely.Polygon:
+    """Return a polygon without what is near one of its corners, as far as that leaves one piece of it."""
+    left = polygon.difference(shapely.Point(corner).buffer(reach_m, quad_segs=1))
+    return left if isinstance(left, shapely.Polygon) and left.area > 0.5 * polygon.area else polygon
+
+
+def _ring(polygon: shapely.Polygon) -> Ring:
+    """Return the corners of a polygon, to the millimetre, without such as stand on a straight line."""
+    corners = shapely.orient_polygons(polygon.simplify(1e-4)).exterior.coords[:-1]
+    return tuple((round(x, 3), round(y, 3)) for x, y in corners)
 
 
 def _kept(box: Patch, width: float, depth: float) -> Patch:

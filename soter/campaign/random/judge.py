@@ -86,7 +86,7 @@ class Ways:
 
     def on_station(self, stations: Collection[Patch]) -> NDArray[np.bool_]:
         """Return by time and robot whether its centre is on a station."""
-        area = shapely.union_all([station.polygon for station in stations]).buffer(1e-9)
+        area = shapely.union_all([shapely.Polygon(station.ring) for station in stations]).buffer(1e-9)
         shapely.prepare(area)
         return np.asarray(shapely.intersects_xy(area, self.x, self.y))
 
@@ -109,13 +109,9 @@ def _alone(room: DrawnRoom, limits: PromisedLimits, ways: Ways, index: int) -> I
     """Yield the margins of the rules about one robot; below 0 is broken."""
     x, y, charge = ways.x[:, index], ways.y[:, index], ways.charge[:, index]
     if "geofence" in limits.rules:
-        fence = shapely.box(0.0, 0.0, room.width, room.depth)
-        # A rectangle has no way out and in again between two points inside.
-        outside = shapely.distance(fence, shapely.points(x, y))
-        yield "geofence", EXACT_M - outside
+        yield "geofence", EXACT_M - shapely.distance(room.inside, shapely.points(x, y))
     if "obstacle" in limits.rules and room.boxes:
-        boxes = shapely.union_all([box.polygon for box in room.boxes])
-        yield "obstacle", _apart(boxes, x, y, limits.radius_m[ways.ids[index]] + limits.obstacle_m) - EXACT_M
+        yield "obstacle", _apart(room.kept_out, x, y, limits.radius_m[ways.ids[index]] + limits.obstacle_m) - EXACT_M
     if "battery" in limits.rules:
         flat = (charge <= 0.0) & ~ways.on_station(room.stations)[:, index]
         yield "battery", np.where(flat, -1.0, charge)

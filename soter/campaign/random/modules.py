@@ -49,11 +49,12 @@ class Rta:
             options = {"far_m": far_m, "spare_m": _up(2.0 * reach_m * rng.uniform(1.05, 1.5))}
         else:
             name, declare = "keep-out", KEEP_OUT
-            at = rng.uniform(0.0, room.width), rng.uniform(0.0, room.depth)
+            low_x, low_y, high_x, high_y = room.inside.bounds
+            at = rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)
             if not nasty:
                 # Somewhere away from starts and stations; its radius stops short of them.
                 at = max(
-                    ((rng.uniform(0.0, room.width), rng.uniform(0.0, room.depth)) for _ in range(20)),
+                    ((rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)) for _ in range(20)),
                     key=lambda place: _nearest_m(place, room),
                 )
             spare_m = _up(reach_m * rng.uniform(1.05, 1.5))

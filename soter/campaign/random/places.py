@@ -13,7 +13,7 @@ from shapely import Point
 from shapely.geometry.base import BaseGeometry  # type: ignore[import-untyped]
 
 from soter.campaign.random.floor import Floor
-from soter.campaign.random.room import DrawnRoom, Patch, Start
+from soter.campaign.random.room import DrawnRoom, Patch, Start, patch_of
 
 _CANDIDATES: Final = 12
 _TRIES: Final = 40
@@ -71,15 +71,14 @@ def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) ->
         Start(number, *place, round(rng.uniform(-math.pi, math.pi), 2) if rng.random() < 0.7 else 0.0)
         for number, place in enumerate(starts, start=1)
     )
-    return DrawnRoom(
-        floor.width, floor.depth, robots, tuple(_station(rng, floor, at, needs.station) for at in stations), floor.boxes
-    )
+    placed = tuple(_station(rng, floor, at, needs.station) for at in stations)
+    return DrawnRoom(floor.fence, robots, placed, floor.boxes)
 
 
 def _free(floor: Floor, fence: float, boxes: float) -> BaseGeometry:
     """Return where a centre may be."""
-    inside = shapely.box(0.0, 0.0, floor.width, floor.depth).buffer(-fence, join_style="mitre")
-    return inside.difference(shapely.union_all([box.polygon.buffer(boxes) for box in floor.boxes]))
+    kept_out = [shapely.Polygon(box).buffer(boxes) for box in floor.boxes]
+    return floor.inside.buffer(-fence, join_style="mitre").difference(shapely.union_all(kept_out))
 
 
 def _largest(area: BaseGeometry) -> BaseGeometry:
@@ -125,11 +124,11 @@ def _well_formed(
 
 
 def _station(rng: Random, floor: Floor, at: tuple[float, float], least: float) -> Patch:
-    """Return a station around a place, in the room."""
+    """Return a station around a place, in the room; a square one where the room is no rectangle along the axes."""
     x, y = at
-    most_x, most_y = (2.0 * min(at, size - at) for at, size in ((x, floor.width), (y, floor.depth)))
-    wide, deep = (min(max(least, rng.uniform(*STATION_M)), most) for most in (most_x, most_y))
-    if rng.random() < 0.5:
+    most = math.sqrt(2.0) * floor.inside.exterior.distance(Point(at))
+    wide, deep = (min(max(least, rng.uniform(*STATION_M)), most) for _ in range(2))
+    if rng.random() < 0.5 or patch_of(floor.fence) is None or floor.fence[0] != (0.0, 0.0):
         wide = deep = min(max(0.4, least), wide, deep)
     half_x, half_y = round(wide / 2.0, 3), round(deep / 2.0, 3)
     return Patch(round(x - half_x, 6), round(y - half_y, 6), round(x + half_x, 6), round(y + half_y, 6))
@@ -143,16 +142,18 @@ def _anywhere(_rng: Random, _floor: Floor) -> Score:
 
 
 def _together(rng: Random, floor: Floor) -> Score:
-    at = rng.uniform(0.0, floor.width), rng.uniform(0.0, floor.depth)
+    low_x, low_y, high_x, high_y = floor.inside.bounds
+    at = rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)
     return lambda place: -math.dist(at, place)
 
 
 def _by_the_fence(_rng: Random, floor: Floor) -> Score:
-    return lambda place: -min(place[0], floor.width - place[0], place[1], floor.depth - place[1])
+    fence = floor.inside.exterior
+    return lambda place: -fence.distance(Point(place))
 
 
 def _by_boxes(_rng: Random, floor: Floor) -> Score:
-    boxes = shapely.union_all([box.polygon for box in floor.boxes])
+    boxes = shapely.union_all([shapely.Polygon(box) for box in floor.boxes])
     return lambda place: -boxes.distance(Point(place)) if floor.boxes else 0.0
 
 

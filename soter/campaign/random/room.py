@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +12,9 @@ import shapely  # type: ignore[import-untyped]
 from defusedxml.ElementTree import parse
 
 BOX_HEIGHT_M: Final = 1.0
+
+Ring = tuple[tuple[float, float], ...]
+"""Corners of a polygon in order, counter-clockwise, in metres."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +39,11 @@ class Patch:
         return (self.low_x + self.high_x) / 2.0, (self.low_y + self.high_y) / 2.0
 
     @property
-    def polygon(self) -> shapely.Polygon:
-        """The same for shapely."""
-        return shapely.box(self.low_x, self.low_y, self.high_x, self.high_y)
+    def ring(self) -> Ring:
+        """Its corners, the first one in the south-west."""
+        return (
+            (self.low_x, self.low_y), (self.high_x, self.low_y), (self.high_x, self.high_y), (self.low_x, self.high_y),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,34 +58,70 @@ class Start:
 
 @dataclass(frozen=True)
 class DrawnRoom:
-    """A fence from the origin, boxes, starts, and as many stations, those of the robots in their order."""
+    """A fence, what is kept out, starts, and as many stations, those of the robots in their order.
 
-    width: float
-    depth: float
+    One with a fence from the origin and boxes along the axes is written as XML, any other as TOML.
+    """
+
+    fence: Ring
     robots: tuple[Start, ...]
     stations: tuple[Patch, ...]
-    boxes: tuple[Patch, ...] = ()
+    boxes: tuple[Ring, ...] = ()
+
+    @property
+    def inside(self) -> shapely.Polygon:
+        """What is inside of the fence."""
+        return shapely.Polygon(self.fence)
+
+    @property
+    def kept_out(self) -> shapely.Geometry:
+        """All that robots keep out of."""
+        return shapely.union_all([shapely.Polygon(box) for box in self.boxes])
 
     def only(self, kept: Sequence[int]) -> DrawnRoom:
         """Return it with the robots and the stations at these places in their order."""
         robots, stations = tuple(self.robots[at] for at in kept), tuple(self.stations[at] for at in kept)
         return replace(self, robots=robots, stations=stations)
 
-    def xml(self) -> str:
-        """Return the workspace file."""
-        lines = ["<configuration>", f'  <dimension x="{self.width!r}" y="{self.depth!r}" z="1"/>', "  <robots>"]
+    def write(self, folder: Path) -> str:
+        """Write the workspace file into a folder; return its name."""
+        fence, boxes = patch_of(self.fence), [patch_of(box) for box in self.boxes]
+        if fence is None or fence.ring[0] != (0.0, 0.0) or None in boxes:
+            name, text = "workspace.toml", self._toml()
+        else:
+            name, text = "workspace.xml", self._xml(fence, [box for box in boxes if box])
+        (folder / name).write_text(text, encoding="utf-8")
+        return name
+
+    def _xml(self, fence: Patch, boxes: Sequence[Patch]) -> str:
+        lines = ["<configuration>", f'  <dimension x="{fence.high_x!r}" y="{fence.high_y!r}" z="1"/>', "  <robots>"]
         for start in self.robots:
             place = f'<start x="{start.x!r}" y="{start.y!r}" heading="{start.heading!r}"/>'
             lines.append(f'    <robot id="{start.id}">{place}</robot>')
         lines += ["  </robots>", "  <obstacles>"]
-        lines += [_box(box, BOX_HEIGHT_M) for box in self.boxes]
+        lines += [_box(box, BOX_HEIGHT_M) for box in boxes]
         lines += ["  </obstacles>", "  <charging_stations>"]
         lines += [_box(station, 0.0) for station in self.stations]
         return "\n".join([*lines, "  </charging_stations>", "</configuration>", ""])
 
+    def _toml(self) -> str:
+        tables = [f"[fence]\npolygon = {_toml_ring(self.fence)}\n"]
+        tables += [f"[[keep_out]]\npolygon = {_toml_ring(box)}\n" for box in self.boxes]
+        for station in self.stations:
+            x, y, side = (round(value, 7) for value in (*station.centre, station.high_x - station.low_x))
+            tables.append(f"[[station]]\nx_m = {x!r}\ny_m = {y!r}\nside_m = {side!r}\n")
+        for start in self.robots:
+            place = f"x_m = {start.x!r}\ny_m = {start.y!r}\nheading_rad = {start.heading!r}"
+            tables.append(f"[[robot]]\nid = {start.id}\n{place}\n")
+        return "\n".join(tables)
+
     @classmethod
     def read(cls, path: Path) -> DrawnRoom:
-        """Read a workspace file that SOTER accepts, with a reader of its own."""
+        """Read a workspace file that SOTER accepts, of those that are written here, with a reader of its own."""
+        return cls._read_toml(path) if path.suffix == ".toml" else cls._read_xml(path)
+
+    @classmethod
+    def _read_xml(cls, path: Path) -> DrawnRoom:
         root = parse(path).getroot()
         assert root is not None
         size = next(root.iterfind("dimension")).attrib
@@ -95,8 +137,33 @@ class DrawnRoom:
             )
             for tag in ("obstacles", "charging_stations")
         }
-        stations, boxes = patches["charging_stations"], patches["obstacles"]
-        return cls(float(size["x"]), float(size["y"]), tuple(robots), stations, boxes)
+        fence = Patch(0.0, 0.0, float(size["x"]), float(size["y"]))
+        boxes = tuple(box.ring for box in patches["obstacles"])
+        return cls(fence.ring, tuple(robots), patches["charging_stations"], boxes)
+
+    @classmethod
+    def _read_toml(cls, path: Path) -> DrawnRoom:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        stations = []
+        for station in tables["station"]:
+            x, y, half = station["x_m"], station["y_m"], station["side_m"] / 2.0
+            stations.append(Patch(*(round(corner, 6) for corner in (x - half, y - half, x + half, y + half))))
+        return cls(
+            tuple(map(tuple, tables["fence"]["polygon"])),
+            tuple(Start(each["id"], each["x_m"], each["y_m"], each["heading_rad"]) for each in tables["robot"]),
+            tuple(stations),
+            tuple(tuple(map(tuple, each["polygon"])) for each in tables.get("keep_out", ())),
+        )
+
+
+def patch_of(ring: Ring) -> Patch | None:
+    """Return the rectangle along the axes that has these corners, if they are one's."""
+    found = Patch(*shapely.Polygon(ring).bounds)
+    return found if found.ring == ring else None
+
+
+def _toml_ring(ring: Ring) -> str:
+    return f"[{', '.join(f'[{x!r}, {y!r}]' for x, y in ring)}]"
 
 
 def _box(patch: Patch, height_m: float) -> str:
