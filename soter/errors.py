@@ -19,6 +19,7 @@ SoterError
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -142,6 +143,16 @@ def account_of(failure: BaseException, shown: Callable[[BaseException], str] = r
     except BaseException:  # noqa: BLE001 - foreign code wrote what shows it
         text = "a failure that cannot say what it is"
     return " ".join(text[:MAX_WORDS].split())
+
+
+def floor_m(value: float) -> str:
+    """Return a length that falls short as a message shows it: rounded down, so that it is seen to fall short."""
+    return f"{math.floor(value * 1000.0 + 1e-6) / 1000.0:.3f}"
+
+
+def ceil_m(value: float) -> str:
+    """Return a length that would do as a message shows it: rounded up, so that what is copied from it does."""
+    return f"{math.ceil(value * 1000.0 - 1e-6) / 1000.0:.3f}"
 
 
 def nearest(name: str, allowed: list[str]) -> str:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from soter.config import MissionFile, validate_options
-from soter.errors import ConfigError, nearest
+from soter.errors import ConfigError, floor_m, nearest
 from soter.faults import FaultTable, read_faults
 from soter.faults.robot import widened
 from soter.faults.telemetry import BatteryOptions
@@ -175,8 +175,8 @@ def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[i
             if clearance_m < least_m - _ROUNDING:
                 raise mission.refusal(
                     "workspace",
-                    f"the body of robot {place.id}, of a radius of {radius_m[place.id]:g} m, is {clearance_m:.3f} m "
-                    f"from a box at its {name}, ({x_m:g}, {y_m:g}); allowed: at least {least_m:g} m",
+                    f"the body of robot {place.id}, of a radius of {radius_m[place.id]:g} m, is {floor_m(clearance_m)} "
+                    f"m from a box at its {name}, ({x_m:g}, {y_m:g}); allowed: at least {least_m:g} m",
                 )
     for index, one in enumerate(workspace.robots):
         for other in workspace.robots[:index]:
@@ -189,8 +189,9 @@ def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[i
                 if apart_m < needed_m - _ROUNDING:
                     raise mission.refusal(
                         "workspace",
-                        f"the {name} of robots {other.id} and {one.id} are {apart_m:.3f} m apart; allowed: at least "
-                        f"{needed_m:g} m, for bodies of the radii {radius_m[other.id]:g} m and {radius_m[one.id]:g} m",
+                        f"the {name} of robots {other.id} and {one.id} are {floor_m(apart_m)} m apart; allowed: at "
+                        f"least {needed_m:g} m, for bodies of the radii {radius_m[other.id]:g} m and "
+                        f"{radius_m[one.id]:g} m",
                     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
-from soter.errors import ConfigError
+from soter.errors import ConfigError, floor_m
 from soter.geometry.convex import Ring
 from soter.geometry.grid import GridMap
 from soter.geometry.site import Area, GeoOrigin, Site, SitePlan, as_box
@@ -317,14 +317,15 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
                 )
                 draft.note(
                     name,
-                    f"the body (radius {BODY_RADIUS_M:g} m) at ({at[0]:g}, {at[1]:g}) is {clearance_m:.3f} m from "
+                    f"the body (radius {BODY_RADIUS_M:g} m) at ({at[0]:g}, {at[1]:g}) is {floor_m(clearance_m)} m from "
                     f"'{_nearest_area(site, at)}'; allowed: at least {needed_m:g} m; {where}",
                 )
             for other, there in spots[:index]:
                 if (apart_m := math.dist(at, there)) < spacing_m - _ROUNDING_M:
                     draft.note(
                         name,
-                        f"it is {apart_m:.3f} m from the {other}, allowed: at least {spacing_m:g} m between centres",
+                        f"it is {floor_m(apart_m)} m from the {other}, allowed: at least "
+                        f"{spacing_m:g} m between centres",
                     )
 
 

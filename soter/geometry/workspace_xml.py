@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 
-from soter.errors import ConfigError, nearest
+from soter.errors import ConfigError, floor_m, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.geometry.xml_tree import Element, parse_tree
 from soter.problems import MAX_FILE_BYTES, Problem, config_error, cut, read_limited, shown_value
@@ -301,7 +301,7 @@ class _Reader:
             elif clearance_m < 0.0:
                 wrong = f"the body (radius {BODY_RADIUS_M:g} m) would overlap a box by {-clearance_m:.3f} m"
             else:
-                wrong = f"the body (radius {BODY_RADIUS_M:g} m) would be only {clearance_m:.3f} m from a box"
+                wrong = f"the body (radius {BODY_RADIUS_M:g} m) would be only {floor_m(clearance_m)} m from a box"
             self._note(
                 element,
                 key,
@@ -329,7 +329,7 @@ class _Reader:
                     self._note(
                         element,
                         key,
-                        f"it is {apart_m:.3f} m from the {other}, allowed: at least "
+                        f"it is {floor_m(apart_m)} m from the {other}, allowed: at least "
                         f"{self.spacing_m:g} m between the centres",
                     )
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from soter.errors import IllFormedModule
+from soter.errors import IllFormedModule, ceil_m, floor_m
 from soter.geometry.workspace import RobotPlace
 from soter.rta import Situation
 from soter.sdk import Link, RobotState
@@ -54,13 +54,13 @@ def check_infrastructure(
         gap_m = 2.0 * (recovery.terrain.body_radius_m + recovery.path_m)
         if free.shortest_m(x_m, y_m) < math.inf:
             why = (
-                f"that keeps {recovery.apart_m(age_s):.3f} m from the stations of the other robots, each of which may "
-                "be occupied; stations that leave a path between them would do"
+                f"that keeps {ceil_m(recovery.apart_m(age_s))} m from the stations of the other robots, each of which "
+                "may be occupied; stations that leave a path between them would do"
             )
         else:
             why = (
-                f"that keeps {recovery.path_m:.3f} m from boxes and fence; gaps of {gap_m:.3f} m, or a start and a "
-                "station on the same side of them, would do"
+                f"that keeps {ceil_m(recovery.path_m)} m from boxes and fence; gaps of {ceil_m(gap_m)} m, or a start "
+                "and a station on the same side of them, would do"
             )
         raise IllFormedModule(
             BATTERY, "P2b",
@@ -82,17 +82,17 @@ def _check_station(robot: RobotPlace, path: ReturnPath, recovery: RecoveryPlanne
         if on and found_m < needed_m:
             raise IllFormedModule(
                 BATTERY, "P2b",
-                f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {found_m:.3f} m from {name}, and a "
-                f"robot that drives there needs {needed_m:.3f} m; a station so far from it would do",
+                f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {floor_m(found_m)} m from {name}, "
+                f"and a robot that drives there needs {ceil_m(needed_m)} m; a station so far from it would do",
             )  # fmt: skip
     box = robot.charger
     half_m = min(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m) / 2.0
     if half_m < DOCKED_M + noise_m:
         raise IllFormedModule(
             BATTERY, "P2b",
-            f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {2.0 * half_m:.3f} m wide, and a robot "
-            f"stops within {DOCKED_M:g} m of where it takes its middle to be, which is wrong by up to {noise_m:g} m; "
-            f"{2.0 * (DOCKED_M + noise_m):.3f} m would do",
+            f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {floor_m(2.0 * half_m)} m wide, and a "
+            f"robot stops within {DOCKED_M:g} m of where it takes its middle to be, which is wrong by up to "
+            f"{noise_m:g} m; {ceil_m(2.0 * (DOCKED_M + noise_m))} m would do",
         )  # fmt: skip
 
 
@@ -105,8 +105,9 @@ def _check_neighbours(robot: RobotPlace, others: Sequence[RobotPlace], recovery:
         if apart_m < needed_m:
             raise IllFormedModule(
                 BATTERY, "P2b",
-                f"the charging stations of robots {robot.id} and {other.id} are {apart_m:.3f} m apart, and a robot "
-                f"that drives to one needs {needed_m:.3f} m from a robot on the other; stations so far apart would do",
+                f"the charging stations of robots {robot.id} and {other.id} are {floor_m(apart_m)} m apart, and a "
+                f"robot that drives to one needs {ceil_m(needed_m)} m from a robot on the other; stations so far apart "
+                "would do",
             )  # fmt: skip
 
 
@@ -116,13 +117,13 @@ def _check_refuge(robot: RobotPlace, others: Sequence[RobotPlace], refuges: Refu
     if refuges.way(standing(robot.id, stations), apart_m):
         return
     x_m, y_m = robot.charger.centre
-    beside = f", and {apart_m:.3f} m from the stations of the other robots" if others and apart_m else ""
+    beside = f", and {ceil_m(apart_m)} m from the stations of the other robots" if others and apart_m else ""
     raise IllFormedModule(
         BATTERY, "P2b",
         f"from the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) no place can be reached that is "
-        f"{max(refuges.fence_m, 0.0):.3f} m from the fence and {refuges.clearance_m:.3f} m from boxes, where geofence "
-        f"and obstacle give a robot back to its AC{beside}; a smaller phi_safer_inset_m or phi_safer_m, or a station "
-        "nearer to open ground, would do",
+        f"{ceil_m(max(refuges.fence_m, 0.0))} m from the fence and {ceil_m(refuges.clearance_m)} m from boxes, where "
+        f"geofence and obstacle give a robot back to its AC{beside}; a smaller phi_safer_inset_m or phi_safer_m, or a "
+        "station nearer to open ground, would do",
     )  # fmt: skip
 
 

@@ -331,7 +331,7 @@ def test_clearance_and_spacing_follow_the_modules() -> None:
     data = xml().encode()
     with pytest.raises(ConfigError, match=r"robot 2: the body .* allowed: at least 0\.55 m"):
         parse_workspace(data, "room.xml", phi_safer_m=0.5)
-    with pytest.raises(ConfigError, match=r"robot 2: it is 1\.803 m from the start of robot 1, allowed: at least 2 m"):
+    with pytest.raises(ConfigError, match=r"robot 2: it is 1\.802 m from the start of robot 1, allowed: at least 2 m"):
         parse_workspace(data, "room.xml", spacing_m=2.0)
 
 
