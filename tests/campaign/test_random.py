@@ -27,7 +27,8 @@ from typer.testing import CliRunner
 from soter.adapters.pybullet import SimulatedPromise
 from soter.campaign.job import JUDGED, Done, Job, carry_out
 from soter.campaign.random.configuration import Configuration
-from soter.campaign.random.drawing import MOST_ROBOTS, MOST_TIMES, draw
+from soter.campaign.random.drawing import MOST_ROBOTS, draw
+from soter.campaign.random.fleet import MOST_TIMES
 from soter.campaign.random.floor import LEAST_M, MOST_M, STYLES
 from soter.campaign.random.judge import PromisedLimits, Ways, judge
 from soter.campaign.random.room import DrawnRoom, Patch, Start, patch_of
