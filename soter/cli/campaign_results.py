@@ -57,7 +57,7 @@ def report(
         from soter.campaign.store import Store
         from soter.campaign.summary import judge
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, refuse_clashes
+        from soter.cli.outputs import Outputs
 
         console = make_console()
         with Store(store) as kept:
@@ -72,13 +72,12 @@ def report(
                 console.print(f"written: {into}", soft_wrap=True)
                 return
             output = output or store.with_suffix(".html")
-            refuse_clashes({"--output": output}, [store], force=force)
-            page = Output(output, "--output")
+            files = Outputs({"--output": output}, [store], force=force)
             folder = output.with_name(f"{output.stem}-runs")
             if worst:
                 _record_worst(kept, worst, folder, console)
             data = make_page(kept, judged, folder).encode()
-        page.write(data)
+        files.write("--output", lambda: data)
         console.print(f"page: {output} ({len(data) / 1e6:.1f} MB)", soft_wrap=True)
 
 

@@ -74,7 +74,7 @@ def conform(
 
         from soter.cli.conform_output import Files, Outcomes, print_list, print_summary
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, StandardOutput, json_output, refuse_clashes
+        from soter.cli.outputs import Outputs
         from soter.conformance import Outcome, Overall, Record, Tier, Workshop, select
 
         # A harness of one's own is found as Python run here would find it.
@@ -87,8 +87,7 @@ def conform(
                 )
         given_only = {"--room": room, "--robot": robot, "--set": settings}
         clauses = select(only or (), [tiers[name] for name in tier or ()])
-        to_stderr = "-" in (str(json), str(junit))
-        console = make_console(stderr=to_stderr)
+        console = make_console(stderr="-" in (str(json), str(junit)))
         if list_clauses:
             print_list(console, clauses)
             return
@@ -96,11 +95,7 @@ def conform(
             raise ConfigError("say which: a backend's name, or module:Harness; `soter backends` lists the backends")
         if str(json) == "-" == str(junit):
             raise ConfigError("--json and --junit cannot both go to standard output", source="command line")
-        refuse_clashes({"--json": json, "--junit": junit}, force=force)
-        files = Files(
-            None if json is None else json_output(json),
-            None if junit is None else StandardOutput() if str(junit) == "-" else Output(junit, "--junit"),
-        )
+        files = Files(Outputs({"--json": json, "--junit": junit}, force=force).files)
         began_s = time.monotonic()
         target: str | Given = adapter
         if adapter.endswith(".toml"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Collection, Mapping
 from typing import Final
 
 from rich.console import Console
@@ -56,36 +56,33 @@ class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
 class Files:
     """The record in files, whole at every moment: written anew with every outcome.
 
-    Standard output, pipes and devices get it at the end.
+    Standard output, pipes and devices get it at the end. The files are those of `--json` and `--junit`, by option.
     """
 
-    def __init__(self, json_file: Output | StandardOutput | None, junit_file: Output | StandardOutput | None) -> None:
-        self._files: Final = [
-            (each, text) for each, text in ((json_file, _json), (junit_file, Record.as_junit)) if each is not None
-        ]
-        self._failed: Final[set[int]] = set()
+    def __init__(self, files: Mapping[str, Output | StandardOutput]) -> None:
+        self._files: Final = files
+        self._failed: Final[set[str]] = set()
 
     def keep_up(self, record: Record) -> None:
         """Write what can be written again and again."""
-        self._write(record, [each for each in self._files if isinstance(each[0], Output) and each[0].replaceable])
+        self._write(record, [option for option, file in self._files.items() if file.replaceable])
 
     def finish(self, record: Record) -> bool:
         """Write everything; return whether all of it could be written."""
         self._write(record, self._files)
         return not self._failed
 
-    def _write(
-        self, record: Record, files: Collection[tuple[Output | StandardOutput, Callable[[Record], str]]]
-    ) -> None:
-        for file, text in files:
+    def _write(self, record: Record, options: Collection[str]) -> None:
+        for option in options:
+            text = _json(record) if option == "--json" else record.as_junit()
             try:
-                file.write(f"{text(record)}\n".encode())
+                self._files[option].write(f"{text}\n".encode())
             except OSError as failure:
                 if not self._failed:
                     complain(f"the record could not be written: {failure}")
-                self._failed.add(id(file))
+                self._failed.add(option)
             else:
-                self._failed.discard(id(file))
+                self._failed.discard(option)
 
 
 def _json(record: Record) -> str:

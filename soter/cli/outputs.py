@@ -16,7 +16,16 @@ import typer
 from soter.cli.exits import ExitCode, complain
 from soter.errors import ConfigError, option_error
 
-_PICTURE: Final = "soter.report.picture"
+_TO_STDOUT: Final = ("--json", "--junit")
+"""Options of which the file may be `-`."""
+_DRAWN: Final = {
+    "--picture": (".png", "soter.report.picture"),
+    "--png": (".png", "soter.report.picture"),
+    "--gif": (".gif", "soter.report.film"),
+    "--mp4": (".mp4", "soter.report.mp4"),
+    "--still": (".png", "soter.cli.still"),
+}
+"""Options for pictures and films: how the name of the file ends, and the module that draws it."""
 
 
 class Output:
@@ -84,6 +93,8 @@ class Output:
 
 class StandardOutput:
     """Standard output, as a file to be written at the end."""
+
+    replaceable: Final = False
 
     def write(self, data: bytes) -> None:
         """Write the data, and an end of line."""
@@ -153,30 +164,25 @@ def unwritten(what: str) -> Iterator[None]:
         raise typer.Exit(ExitCode.RUN_FAILED) from failure
 
 
-def json_output(path: Path) -> Output | StandardOutput:
-    """Return where `--json` goes; `-` is standard output.
-
-    Raises:
-        ConfigError: it cannot be written there.
-    """
-    return StandardOutput() if str(path) == "-" else Output(path, "--json")
-
-
 class Outputs:
     """The files that a command is asked for, by option: `--json` of a path or `-`, `--picture` of a PNG, and others.
 
+    Attributes:
+        files: those that were given, by option.
+
     Raises:
-        ConfigError: one of them cannot be written, or something would be lost; see `refuse_clashes`.
+        ConfigError: one of them cannot be written, is of another kind, there is nothing to draw it with, or something
+            would be lost; see `refuse_clashes`.
     """
 
-    def __init__(self, given: Mapping[str, Path | None], inputs: Iterable[Path], *, force: bool) -> None:
+    def __init__(self, given: Mapping[str, Path | None], inputs: Iterable[Path] = (), *, force: bool = False) -> None:
         refuse_clashes(given, inputs, force=force)
-        self._files: Final = {option: _opened(option, path) for option, path in given.items() if path is not None}
+        self.files: Final = {option: _opened(option, path) for option, path in given.items() if path is not None}
 
     @property
     def to_stdout(self) -> bool:
         """Whether one of them is standard output, which then is for nothing else."""
-        return any(isinstance(file, StandardOutput) for file in self._files.values())
+        return any(isinstance(file, StandardOutput) for file in self.files.values())
 
     def write(self, option: str, make: Callable[[], bytes]) -> None:
         """Make what an option asks for, if it was given, and write it.
@@ -184,32 +190,20 @@ class Outputs:
         Raises:
             OSError: it cannot be written after all.
         """
-        if option in self._files:
-            self._files[option].write(make())
+        if option in self.files:
+            self.files[option].write(make())
 
 
 def _opened(option: str, path: Path) -> Output | StandardOutput:
-    if option == "--json":
-        return json_output(path)
-    return picture_output(path) if option == "--picture" else Output(path, option)
-
-
-def as_json(content: object, *, allow_nan: bool = False) -> bytes:
-    """Return what a command writes as JSON, for people too."""
-    return f"{json.dumps(content, indent=2, allow_nan=allow_nan, default=str)}\n".encode()
-
-
-def picture_output(path: Path, option: str = "--picture", suffix: str = ".png", drawn_by: str = _PICTURE) -> Output:
-    """Return where a picture goes.
-
-    Raises:
-        ConfigError: it cannot be written there, it is of another kind, or there is nothing to draw it with.
-    """
-    if path.suffix.lower() != suffix:
+    if option in _TO_STDOUT and str(path) == "-":
+        return StandardOutput()
+    suffix, drawn_by = _DRAWN.get(option, ("", ""))
+    if suffix and path.suffix.lower() != suffix:
         raise option_error(option, f"'{path}' does not end in {suffix}; it is written as {suffix[1:].upper()}")
     output = Output(path, option)
     try:
-        import_module(drawn_by)
+        if drawn_by:
+            import_module(drawn_by)
     except ImportError as failure:
         from soter.registry import install_hint
 
@@ -220,3 +214,8 @@ def picture_output(path: Path, option: str = "--picture", suffix: str = ".png", 
             f"{install_hint(library)}",
         ) from failure
     return output
+
+
+def as_json(content: object, *, allow_nan: bool = False) -> bytes:
+    """Return what a command writes as JSON, for people too."""
+    return f"{json.dumps(content, indent=2, allow_nan=allow_nan, default=str)}\n".encode()

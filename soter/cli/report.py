@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -14,9 +13,6 @@ from soter.cli.overrides import RecordingArgument
 from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from soter.cli.outputs import Output
     from soter.record.reader import Recording
     from soter.report.caption import Caption
 
@@ -31,6 +27,7 @@ Exit codes:
   2  it is no recording, or damaged; or a file cannot be written
   3  a file could not be written after all
 """
+_NAMES: Final = {"--output": "page", "--png": "picture", "--gif": "film", "--mp4": "film", "--still": "still"}
 
 
 def report(
@@ -65,67 +62,56 @@ def report(
     """Make a page of a recording that plays it in any browser, without a network."""
     with guard():
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, picture_output, refuse_clashes
+        from soter.cli.outputs import Outputs
         from soter.record.reader import Recording
 
         if at is not None and still is None:
             raise option_error("--at", "it is the moment of --still, which is not given")
         console = make_console()
         opened = Recording(recording)
-        if output is None and png is None and gif is None and mp4 is None and still is None:
-            output = recording.with_suffix(".html")
         wanted = {"--output": output, "--png": png, "--gif": gif, "--mp4": mp4, "--still": still}
-        refuse_clashes(wanted, [recording], force=force)
-        files: list[tuple[str, Output, Callable[[], bytes]]] = []
-        if output is not None:
-            files.append(("page", Output(output, "--output"), lambda: _page(opened)))
-        if png is not None:
-            files.append(("picture", picture_output(png, "--png"), lambda: _picture(opened)))
-        if gif is not None:
-            files.append(("film", picture_output(gif, "--gif", ".gif"), lambda: _gif(opened, film)))
-        if mp4 is not None:
-            files.append(
-                ("film", picture_output(mp4, "--mp4", ".mp4", drawn_by="soter.report.mp4"), lambda: _mp4(opened, film))
-            )
-        if still is not None:
-            file = picture_output(still, "--still", drawn_by="soter.cli.still")
-            files.append(("still", file, lambda: _still(opened, at)))
-        made = [(what, file, make()) for what, file, make in files]
+        if not any(wanted.values()):
+            wanted["--output"] = recording.with_suffix(".html")
+        files = Outputs(wanted, [recording], force=force)
+        made = {option: _made(option, opened, film, at) for option in files.files}
         if opened.truncated:
             console.print(f"{recording} was cut off: what follows is what there is", soft_wrap=True)
-        written = [_written(console, *each) for each in made]
-        if not all(written):
+        failed = False
+        for option_name, data in made.items():
+            what = _NAMES[option_name]
+            try:
+                files.files[option_name].write(data)
+            except OSError as failure:
+                failed = True
+                complain(f"the {what} could not be written: {failure}")
+            else:
+                console.print(f"{what}: {wanted[option_name]} ({len(data) / 1e6:.1f} MB)", soft_wrap=True)
+        if failed:
             raise typer.Exit(ExitCode.RUN_FAILED)
 
 
-def _page(recording: Recording) -> bytes:
-    from soter.report.page.html import make_page
+def _made(option_name: str, recording: Recording, most_s: float, at_s: float | None) -> bytes:
+    """Return what an option asks for; a film of at most so long, a still of such a moment."""
+    if option_name == "--output":
+        from soter.report.page.html import make_page
 
-    return make_page(recording).encode()
+        return make_page(recording).encode()
+    if option_name == "--still":
+        from soter.cli.still import draw_still
 
+        return draw_still(recording, at_s)
+    tracks, words = recording.tracks(), _caption(recording)
+    if option_name == "--gif":
+        from soter.report.film import draw_gif
 
-def _picture(recording: Recording) -> bytes:
+        return draw_gif(tracks, words, most_s)
+    if option_name == "--mp4":
+        from soter.report.mp4 import draw_mp4
+
+        return draw_mp4(tracks, words, most_s)
     from soter.report.picture import draw_png
 
-    return draw_png(recording.tracks(), _caption(recording))
-
-
-def _gif(recording: Recording, most_s: float) -> bytes:
-    from soter.report.film import draw_gif
-
-    return draw_gif(recording.tracks(), _caption(recording), most_s)
-
-
-def _mp4(recording: Recording, most_s: float) -> bytes:
-    from soter.report.mp4 import draw_mp4
-
-    return draw_mp4(recording.tracks(), _caption(recording), most_s)
-
-
-def _still(recording: Recording, at_s: float | None) -> bytes:
-    from soter.cli.still import draw_still
-
-    return draw_still(recording, at_s)
+    return draw_png(tracks, words)
 
 
 def _caption(recording: Recording) -> Caption:
@@ -145,13 +131,3 @@ def _caption(recording: Recording) -> Caption:
         return caption(RunResult.model_validate_json(result), safer_charge)
     except ValidationError as failure:
         raise ConfigError(f"{recording.path}: its result or mission is not of this version: {failure}") from failure
-
-
-def _written(console: Console, what: str, file: Output, data: bytes) -> bool:
-    try:
-        file.write(data)
-    except OSError as failure:
-        complain(f"the {what} could not be written: {failure}")
-        return False
-    console.print(f"{what}: {file.path} ({len(data) / 1e6:.1f} MB)", soft_wrap=True)
-    return True

@@ -51,22 +51,16 @@ def workspace(
         from json import dumps
 
         from soter.cli.console import make_console
-        from soter.cli.outputs import Output, picture_output, refuse_clashes, unwritten
+        from soter.cli.outputs import Outputs, unwritten
         from soter.geometry.reading import read_workspace
 
-        refuse_clashes({"--to": to, "--picture": picture}, (file,), force=force)
+        files = Outputs({"--to": to, "--picture": picture}, (file,), force=force)
         made = read_workspace(file, inhabited=False)
-        files: list[tuple[Output, bytes]] = []
-        if to is not None:
-            files.append((Output(to, "--to"), _converted(made, file, to)))
-        if picture is not None:
-            from soter.report.ground import workspace_png
-
-            files.append((picture_output(picture), workspace_png(made)))
+        converted = b"" if to is None else _converted(made, file, to)
         found = _found(made, radius, clearance)
         with unwritten("it"):
-            for output, data in files:
-                output.write(data)
+            files.write("--to", lambda: converted)
+            files.write("--picture", lambda: _drawn(made))
         if json:
             emit(dumps(found, indent=2))
         else:
@@ -76,6 +70,12 @@ def workspace(
                 console.print(f"{key:<18} {words}", soft_wrap=True, highlight=False, markup=False)
         if found["unreachable"]:
             raise typer.Exit(ExitCode.VIOLATION)
+
+
+def _drawn(made: Workspace) -> bytes:
+    from soter.report.ground import workspace_png
+
+    return workspace_png(made)
 
 
 def _words(value: object) -> str:

@@ -115,7 +115,7 @@ def test_of_a_promise_that_is_a_least_the_least_counts() -> None:
 
 def test_a_record_is_whole_after_every_clause(tmp_path: Path) -> None:
     path, seen = tmp_path / "record.json", []
-    files = Files(Output(path, "--json"), StandardOutput())
+    files = Files({"--json": Output(path, "--json"), "--junit": StandardOutput()})
 
     def look(_: Outcome, record: Record) -> None:
         files.keep_up(record)

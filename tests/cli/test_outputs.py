@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from soter.cli.app import app
-from soter.cli.outputs import Output, StandardOutput, json_output, picture_output, refuse_clashes
+from soter.cli.outputs import Output, Outputs, refuse_clashes
 from soter.errors import ConfigError
 from soter.record.digest import MAGIC
 from soter.sdk.hints import install_command
@@ -113,22 +113,22 @@ def test_a_device_may_be_written_twice() -> None:
 
 
 def test_a_dash_is_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
-    output = json_output(Path("-"))
-    assert isinstance(output, StandardOutput)
-    output.write(b"{}\n")
+    outputs = Outputs({"--json": Path("-")})
+    assert outputs.to_stdout
+    outputs.write("--json", lambda: b"{}\n")
     assert capsys.readouterr().out == "{}\n"
 
 
 def test_pictures_are_png(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--picture: .* does not end in \.png"):
-        picture_output(tmp_path / "run.jpg")
+        Outputs({"--picture": tmp_path / "run.jpg"})
 
 
 def test_without_matplotlib_the_hint_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.delitem(sys.modules, "soter.report.picture", raising=False)
     with pytest.raises(ConfigError, match=re.escape(f"install it with: {install_command('report')}")):
-        picture_output(tmp_path / "run.png")
+        Outputs({"--picture": tmp_path / "run.png"})
 
 
 # --- what is there already -----------------------------------------------------------------------------------

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner, Result
 
 from soter.cli import app
+from soter.sdk.hints import install_command
 from tests.project.source import ROOT
 
 WORLDS = ROOT / "examples" / "worlds"
@@ -98,3 +101,13 @@ def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
     done = workspace(tmp_path / "walled.toml", "--to", tmp_path / "none" / "there.toml")
     assert done.exit_code in (2, 3)
     assert "there.toml" in done.output
+
+
+def test_without_matplotlib_it_says_what_draws_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for drawing in ("soter.report.picture", "soter.report.ground"):
+        monkeypatch.delitem(sys.modules, drawing, raising=False)
+    done = workspace(ROOT / "examples" / "surveillance.xml", "--picture", tmp_path / "room.png")
+    assert done.exit_code == 2
+    assert f"install it with: {install_command('report')}" in done.stderr
+    assert "Traceback" not in done.stderr
