@@ -21,6 +21,12 @@ Refused = Callable[[str], ConfigError]
 """Makes the error of a message, with the key and the place that the name came from."""
 
 
+def find_from_here() -> None:
+    """Have classes and modules of users' own found as Python run in the present folder would find them."""
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+
+
 def file_of(target: str) -> Path | None:
     """Return the file that a name names; None for a name of another form."""
     found = _FILE.fullmatch(target)

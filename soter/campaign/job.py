@@ -9,7 +9,6 @@ import logging
 import os
 import shlex
 import signal
-import sys
 import threading
 import time
 import traceback
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 from soter.config import MissionFile, load_mission
 from soter.config.toml_text import inline
 from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
+from soter.loading import find_from_here
 from soter.runner import Follower, Run, run_mission
 
 if TYPE_CHECKING:
@@ -119,12 +119,7 @@ class Job:
             ConfigError: the mission, its workspace or a setting is not allowed.
         """
         overrides = {key: value for key, value in self.settings.items() if key != "engine"}
-        mission = load_mission(self.mission, overrides)
-        if "engine" in self.settings:
-            # A backend may be named by its class, which has dots in it.
-            overrides[f'backends."{mission.backend}".engine'] = self.settings["engine"]
-            mission = load_mission(self.mission, overrides)
-        return mission
+        return load_mission(self.mission, overrides, self.settings.get("engine"))
 
 
 @dataclass
@@ -175,22 +170,14 @@ def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) ->
     def ending() -> bool:
         return stop() or time.monotonic() > ends_s
 
-    if "" not in sys.path:
-        # Classes of the user's own are found as `soter run` here would find them.
-        sys.path.insert(0, "")
+    find_from_here()
     try:
-        done = (
-            _judged(job, ending, record)
-            if job.judged or not job.mission
-            else Done.of(
-                run_mission(
-                    job.load(),
-                    record=record,
-                    follower=Follower(stop=ending, falls_of=job.falls_of),
-                    accept_unproved=job.accept_unproved,
-                )
-            )
-        )
+        if job.judged or not job.mission:
+            done = _judged(job, ending, record)
+        else:
+            follower = Follower(stop=ending, falls_of=job.falls_of)
+            run = run_mission(job.load(), record=record, follower=follower, accept_unproved=job.accept_unproved)
+            done = Done.of(run)
     except (ConfigError, BackendError, IllFormedModule) as refusal:
         return Done("refused", str(refusal))
     except RunFailed as failure:

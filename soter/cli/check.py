@@ -118,15 +118,12 @@ def _mission(subject: dict[str, Any]) -> MissionFile:
 
 
 def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
-    import sys
-
     from soter.check.bench import floor_bench
+    from soter.loading import find_from_here
 
     if subject["backend"] is not None:
         raise option_error("--backend", "modules of your own are tried on simulated robots")
-    # A module of one's own is found as Python run here would find it.
-    if "" not in sys.path:
-        sys.path.insert(0, "")
+    find_from_here()
     options = merge({}, subject["settings"])
     if wrong := [key for key in options if not key.startswith(_OPTIONS)]:
         raise option_error(

@@ -69,16 +69,15 @@ def conform(
 ) -> None:
     """Try an adapter against every clause of the conformance kit and say whether it conforms."""
     with guard(), StopSignals() as stop:
-        import sys
         import time
 
         from soter.cli.conform_output import Files, Outcomes, print_list, print_summary
         from soter.cli.console import make_console
         from soter.cli.outputs import Outputs
         from soter.conformance import Outcome, Overall, Record, Tier, Workshop, select
+        from soter.loading import find_from_here
 
-        # A harness of one's own is found as Python run here would find it.
-        sys.path.insert(0, "")
+        find_from_here()
         tiers = {each.value: each for each in Tier}
         for name in tier or ():
             if name not in tiers:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -105,13 +104,7 @@ def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | 
         ConfigError: the file or an override is not allowed.
     """
     from soter.config import load_mission
+    from soter.loading import find_from_here
 
-    # Classes and modules of one's own are found as Python run here would find them.
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    mission = load_mission(path, overrides)
-    if engine is None:
-        return mission
-    # A backend may be named by its class, which has dots in it.
-    key = f'backends."{mission.backend}".engine'
-    return load_mission(path, {**overrides, key: engine})
+    find_from_here()
+    return load_mission(path, overrides, engine)

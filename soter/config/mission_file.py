@@ -251,13 +251,16 @@ def draw_charge(seed: int, robot_id: int) -> float:
     return random.Random(f"initial charge, seed {seed}, robot {robot_id}").uniform(*INITIAL_CHARGE)
 
 
-def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None) -> MissionFile:
+def load_mission(
+    path: Path | str, overrides: Mapping[str, object] | None = None, engine: str | None = None
+) -> MissionFile:
     """Read a mission file.
 
     Args:
         path: the TOML file.
         overrides: values that take the place of the file's, by dotted key such as "rta.collision.delta_s"; they come
             from the command line. None as a value means not given.
+        engine: an option of whichever backend the mission then has; None for what the file says.
 
     Raises:
         ConfigError: the file cannot be read, or something in it is not allowed; all that is wrong is listed, with
@@ -266,6 +269,9 @@ def load_mission(path: Path | str, overrides: Mapping[str, object] | None = None
     path = Path(path)
     data = read_limited(path, "mission file")
     mission = parse_mission(data, str(path), overrides)
+    if engine is not None:
+        # A backend may be named by its class, which has dots in it.
+        return load_mission(path, {**(overrides or {}), f'backends."{mission.backend}".engine': engine})
     changes: dict[str, Any] = {"workspace": path.parent / mission.workspace}
     if file_of(mission.mission.use) is not None:
         changes["mission"] = mission.mission.model_copy(update={"use": seen_from(path.parent, mission.mission.use)})
