@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from soter.cli.exits import guard
+from soter.cli.exits import ExitCode, guard
 from soter.cli.option import option, switch
 from soter.cli.overrides import RecordingArgument, merge
 from soter.cli.plain import emit
@@ -30,14 +29,6 @@ Exit codes:
 """
 
 SHOWN = 20
-
-
-class ReplayExit(IntEnum):
-    """What the exit code of `soter replay` says."""
-
-    SAME = 0
-    DIFFERENT = 1
-    UNKNOWN = 2
 
 
 def replay(
@@ -72,14 +63,14 @@ def replay(
             if opened.proof is not None and opened.proof.state is DigestState.NONE:
                 make_console().print(f"{recording}: {opened.proof.why}", soft_wrap=True, markup=False)
             _show(make_console(), recording, found)
-        raise typer.Exit(_verdict(found))
+        raise typer.Exit(_exit_code(found))
 
 
-def _verdict(found: Replay) -> ReplayExit:
+def _exit_code(found: Replay) -> ExitCode:
     # Other settings were meant to make a difference; a record that was changed was not.
     if found.flaws or not (found.same or found.settings):
-        return ReplayExit.DIFFERENT
-    return ReplayExit.UNKNOWN if found.gap_s is not None or not found.ticks else ReplayExit.SAME
+        return ExitCode.VIOLATION
+    return ExitCode.BAD_INPUT if found.gap_s is not None or not found.ticks else ExitCode.OK
 
 
 def _plain(found: Replay) -> dict[str, object]:
