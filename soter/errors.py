@@ -114,10 +114,13 @@ class IllFormedModule(SoterError):
         condition: the condition that fails, such as "P3".
         message: the numbers, and a value that would do.
         would_do: that value, by the key of the module's table that it is for, where one key is enough.
+
+    Attributes:
+        why: the message alone.
     """
 
     def __init__(self, module: str, condition: str, message: str, would_do: dict[str, float] | None = None) -> None:
-        self.module, self.condition, self.would_do = module, condition, would_do or {}
+        self.module, self.condition, self.why, self.would_do = module, condition, message, would_do or {}
         super().__init__(f"module '{module}' is ill-formed ({condition}): {message}")
 
 

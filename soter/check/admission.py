@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from soter.check import Certainty, Finding, conditions
+from soter.check.conditions import rejection
 from soter.check.proof import prove
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
@@ -94,10 +95,8 @@ def refused_at(
     if highest is None:
         return failure
     fits = math.floor(highest * 100.0) / 100.0
-    text = str(failure).partition(": ")[2]
-    return IllFormedModule(
-        failure.module, failure.condition, f"{text}; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
-    )
+    why = f"{failure.why}; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
+    return IllFormedModule(failure.module, failure.condition, why)
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int,
         declared = declare_all(mission, workspace, capabilities)
     except IllFormedModule as failure:
         # A module cannot even be declared for these robots: they do not promise what its model needs.
-        return Admission([_rejection(failure)])
+        return Admission([rejection(failure)])
     return admit_declared(mission, declared, capabilities)
 
 
@@ -149,7 +148,7 @@ def admit_declared(
     try:
         _check(mission, declared)
     except IllFormedModule as failure:
-        return Admission([*findings, _rejection(failure)])
+        return Admission([*findings, rejection(failure)])
     return Admission([*findings, *_contracts(mission, declared)], prove(mission, declared, capabilities))
 
 
@@ -273,8 +272,3 @@ def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[F
         )
         for each in modules
     ]  # fmt: skip
-
-
-def _rejection(failure: IllFormedModule) -> Finding:
-    text = str(failure).partition(": ")[2]
-    return Finding(failure.module, failure.condition, Certainty.REJECTED, text)

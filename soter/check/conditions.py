@@ -54,6 +54,11 @@ class Finding:
         }
 
 
+def rejection(failure: IllFormedModule) -> Finding:
+    """Return what a module's refusal says as a finding."""
+    return Finding(failure.module, failure.condition, Certainty.REJECTED, failure.why)
+
+
 ORDER = ("P1a", "P1b", "P3")
 """The order in which a module is checked: what comes after a condition that fails is not known."""
 
@@ -68,8 +73,7 @@ def conditions(module: RTAModule, timing: Timing, base_tick_s: float) -> list[Fi
     except IllFormedModule as failure:
         failed = ORDER.index(failure.condition) if failure.condition in ORDER else 0
         before = [_holds(module, condition, timing, base_tick_s) for condition in ORDER[:failed]]
-        text = str(failure).partition(": ")[2]
-        return [*before, Finding(module.name, failure.condition, Certainty.REJECTED, text)]
+        return [*before, rejection(failure)]
     return [_holds(module, condition, timing, base_tick_s) for condition in ORDER]
 
 

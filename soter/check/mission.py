@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from soter.check import Certainty, Falsified, Finding, conditions, falsify
 from soter.check.admission import admit_declared, declare_all
 from soter.check.bench import ModuleBench
+from soter.check.conditions import rejection
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
 from soter.registry import load_backend
-from soter.sdk import Capabilities
 from soter.specs import promises, read_options
-from soter.stack.declaration import Declared
 from soter.stack.right_of_way import COLLISION
 
 TRIED_ROBOTS: Final = 4
 """Of the mission's robots, so many take part in trials, the first."""
 
+_REFUSED: Final = Certainty.ASSUMED, "not tested: another module of the mission is rejected, so that nothing can be run"
 Progress = Callable[[str], None]
 
 
@@ -69,12 +69,48 @@ def check_mission(
     workspace = mission.read_workspace()
     backend = load_backend(mission.backend, to_open=False)
     capabilities = promises(backend, read_options(backend, mission, workspace), mission, workspace)
+    tell = on_progress or (lambda _: None)
+
+    def trial_of(name: str) -> Callable[[int], None]:
+        return lambda done: tell(f"{name}: trial {done} of {budget}")
+
     try:
-        return _Checker(mission, workspace, capabilities, budget, seed, on_progress or (lambda _: None)).report()
+        declared = declare_all(mission, workspace, capabilities)
     except IllFormedModule as failure:
         # It cannot even be declared for these robots: they do not promise what its model needs.
-        text = str(failure).partition(": ")[2]
-        return MissionReport(workspace, [Finding(failure.module, failure.condition, Certainty.REJECTED, text)])
+        return MissionReport(workspace, [rejection(failure)])
+    tell("P1 and P3")
+    admission = admit_declared(mission, declared, capabilities)
+    known = (*admission.findings, *admission.proofs)
+    by_module = {name: [each for each in known if each.module == name] for name in mission.rta.order}
+    counterexamples: dict[str, Sequence[Falsified]] = {}
+    benches: dict[str, ModuleBench] = {}
+    for name, found in by_module.items():
+        if any(each.verdict is Certainty.REJECTED or each.condition == "P2a" for each in found):
+            continue
+        bench = _REFUSED if admission.refused else _bench(mission, workspace, name)
+        if not isinstance(bench, ModuleBench):
+            found += [Finding(name, condition, *bench) for condition in ("P2a", "P2b")]
+            continue
+        tried, broken = falsify(bench, budget, seed, trial_of(name))
+        if broken:
+            counterexamples[name], benches[name] = broken, bench
+        how = "one robot" if bench.robots == 1 else f"{bench.robots} robots jointly"
+        found += [replace(each, text=f"{how}, not proved: {each.text}") for each in tried]
+    findings = [each for found in by_module.values() for each in sorted(found, key=lambda one: one.condition)]
+    return MissionReport(workspace, findings, counterexamples, benches)
+
+
+def _bench(mission: MissionFile, workspace: Workspace, name: str) -> ModuleBench | tuple[Certainty, str]:
+    """Return what a module that nothing is proved of is tried on; or what is said of P2 without a trial."""
+    # A rule may be about several robots, and whether it is, only the user's module knows.
+    robots = min(len(workspace.robots), TRIED_ROBOTS)
+    if name == COLLISION and robots < 2:
+        return Certainty.PROVED, "there is no second robot"
+    try:
+        return ModuleBench(mission, workspace, name, robots)
+    except IllFormedModule as failure:
+        return Certainty.ASSUMED, f"not tested: simulated robots cannot do what the mission's promise: {failure}"
 
 
 def check_module(
@@ -91,56 +127,3 @@ def check_module(
         findings = [*(each for each in findings if each.condition not in found), *tried]
     ordered = sorted(findings, key=lambda each: each.condition)
     return MissionReport(bench.workspace, ordered, {name: broken} if broken else {}, {name: bench})
-
-
-class _Checker:
-    def __init__(
-        self,
-        mission: MissionFile,
-        workspace: Workspace,
-        capabilities: Mapping[int, Capabilities],
-        budget: int,
-        seed: int,
-        tell: Progress,
-    ) -> None:
-        self._mission, self._workspace, self._budget, self._seed, self._tell = mission, workspace, budget, seed, tell
-        self._capabilities: Final = capabilities
-        self._declared: Final[dict[int, Declared]] = declare_all(mission, workspace, capabilities)
-        self._broken: dict[str, Sequence[Falsified]] = {}
-        self._benches: dict[str, ModuleBench] = {}
-
-    def report(self) -> MissionReport:
-        self._tell("P1 and P3")
-        admission = admit_declared(self._mission, self._declared, self._capabilities)
-        known = (*admission.findings, *admission.proofs)
-        by_module = {name: [each for each in known if each.module == name] for name in self._mission.rta.order}
-        for name, found in by_module.items():
-            rejected = any(each.verdict is Certainty.REJECTED for each in found)
-            if not rejected and not any(each.condition == "P2a" for each in found):
-                found += self._try(name, not admission.refused)
-        findings = [each for found in by_module.values() for each in sorted(found, key=lambda one: one.condition)]
-        return MissionReport(self._workspace, findings, self._broken, self._benches)
-
-    def _try(self, name: str, well_formed: bool) -> list[Finding]:
-        """Return P2 of a module that nothing is proved of, as trials show it."""
-        if not well_formed:
-            text = "not tested: another module of the mission is rejected, so that nothing can be run"
-            return [Finding(name, condition, Certainty.ASSUMED, text) for condition in ("P2a", "P2b")]
-        # A rule may be about several robots, and whether it is, only the user's module knows.
-        robots = min(len(self._workspace.robots), TRIED_ROBOTS)
-        if name == COLLISION and robots < 2:
-            return [Finding(name, each, Certainty.PROVED, "there is no second robot") for each in ("P2a", "P2b")]
-        try:
-            bench = ModuleBench(self._mission, self._workspace, name, robots)
-        except IllFormedModule as failure:
-            text = f"not tested: simulated robots cannot do what the mission's promise: {failure}"
-            return [Finding(name, condition, Certainty.ASSUMED, text) for condition in ("P2a", "P2b")]
-        budget = self._budget
-        found, broken = falsify(bench, budget, self._seed, lambda done: self._tell(f"{name}: trial {done} of {budget}"))
-        if broken:
-            self._broken[name], self._benches[name] = broken, bench
-        how = "one robot" if robots == 1 else f"{robots} robots jointly"
-        return [
-            Finding(each.module, each.condition, each.verdict, f"{how}, not proved: {each.text}", each.figures)
-            for each in found
-        ]

@@ -308,7 +308,7 @@ def _asked(module: RTAModule, timing: Timing) -> tuple[float, float]:
 
 
 def _reason(failure: IllFormedModule) -> str:
-    return f"{failure.condition}: {str(failure).partition(': ')[2]}"
+    return f"{failure.condition}: {failure.why}"
 
 
 def _up(value: float) -> float:
