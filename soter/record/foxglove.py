@@ -257,7 +257,7 @@ def workspace_scene(workspace: Workspace) -> SceneUpdate:
         lines += [_line(ring, z, BOX_COLOUR) for ring, height_m in around for z in (0.0, height_m)]
     else:
         cubes = [_cube(box, box.height_m, BOX_COLOUR) for box in workspace.boxes] + cubes
-    return SceneUpdate([_entity(FoxgloveTime(0, 0), FRAME, "workspace", cubes=cubes, lines=lines)])
+    return SceneUpdate([SceneEntity(FoxgloveTime(0, 0), FRAME, "workspace", Duration(), False, [], cubes, [], lines)])
 
 
 def _line(ring: Sequence[tuple[float, float]], z: float, colour: tuple[float, float, float, float]) -> LinePrimitive:
@@ -274,7 +274,7 @@ def robot_scene(time: FoxgloveTime, robot_id: int, radius_m: float, by_ac: bool)
         _at(0.0, 0.0, ROBOT_HEIGHT_M), radius_m, radius_m / 3.0, radius_m / 2.0, radius_m / 1.5, colour
     )
     name = robot_frame(robot_id)
-    return SceneUpdate([_entity(time, name, name, locked=True, cylinders=[body], arrows=[arrow])])
+    return SceneUpdate([SceneEntity(time, name, name, Duration(), True, [arrow], [], [body], [])])
 
 
 def _seen(value: float) -> float:
@@ -290,19 +290,3 @@ def _cube(box: Box, height_m: float, colour: tuple[float, float, float, float]) 
     x, y = box.centre
     size = FoxgloveVector3(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m, height_m)
     return CubePrimitive(_at(x, y, height_m / 2.0), size, Color(*colour))
-
-
-def _entity(
-    time: FoxgloveTime,
-    frame: str,
-    name: str,
-    *,
-    locked: bool = False,
-    arrows: Sequence[ArrowPrimitive] = (),
-    cubes: Sequence[CubePrimitive] = (),
-    cylinders: Sequence[CylinderPrimitive] = (),
-    lines: Sequence[LinePrimitive] = (),
-) -> SceneEntity:
-    return SceneEntity(
-        time, frame, name, Duration(), locked, list(arrows), list(cubes), list(cylinders), list(lines)
-    )  # fmt: skip

@@ -23,17 +23,7 @@ from soter.record.attachments import ABOUT_JSON, MISSION_TOML, RESULT_JSON, SITE
 from soter.record.content import Content, RecordedTick, RecordedWay
 from soter.record.digest import DigestState, Proof, opened, prove
 from soter.record.file import PROFILE
-from soter.record.messages import (
-    AC,
-    EVENTS,
-    BreachEvent,
-    Event,
-    GoalEvent,
-    RobotTick,
-    StallEvent,
-    SwitchEvent,
-    TargetEvent,
-)
+from soter.record.messages import AC, EVENTS, Event, RobotTick
 from soter.record.tracks import RunTracks
 from soter.record.unpack import Unpacker
 from soter.rta import SwitchRecord
@@ -157,14 +147,14 @@ class Recording:
                 and tuple(each.name for each in message.modules) != self._modules[message.robot_id]
             ):
                 raise BadRecording(f"{self.path}: a tick at {message.time_s:.3f} s has not the modules of its robot")
-        elif isinstance(message, SwitchEvent):
+        elif isinstance(message, messages.SwitchEvent):
             drivers = (message.before, message.after)
-        elif isinstance(message, TargetEvent):
+        elif isinstance(message, messages.TargetEvent):
             # The process that has the task planner records what that gives to the robots of others.
             robot_ids = self._all_ids
             if not message.outcome and UNSET in (message.x_m, message.y_m):
                 raise BadRecording(f"{self.path}: a target that begins at {message.time_s:.3f} s has no place")
-        elif not isinstance(message, GoalEvent | BreachEvent | StallEvent):
+        elif not isinstance(message, messages.GoalEvent | messages.BreachEvent | messages.StallEvent):
             return
         if message.robot_id not in robot_ids or not self._drivers.issuperset(drivers):
             raise BadRecording(

@@ -18,6 +18,7 @@ import msgspec
 from soter.geometry.site import Site
 from soter.record import wire
 from soter.record.about import Setup, describe, files
+from soter.record.content import RecordedWay
 from soter.record.looks import LOOK_S, Looks, Stall
 from soter.record.messages import EVENTS, DropEvent, Event, TargetEvent, TransitionEvent
 from soter.record.pipe import WriterPipe
@@ -74,7 +75,7 @@ class RecordingReport(NamedTuple):
 
 
 class Recorder:
-    """Records one run. A `Watch` of every supervisor; a context manager that closes the file.
+    """Records one run. A `Watch` of every supervisor, and a `TargetLog`; a context manager that closes the file.
 
     Used from the supervisor's thread. Nothing that it does raises once it has begun: a run does not end because its
     disk is full.
@@ -104,6 +105,7 @@ class Recorder:
         self._ticks: Final[list[wire.TickFrame]] = []
         self._now_s = 0.0
         self._host_ns = 0
+        self._log: TargetLog | None = None
         self._looks = Looks()
         self._looked_s = 0.0
         self._lost = (0, 0)
@@ -135,22 +137,19 @@ class Recorder:
         self._peers.append(tap)
         return tap
 
-    def beside(self, log: TargetLog) -> TargetLog:
-        """Return a log that passes everything on to `log` and into the recording."""
-        return _Beside(self, log)
-
-    def begin(self, setup: Setup, fleet: Fleet, stalls: Callable[[], Sequence[Stall]] = tuple) -> None:
+    def begin(self, setup: Setup, fleet: Fleet, log: TargetLog, stalls: Callable[[], Sequence[Stall]] = tuple) -> None:
         """Start the writer and say what is to be run; call it once, before the first tick.
 
         Args:
             setup: what that is.
             fleet: its robots, with the truth of a simulated world and the faults that are injected.
+            log: told of everything that this one is told of targets.
             stalls: returns the stalls up to now.
 
         Raises:
             OSError: the file cannot be written.
         """
-        robots, workspace = setup.robots, setup.workspace
+        robots, workspace, self._log = setup.robots, setup.workspace, log
         self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
         self._looks = Looks(robots, fleet.truth, fleet.injected, stalls)
         frame = wire.FirstFrame(
@@ -176,10 +175,14 @@ class Recorder:
     def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
         """Record a robot's target."""
         self._note_target(TargetEvent(self._now_s, robot_id, target_id, float(place[0]), float(place[1])))
+        if self._log is not None:
+            self._log.on_target(robot_id, target_id, place)
 
     def on_ended(self, robot_id: int, target_id: int, outcome: Enum) -> None:
         """Record how a target ended."""
         self._note_target(TargetEvent(self._now_s, robot_id, target_id, outcome=str(outcome.value)))
+        if self._log is not None:
+            self._log.on_ended(robot_id, target_id, outcome)
 
     def on_transition(self, transition: TransitionEvent) -> None:
         """Record a change of state of one of the mission's machines; when it was, is judged at the tick."""
@@ -242,8 +245,8 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _note(self, event: Event | wire.WayFrame) -> None:
-        self._events.append((wire.WAY if isinstance(event, wire.WayFrame) else _INDEX[type(event)], event))
+    def _note(self, event: Event | RecordedWay) -> None:
+        self._events.append((wire.WAY if isinstance(event, RecordedWay) else _INDEX[type(event)], event))
 
     def _note_target(self, event: TargetEvent) -> None:
         """Record what a mission tells of a target, but not what no file could give back: that would spoil all of it."""
@@ -301,22 +304,6 @@ class Recorder:
     def _look(self, now_s: float) -> None:
         for event in self._looks.look(now_s):
             self._note(event)
-
-
-class _Beside:
-    """A `TargetLog` for two."""
-
-    def __init__(self, recorder: Recorder, log: TargetLog) -> None:
-        self._recorder: Final = recorder
-        self._log: Final = log
-
-    def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
-        self._recorder.on_target(robot_id, target_id, place)
-        self._log.on_target(robot_id, target_id, place)
-
-    def on_ended(self, robot_id: int, target_id: int, outcome: Any) -> None:
-        self._recorder.on_ended(robot_id, target_id, outcome)
-        self._log.on_ended(robot_id, target_id, outcome)
 
 
 def _near(time_s: object, now_s: float) -> bool:

@@ -9,9 +9,9 @@ from typing import Any, Final, Protocol
 from msgspec import UNSET
 
 from soter.errors import account_of
+from soter.record.content import RecordedWay
 from soter.record.messages import GoalEvent, HeardMessage, PeerEvent
 from soter.record.samples import state_of
-from soter.record.wire import WayFrame
 from soter.rta import Actuator, RemotePeer, Request, Sample
 from soter.rta.monitors import BrokenAssumption
 from soter.sdk import Controller, Goal, GoalStatus, RobotState
@@ -41,7 +41,7 @@ class Tap:
 
     __slots__ = ("_goal", "_inner", "_note", "_now_s", "_robot_id", "ac_drove", "no_state", "refused", "unread")
 
-    def __init__(self, robot_id: int, inner: GoalActuator, note: Callable[[GoalEvent | WayFrame], None]) -> None:
+    def __init__(self, robot_id: int, inner: GoalActuator, note: Callable[[GoalEvent | RecordedWay], None]) -> None:
         self._robot_id: Final = robot_id
         self._inner: Final = inner
         self._note: Final = note
@@ -121,7 +121,7 @@ class Tap:
             if not all(-MAX_COORDINATE_M <= each <= MAX_COORDINATE_M for each in place):
                 break
             places.append(place)
-        self._note(WayFrame(goal.sent_s, self._robot_id, places))
+        self._note(RecordedWay(goal.sent_s, self._robot_id, places))
 
     def _message(self, goal: Goal) -> GoalEvent:
         target = goal.target

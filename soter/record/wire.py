@@ -15,6 +15,7 @@ from msgspec import Raw, Struct
 
 from soter.geometry.site import SitePlan
 from soter.geometry.workspace import Workspace
+from soter.record.content import RecordedWay
 from soter.record.messages import Event
 from soter.sdk import RobotState
 
@@ -47,14 +48,6 @@ class RobotRow(Struct, array_like=True, gc=False):
     refused: tuple[tuple[str, str], ...] = ()
     ac_drove: bool = False
     ac_failure: str = ""
-
-
-class WayFrame(Struct, array_like=True, gc=False):
-    """What an AC means to drive, for the eye only."""
-
-    time_s: float
-    robot_id: int
-    places: list[tuple[float, float]]
 
 
 class FirstFrame(Struct, array_like=True, tag=0):
@@ -120,9 +113,9 @@ class Finish(Struct, array_like=True, tag=2):
 Frame = FirstFrame | Ticks | Finish
 
 WAY: Final = -1
-"""Index of a `WayFrame` among the events."""
+"""Index of a `RecordedWay` among the events."""
 
-PendingEvent = tuple[int, Event | WayFrame]
+PendingEvent = tuple[int, Event | RecordedWay]
 """An event that is not encoded yet; an encoded frame does not differ by that."""
 
 

@@ -22,6 +22,7 @@ from soter.geometry.site import Site
 from soter.record import foxglove, messages, wire
 from soter.record.attachments import ABOUT_JSON, RESULT_JSON, About
 from soter.record.check import seal
+from soter.record.content import RecordedWay
 from soter.record.digest import Sign
 from soter.record.file import RecordingFile
 from soter.record.messages import AC, SC
@@ -59,7 +60,7 @@ class Scribe:
         self._file: Final = file
         self._begin: wire.FirstFrame | None = None
         self._decoders: Final = [msgspec.msgpack.Decoder(kind) for kind in messages.EVENTS]
-        self._ways: Final = msgspec.msgpack.Decoder(wire.WayFrame)
+        self._ways: Final = msgspec.msgpack.Decoder(RecordedWay)
         self._picture_s = 0.0
         self._by_ac: dict[int, bool] = {}
         self._spells: dict[tuple[int, str], float] = {}

@@ -138,7 +138,7 @@ class Loop:
         log: TargetLog = self.metrics
         if recorder is not None:
             self._begin_recording(recorder)
-            log = recorder.beside(log)
+            log = recorder
         scene = Scene(
             self.fleet.clock, self.workspace, rooms, safety.ports, log,
             None if recorder is None else recorder.on_transition,
@@ -159,7 +159,7 @@ class Loop:
             {} if self.session is None else self.session.promises, self.unproved,
         )  # fmt: skip
         try:
-            recorder.begin(setup, self.fleet, self.metrics.standstills.stalls)
+            recorder.begin(setup, self.fleet, self.metrics, self.metrics.standstills.stalls)
         except OSError as failure:
             why = failure.strerror or failure
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
