@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from soter.check import Certainty, Finding, conditions
-from soter.check.conditions import rejection
+from soter.check.conditions import Certainty, Finding, conditions, rejection
 from soter.check.proof import prove
 from soter.config import MissionFile
 from soter.errors import IllFormedModule

@@ -1,4 +1,4 @@
-"""Tries a safety module of a mission in a simulated world, as `soter.check` asks for: one point, one trial.
+"""Tries a safety module of a mission in a simulated world, as `soter.check.trial.TriedModule`: one point, one trial.
 
 A trial puts robots somewhere, lets an adversarial AC drive as long as the module under test lets it, and from the
 first switch on leaves the robot to the safe controllers, until the module gives it back or patience runs out. What
@@ -15,9 +15,9 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from soter.check import Attempt, BrokenObligation, Obligation, TrialRow
 from soter.check.node_failures import failures_of_nodes
 from soter.check.stand_in import declared_faults, stand_ins
+from soter.check.trial import Attempt, BrokenObligation, Obligation, TrialRow
 from soter.check.user_rules import UserRules
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
@@ -110,7 +110,7 @@ def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: floa
 
 
 class ModuleBench:
-    """A `soter.check.Subject`: one module of a mission on simulated robots.
+    """A `soter.check.trial.TriedModule`: one module of a mission on simulated robots.
 
     Args:
         mission: its modules, and the options of the one under test.
@@ -151,7 +151,7 @@ class ModuleBench:
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
     def run(self, vector: Sequence[float]) -> Attempt:
-        """Try one point. See `soter.check.Subject`."""
+        """Try one point; see `soter.check.trial.TriedModule`."""
         specs = self._specs(vector)
         if any(self._terrains[spec.id].clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
             return Attempt(valid=False)

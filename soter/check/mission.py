@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from soter.check import Certainty, Falsified, Finding, conditions, falsify
 from soter.check.admission import admit_declared, declare_all
 from soter.check.bench import ModuleBench
-from soter.check.conditions import rejection
+from soter.check.conditions import Certainty, Finding, conditions, rejection
+from soter.check.falsify import Falsified, falsify
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Final
 
-from soter.check import Certainty, Finding
+from soter.check.conditions import Certainty, Finding
 from soter.config import MissionFile
 from soter.rta import Region, RTAModule
 from soter.sdk import Capabilities

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final, get_args
 
-from soter.check import Finding
 from soter.check.admission import admit, declare_all
+from soter.check.conditions import Finding
 from soter.config import MissionFile
 from soter.config.tables import MotionModel
 from soter.errors import IllFormedModule

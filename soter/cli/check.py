@@ -17,9 +17,10 @@ from soter.errors import ConfigError, option_error
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from soter.check import Attempt, Counterexample, Falsified
     from soter.check.bench import ModuleBench
+    from soter.check.falsify import Falsified
     from soter.check.mission import MissionReport
+    from soter.check.trial import Attempt, Counterexample
     from soter.cli.outputs import Outputs
     from soter.config import MissionFile
 
@@ -206,8 +207,7 @@ def _drawn(bench: ModuleBench, trial: Attempt, title: str) -> bytes:
 def _write_example(
     console: Console, report: MissionReport, subject: dict[str, Any], files: Outputs, path: Path
 ) -> None:
-    from soter.check import Counterexample
-    from soter.check.trial import trace_hash
+    from soter.check.trial import Counterexample, trace_hash
 
     if (found := _first(report)) is None:
         console.print("no counterexample was found, so none is written", soft_wrap=True)
@@ -224,8 +224,7 @@ def _write_example(
 
 def _replay(console: Console, path: Path, files: Outputs) -> ExitCode:
     """Run a counterexample again; return 1 if it breaks what it broke."""
-    from soter.check import read_counterexample
-    from soter.check.trial import trace_hash
+    from soter.check.trial import read_counterexample, trace_hash
     from soter.cli.outputs import as_json, unwritten
 
     example = read_counterexample(path)

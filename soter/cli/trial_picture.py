@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from soter.check import Obligation
+from soter.check.trial import Obligation
 from soter.record.messages import AC
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Caption, Margins, Remark
@@ -14,7 +14,7 @@ from soter.rta import Region, Situation, SwitchRecord
 from soter.sdk import Link, RobotState
 
 if TYPE_CHECKING:
-    from soter.check import Attempt, BrokenObligation
+    from soter.check.trial import Attempt, BrokenObligation
     from soter.geometry.workspace import Workspace
     from soter.rta import RTAModule
 

@@ -11,8 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.check import Certainty, Finding, admission
+from soter.check import admission
 from soter.check.admission import Admission, admit, declare_all
+from soter.check.conditions import Certainty, Finding
 from soter.cli import app
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError, IllFormedModule

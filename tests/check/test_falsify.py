@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from soter.check import Certainty, Counterexample, Falsified, Finding, falsify, read_counterexample
 from soter.check.bench import ModuleBench, floor_bench
+from soter.check.conditions import Certainty, Finding
+from soter.check.falsify import Falsified, falsify
 from soter.check.mission import MissionReport, check_module
 from soter.check.testing import OBLIGATIONS, ModuleSuite
-from soter.check.trial import trace_hash
+from soter.check.trial import Counterexample, read_counterexample, trace_hash
 from soter.config import load_mission
 from soter.errors import ConfigError, IllFormedModule
 from soter.registry import load_backend

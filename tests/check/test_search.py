@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from soter.check import search
-from soter.check.falsify import Vector
+from soter.check.falsify import Vector, search
 
 
 def valley(vector: Vector) -> float:

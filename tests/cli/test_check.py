@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from soter.check import Certainty, Finding, admission
+from soter.check import admission
+from soter.check.conditions import Certainty, Finding
 from soter.cli import app
 from tests.project.source import ROOT
 
