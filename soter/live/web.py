@@ -24,7 +24,7 @@ from soter.live.process import serve
 from soter.live.view import HOST
 from soter.record.content import RecordedTick
 from soter.record.follow import GrowingRecording
-from soter.report.page.growing import GrowingPage
+from soter.report.page.html import GrowingPage
 
 PUBLISH_S: Final = 0.25
 """Host time between two parts where there is always something new."""

@@ -12,8 +12,7 @@ import pytest
 from soter.record.content import RecordedTick
 from soter.record.reader import Recording
 from soter.report.page import extract
-from soter.report.page.growing import GrowingPage
-from soter.report.page.html import make_page
+from soter.report.page.html import GrowingPage, make_page
 from tests.record.helpers import recorded
 from tests.report.unpacked import Unpacked, of_page
 

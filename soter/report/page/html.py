@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
 from typing import Final
 
+from soter.record.content import Content, RecordedTick
 from soter.record.reader import Recording
-from soter.report.page.extract import extract
+from soter.report.page import extract
+from soter.report.page.story import Story
 
 PROGRAMS: Final = ("data.js", "plan.js", "charts.js", "panels.js", "tip.js", "page.js")
 """In the order in which they run."""
@@ -30,8 +32,35 @@ def make_page(recording: Recording) -> str:
         BadRecording: it is damaged, or lacks what a page shows.
         ConfigError: its workspace is not allowed.
     """
-    title, data = extract(recording)
-    return page_of(title, data)
+    return page_of(*extract.extract(recording))
+
+
+class GrowingPage:
+    """A run up to now, as a page for who comes late; and what of it is new, for pages that are open."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording: Final = recording
+        self._content: Final = Content.of(recording.about)
+        self._story: Final = Story(recording.about, recording.workspace())
+
+    def add(self, ticks: Sequence[RecordedTick], *, goes_on: bool) -> str:
+        """Add ticks; return the data that take an open page from what was added before to what there is now."""
+        for tick in ticks:
+            self._content.add(tick)
+        self._story.add(self._content)
+        self._content.forget_series()
+        self._story.thin_out(extract.MOST_POSES, extract.MOST_BUCKETS)
+        return extract.Document(self._story, self._recording, self._content, news=True, goes_on=goes_on).packed()
+
+    def whole(self, stream: str, *, goes_on: bool) -> str:
+        """Return the page of all that was added up to now.
+
+        Args:
+            stream: where it hears of what comes next, as an address on the same server.
+            goes_on: whether anything may.
+        """
+        document = extract.Document(self._story, self._recording, self._content, goes_on=goes_on)
+        return page_of(document.title, document.packed(), stream)
 
 
 def page_of(title: str, data: str, stream: str = "") -> str:
