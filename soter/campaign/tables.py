@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from random import Random
 from typing import Annotated, Any, Final, Literal, Self
 
@@ -70,17 +70,9 @@ class RangeTable(Table):
         return round(value) if self.whole else float(f"{min(max(value, self.low), self.high):.9g}")
 
 
-def _ranges(tables: object, above: str = "") -> object:
+def _ranges(tables: object) -> object:
     """Return nested tables of ranges as ranges by dotted key; for pydantic."""
-    if not isinstance(tables, dict):
-        return tables
-    found: dict[str, object] = {}
-    for key, value in tables.items():
-        name = f"{above}.{_quoted(key)}" if above else key
-        is_inner = isinstance(value, dict) and value and not {"low", "high"} & set(value)
-        inner = _ranges(value, name) if is_inner else {name: value}
-        found |= inner if isinstance(inner, dict) else {}
-    return found
+    return flat(tables, ends=("low", "high")) if isinstance(tables, dict) else tables
 
 
 class SampleTable(Table):
@@ -213,13 +205,14 @@ class CampaignTable(Table):
     part: Annotated[tuple[PartTable, ...], Field(strict=False)]
 
 
-def flat(tables: Mapping[str, Any], above: str = "") -> Settings:
-    """Return nested tables as dotted keys; a table that is empty is a value."""
+def flat(tables: Mapping[str, Any], above: str = "", ends: Collection[str] = ()) -> Settings:
+    """Return nested tables as dotted keys; a table that is empty, or has one of the keys `ends`, is a value."""
     found: Settings = {}
     for key, value in tables.items():
         # Keys of the outermost table may be dotted ones already.
         name = f"{above}.{_quoted(key)}" if above else key
-        found |= flat(value, name) if isinstance(value, dict) and value else {name: value}
+        is_table = isinstance(value, dict) and value and not value.keys() & ends
+        found |= flat(value, name, ends) if is_table else {name: value}
     return found
 
 
