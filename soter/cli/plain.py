@@ -91,40 +91,32 @@ class PlainStream(io.TextIOBase):
         self._styled: Final = styled
 
     def write(self, text: str) -> int:
-        """Write a text; return its length."""
         parts = _STYLE.split(text) if self._styled else [text]
         self.stream.write("".join(part if at % 2 else plain(part) for at, part in enumerate(parts)))
         return len(text)
 
     def writable(self) -> bool:
-        """Return True."""
         return True
 
     def flush(self) -> None:
-        """Hand on what was written."""
         self.stream.flush()
 
     def fileno(self) -> int:
-        """Return that of the stream behind it."""
         return self.stream.fileno()
 
     def isatty(self) -> bool:
-        """Whether it is a terminal."""
         return self.stream.isatty()
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """That of the stream behind it."""
         return self.stream.encoding
 
     @property
     def errors(self) -> str | None:  # type: ignore[override]
-        """That of the stream behind it."""
         return self.stream.errors
 
     @property
     def buffer(self) -> Any:
-        """The bytes behind it."""
         return self.stream.buffer
 
 
@@ -132,7 +124,6 @@ class PlainFormatter(logging.Formatter):
     """Formats what is logged, tracebacks included, as `plain`."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the text of a record."""
         return plain(super().format(record))
 
 
