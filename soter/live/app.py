@@ -8,13 +8,12 @@ from __future__ import annotations
 import socket
 import time
 from collections import deque
-from typing import BinaryIO, Final, NoReturn
+from typing import Final
 
 import foxglove
 from foxglove import Channel, Context, Schema
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, StatusLevel, WebSocketServer
 
-from soter.live.process import serve
 from soter.live.view import HOST
 from soter.record.file import channels, definition, schema_name
 from soter.record.follow import GrowingRecording
@@ -100,8 +99,3 @@ class AppScreen(ServerListener):
             _, topic = self._asked.popleft()
             if topic in self._last:
                 self._channels[topic].log(self._last[topic], log_time=self._time_ns)
-
-
-def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
-    """Be the process that `soter.live.view` starts."""
-    serve(stdin, socket_fd, lifeline_fd, AppScreen)

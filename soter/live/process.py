@@ -9,6 +9,7 @@ import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import BinaryIO, Final, NoReturn, Protocol
 
 from soter.isolation.child import die_with_parent, yield_to_others
@@ -26,7 +27,7 @@ _PATH_BYTES: Final = 1 << 16
 
 
 class Screen(Protocol):
-    """Shows a run to its viewers."""
+    """Shows a run to its viewers; made with a port of 127.0.0.1, 0 for one that is free, or it raises OSError."""
 
     @property
     def port(self) -> int:
@@ -46,19 +47,19 @@ class Screen(Protocol):
         """End, once those who look have been told all, or have had the time to be."""
 
 
-def serve(stdin: BinaryIO, socket_fd: int, lifeline_fd: int, make: Callable[[int], Screen]) -> NoReturn:
+def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     """Be the process of a view, as `soter.isolation.child` starts it.
 
     Args:
-        stdin: holds the pickled port.
+        stdin: holds, pickled, the name of the class of its screen and the port.
         socket_fd: what the run says comes from there: where its recording is. It is closed when nobody is to be shown
             anything any more.
         lifeline_fd: its other end is closed when the run has died.
-        make: makes a screen at a port; raises OSError if it cannot be had.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(lifeline_fd)
-    port: int = pickle.load(stdin)  # noqa: S301 - from the run
+    name, port = pickle.load(stdin)  # noqa: S301 - from the run
+    make: Callable[[int], Screen] = resolve_name(name)
     yield_to_others(NICENESS, MEMORY_BYTES)
     link = socket.socket(fileno=socket_fd)
     try:

@@ -33,20 +33,22 @@ class Kind(NamedTuple):
     """One way to show a run.
 
     Attributes:
-        module: whose `main` is the process.
+        screen: the class that shows it in a process of its own, a `soter.live.process.Screen`, as `module:Class`.
         name: in words, for messages.
         option: that names its port, for messages.
         address: its address, with {port} in it.
     """
 
-    module: str
+    screen: str
     name: str
     option: str
     address: str
 
 
-PAGE: Final = Kind("soter.live.web", "the live page", "--live-port", "http://127.0.0.1:{port}/")
-APP: Final = Kind("soter.live.app", "the server for the Foxglove app", "--foxglove-port", "ws://127.0.0.1:{port}")
+PAGE: Final = Kind("soter.live.web:PageScreen", "the live page", "--live-port", "http://127.0.0.1:{port}/")
+APP: Final = Kind(
+    "soter.live.app:AppScreen", "the server for the Foxglove app", "--foxglove-port", "ws://127.0.0.1:{port}"
+)
 
 
 class LiveView:
@@ -64,7 +66,7 @@ class LiveView:
 
     def __init__(self, kind: Kind, port: int = 0) -> None:
         self._kind: Final = kind
-        self._child: Final = Child(kind.module, port)
+        self._child: Final = Child("soter.live.process", (kind.screen, port))
         try:
             said = self._child.receive(READY_S)
             if said is None or not said.startswith(READY):
@@ -78,7 +80,7 @@ class LiveView:
             raise
         self.address: Final = kind.address.format(port=int(said[len(READY) :]))
         self._wake, self._woken = os.pipe()
-        self._watcher: Final = threading.Thread(target=self._watch, name=f"watch {kind.module}", daemon=True)
+        self._watcher: Final = threading.Thread(target=self._watch, name=f"watch {kind.screen}", daemon=True)
         self._watcher.start()
 
     @property

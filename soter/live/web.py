@@ -16,11 +16,10 @@ from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
-from typing import Any, BinaryIO, Final, NoReturn
+from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
 from soter.live.event_buffer import EventBuffer, FellBehind
-from soter.live.process import serve
 from soter.live.view import HOST
 from soter.record.content import RecordedTick
 from soter.record.follow import GrowingRecording
@@ -289,8 +288,3 @@ class _Viewer(BaseHTTPRequestHandler):
 
 def _is_number(text: str) -> bool:
     return text.isascii() and text.isdigit() and len(text) < 16
-
-
-def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
-    """Be the process that `soter.live.view` starts."""
-    serve(stdin, socket_fd, lifeline_fd, PageScreen)
