@@ -15,10 +15,10 @@ from foxglove import Channel, Context, Schema
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, StatusLevel, WebSocketServer
 
 from soter.live.view import HOST
-from soter.record.file import channels, definition, schema_name
+from soter.record.file import channels, definition
 from soter.record.follow import GrowingRecording
 from soter.record.foxglove import Log
-from soter.record.foxglove import schema_name as foxglove_name
+from soter.record.messages import schema_name
 
 FLUSH_S: Final = 0.5
 """Host time that clients have at the end for what waits for them."""
@@ -27,7 +27,7 @@ SETTLED_S: Final = 0.2
 """Host time after which a subscription surely counts: the SDK tells of it a moment before that."""
 
 _STAYS: Final = "foxglove."
-_PASSES: Final = foxglove_name(Log)
+_PASSES: Final = schema_name(Log)
 
 
 class AppScreen(ServerListener):

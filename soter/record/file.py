@@ -27,12 +27,6 @@ def json_schema(message: type[Struct]) -> dict[str, Any]:
     return {**root, "$defs": definitions} if definitions else root
 
 
-def schema_name(message: type[Struct]) -> str:
-    """Return the name of a message's schema."""
-    own = issubclass(message, messages.Message)
-    return messages.schema_name(message) if own else foxglove.schema_name(message)
-
-
 def channels(robot_ids: Iterable[int]) -> dict[str, type[Struct]]:
     """Return every topic that a recording of some robots may have, with its message."""
     given: list[tuple[str, type[Struct]]] = [(topic, kind) for kind, topic in messages.TOPICS.items()]
@@ -105,7 +99,7 @@ class RecordingFile:
     def _channel(self, topic: str, message: type[Struct]) -> int:
         schema = self._schemas.get(message)
         if schema is None:
-            name, data = schema_name(message), definition(message)
+            name, data = messages.schema_name(message), definition(message)
             schema = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
             self._schemas[message] = schema
         channel = self._writer.register_channel(topic, MessageEncoding.JSON, schema)

@@ -200,11 +200,6 @@ TOPICS: Final[dict[type[Struct], tuple[str, ...]]] = {
 """Where each of them is recorded."""
 
 
-def schema_name(message: type[Struct]) -> str:
-    """Return the name by which the app knows a schema."""
-    return f"foxglove.{message.__name__}"
-
-
 def nanoseconds(time_s: float) -> int:
     """Return a fleet time in nanoseconds; there is none before 0."""
     return max(0, round(time_s * 1e9))

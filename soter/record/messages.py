@@ -299,5 +299,5 @@ def kind_name(message: type[Struct]) -> str:
 
 
 def schema_name(message: type[Struct]) -> str:
-    """Return the name of a message's schema."""
-    return f"soter.{kind_name(message)}"
+    """Return the name of a message's schema; of those that are not SOTER's own, the one by which Foxglove knows it."""
+    return f"soter.{kind_name(message)}" if issubclass(message, Message) else f"foxglove.{message.__name__}"

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from soter.record import foxglove, messages
-from soter.record.file import json_schema, schema_name
+from soter.record.file import json_schema
 from soter.record.messages import EVENTS, HeardMessage, ModuleTick, Refusal, RobotTick, StateMessage, WorstMessage
 from tests.project.source import ROOT
 
@@ -39,7 +39,7 @@ def heading(kind: type[msgspec.Struct]) -> str:
     """What stands above it."""
     topic = messages.TOPICS.get(kind) if issubclass(kind, messages.Message) else None
     where = f" on `{topic}`" if topic else ""
-    return f"### `{schema_name(kind)}`{where}\n\n{json_schema(kind)['description']}"
+    return f"### `{messages.schema_name(kind)}`{where}\n\n{json_schema(kind)['description']}"
 
 
 def _kind(field: dict[str, Any]) -> str:
@@ -58,7 +58,7 @@ def test_the_page_has_every_schema(kind: type[msgspec.Struct]) -> None:
 def test_the_page_names_every_topic_that_is_drawn() -> None:
     page = PAGE.read_text()
     for kind, topics in foxglove.TOPICS.items():
-        assert f"`{foxglove.schema_name(kind)}`" in page
+        assert f"`{messages.schema_name(kind)}`" in page
         for topic in topics:
             assert f"`{topic}`" in page
 

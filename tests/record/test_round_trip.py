@@ -21,7 +21,7 @@ from soter.record import foxglove, messages
 from soter.record.attachments import RESULT_JSON
 from soter.record.check import flaw, seal
 from soter.record.export import export_csv, file_name
-from soter.record.file import json_schema, schema_name
+from soter.record.file import json_schema
 from soter.record.looks import Looks, Stall
 from soter.record.messages import AC, EVENTS, ModuleTick, RobotTick
 from soter.record.reader import Recording
@@ -304,7 +304,7 @@ def test_every_message_follows_the_schema_that_stands_in_the_file(kinematic: Rec
         messages.schema_name(kind)
         for kind in (RobotTick, messages.GoalEvent, messages.SwitchEvent, messages.TargetEvent)
     }
-    drawn = {foxglove.schema_name(kind) for kind in foxglove.TOPICS}
+    drawn = {messages.schema_name(kind) for kind in foxglove.TOPICS}
     assert own | drawn <= set(seen)
 
 
@@ -328,7 +328,7 @@ def _check(value: Any, schema: Any, root: Any) -> None:
 def test_schemas_use_only_what_every_viewer_knows(kind: type[msgspec.Struct]) -> None:
     schema = json_schema(kind)
     assert schema["type"] == "object"
-    assert schema_name(kind).startswith(("soter.", "foxglove."))
+    assert messages.schema_name(kind).startswith(("soter.", "foxglove."))
     for part in _parts(schema):
         assert not {"anyOf", "oneOf", "allOf", "prefixItems", "additionalProperties"} & set(part)
         # A type of several, such as a number or null, is what some viewers stop at.
