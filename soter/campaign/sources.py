@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
+
+from soter.record.about import versions
 
 _PACKAGES: Final = ("soter", "soter_sim")
 _SUFFIXES: Final = {".py", ".urdf", ".xml"}
@@ -30,8 +31,9 @@ def code_hash() -> str:
             if path.suffix in _SUFFIXES and not name.startswith(_NO_SAY):
                 digest.update(f"{name}\0".encode())
                 digest.update(path.read_bytes())
+    installed = versions()
     for library in _LIBRARIES:
-        digest.update(f"{library}=={_version(library)}\0".encode())
+        digest.update(f"{library}=={installed.get(library, 'missing')}\0".encode())
     return digest.hexdigest()[:16]
 
 
@@ -44,10 +46,3 @@ def sources_hash(missions: Iterable[Path]) -> str:
         digest.update(f"{path.name}\0".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return "missing"
