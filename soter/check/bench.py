@@ -1,4 +1,4 @@
-"""Tries a safety module of a mission in a simulated world, as `soter.check.trial.TriedModule`: one point, one trial.
+"""Tries a safety module of a mission in a simulated world (`soter.check.trial.TriedModule`): one point, one trial.
 
 A trial puts robots somewhere, lets an adversarial AC drive as long as the module under test lets it, and from the
 first switch on leaves the robot to the safe controllers, until the module gives it back or patience runs out. What

@@ -56,11 +56,13 @@ def workspace(
 
         files = Outputs({"--to": to, "--picture": picture}, (file,), force=force)
         made = read_workspace(file, inhabited=False)
+        # All of it is made before any of it is written.
         converted = b"" if to is None else _converted(made, file, to)
+        drawn = b"" if picture is None else _drawn(made)
         found = _found(made, radius, clearance)
         with unwritten("it"):
             files.write("--to", lambda: converted)
-            files.write("--picture", lambda: _drawn(made))
+            files.write("--picture", lambda: drawn)
         if json:
             emit(dumps(found, indent=2))
         else:

@@ -252,7 +252,10 @@ def workspace_scene(workspace: Workspace) -> SceneUpdate:
         lines += [_line(ring, z, BOX_COLOUR) for ring, height_m in around for z in (0.0, height_m)]
     else:
         cubes = [_cube(box, box.height_m, BOX_COLOUR) for box in workspace.boxes] + cubes
-    return SceneUpdate([SceneEntity(FoxgloveTime(0, 0), FRAME, "workspace", Duration(), False, [], cubes, [], lines)])
+    entity = SceneEntity(
+        FoxgloveTime(0, 0), FRAME, "workspace", Duration(), False, arrows=[], cubes=cubes, cylinders=[], lines=lines
+    )
+    return SceneUpdate([entity])
 
 
 def _line(ring: Sequence[tuple[float, float]], z: float, colour: tuple[float, float, float, float]) -> LinePrimitive:
@@ -269,7 +272,8 @@ def robot_scene(time: FoxgloveTime, robot_id: int, radius_m: float, by_ac: bool)
         _at(0.0, 0.0, ROBOT_HEIGHT_M), radius_m, radius_m / 3.0, radius_m / 2.0, radius_m / 1.5, colour
     )
     name = robot_frame(robot_id)
-    return SceneUpdate([SceneEntity(time, name, name, Duration(), True, [arrow], [], [body], [])])
+    entity = SceneEntity(time, name, name, Duration(), True, arrows=[arrow], cubes=[], cylinders=[body], lines=[])
+    return SceneUpdate([entity])
 
 
 def _seen(value: float) -> float:
