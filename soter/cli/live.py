@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from soter.cli.exits import StopSignals
 from soter.errors import option_error
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from soter.config import MissionFile
-    from soter.live.view import Kind, LiveView
+    from soter.live.view import LiveView
 
 APP_PORT: Final = 8765
 """Where the Foxglove app looks if nobody tells it otherwise."""
@@ -27,105 +27,82 @@ _SLICE_S: Final = 0.05
 """Host time after which Ctrl-C is noticed at the latest while a tick waits."""
 
 
-class Wanted(NamedTuple):
-    """How a run is to be shown.
+class Views:
+    """The views of a run that were asked for.
 
-    Attributes:
-        views: each with its port.
+    Args:
+        live: whether the page is.
+        live_port: its port; None for one that is free.
+        foxglove: whether the server for the Foxglove app is.
+        foxglove_port: its port; None for `APP_PORT`.
         opened: whether a browser is to be opened.
-        stays: whether the page is kept when the run has ended.
-    """
-
-    views: Sequence[tuple[Kind, int]]
-    opened: bool = False
-    stays: bool = False
-
-
-def wanted_views(
-    live: bool,
-    live_port: int | None,
-    foxglove: bool,
-    foxglove_port: int | None,
-    *,
-    opened: bool = False,
-    leave: bool = False,
-) -> Wanted:
-    """Return the views that were asked for, each with its port.
+        leave: whether the page goes when the run has ended.
 
     Raises:
         ConfigError: something was said of a view that was not asked for, or a library is missing.
     """
-    from soter.live.view import APP, PAGE
 
-    for given, wanted, view, option in (
-        (live_port is not None, live, "--live", "--live-port"),
-        (opened, live, "--live", "--open"),
-        (leave, live, "--live", "--leave"),
-        (foxglove_port is not None, foxglove, "--foxglove", "--foxglove-port"),
-    ):
-        if given and not wanted:
-            raise option_error(option, f"it says how, but not what: add {view}")
-    if foxglove:
-        _require_sdk()
-    views = [(PAGE, live_port or 0)] if live else []
-    if foxglove:
-        views.append((APP, APP_PORT if foxglove_port is None else foxglove_port))
-    return Wanted(views, opened, live and not leave)
+    def __init__(
+        self, live: bool, live_port: int | None, foxglove: bool, foxglove_port: int | None, opened: bool, leave: bool
+    ) -> None:
+        from soter.live.view import APP, PAGE
 
+        for given, wanted, view, option in (
+            (live_port is not None, live, "--live", "--live-port"),
+            (opened, live, "--live", "--open"),
+            (leave, live, "--live", "--leave"),
+            (foxglove_port is not None, foxglove, "--foxglove", "--foxglove-port"),
+        ):
+            if given and not wanted:
+                raise option_error(option, f"it says how, but not what: add {view}")
+        if foxglove:
+            _require_sdk()
+        self._wanted: Final = [(PAGE, live_port or 0)] if live else []
+        if foxglove:
+            self._wanted.append((APP, APP_PORT if foxglove_port is None else foxglove_port))
+        self._opened: Final = opened
+        self._stays: Final = live and not leave
+        self._started: list[LiveView] = []
 
-class Shown(NamedTuple):
-    """A run that can be looked at.
+    @contextmanager
+    def shown(self, recording: Path | None, console: Console) -> Iterator[Path | None]:
+        """Start them, and say where they are.
 
-    Attributes:
-        recording: where to record it, or None.
-        begin: what to call once there is a recording, or None.
-        stay: called when the run has ended; returns when nobody is to look any more.
-    """
+        Args:
+            recording: where the run is recorded, or None. Views show what is recorded: a run that leaves no recording
+                has one all the same while they are wanted, in a temporary folder.
+            console: for the addresses.
 
-    recording: Path | None
-    begin: Callable[[Path], None] | None
-    stay: Callable[[], None]
+        Yields:
+            Where to record it, or None.
 
+        Raises:
+            ConfigError: a port cannot be had.
+        """
+        from soter.live.view import LiveView
 
-@contextmanager
-def shown(wanted: Wanted, recording: Path | None, console: Console) -> Iterator[Shown]:
-    """Start views of a run, and say where they are.
+        with ExitStack() as stack:
+            if recording is None and self._wanted:
+                scratch = Scratch("live")
+                stack.callback(scratch.close)
+                recording = scratch.path / "run.mcap"
+            self._started = [stack.enter_context(LiveView(kind, port)) for kind, port in self._wanted]
+            for (kind, _), view in zip(self._wanted, self._started, strict=True):
+                console.print(f"{kind.name}: {view.address}", soft_wrap=True)
+            if self._opened:
+                _open(self._started[0].address, console)
+            yield recording
 
-    Args:
-        wanted: see `wanted_views`.
-        recording: where the run is recorded, or None. Views show what is recorded: a run that leaves no recording has
-            one all the same while they are wanted, in a temporary folder.
-        console: for the addresses.
+    def begin(self, path: Path) -> None:
+        """Show a recording: the head of it is written by now."""
+        for view in self._started:
+            view.begin(path)
 
-    Raises:
-        ConfigError: a port cannot be had.
-    """
-    if not wanted.views:
-        yield Shown(recording, None, lambda: None)
-        return
-    from soter.live.view import LiveView
-
-    with ExitStack() as stack:
-        if recording is None:
-            scratch = Scratch("live")
-            stack.callback(scratch.close)
-            recording = scratch.path / "run.mcap"
-        started = [stack.enter_context(LiveView(kind, port)) for kind, port in wanted.views]
-        for (kind, _), view in zip(wanted.views, started, strict=True):
-            console.print(f"{kind.name}: {view.address}", soft_wrap=True)
-        if wanted.opened:
-            _open(started[0].address, console)
-
-        def begin(path: Path) -> None:
-            for view in started:
-                view.begin(path)
-
-        def stay() -> None:
-            if wanted.stays and not started[0].gone:
-                console.print(f"the page stays until Ctrl-C: {started[0].address}", soft_wrap=True)
-                _wait(started[0])
-
-        yield Shown(recording, begin, stay)
+    def stay(self, console: Console) -> None:
+        """Return when nobody is to look any more at a run that has ended."""
+        if self._stays and not self._started[0].gone:
+            console.print(f"the page stays until Ctrl-C: {self._started[0].address}", soft_wrap=True)
+            _wait(self._started[0])
 
 
 def _open(address: str, console: Console) -> None:

@@ -138,7 +138,7 @@ def run(
     """
     with guard():
         from soter.cli.console import make_console
-        from soter.cli.live import pace_of, shown, wanted_views
+        from soter.cli.live import Views, pace_of
         from soter.cli.outputs import Outputs
         from soter.cli.progress import make_display
         from soter.cli.recordings import recording_path, show_recording, unless_recorded
@@ -181,14 +181,14 @@ def run(
         if compare is not None and (loaded.ac != "mission" or loaded.mission.use != SURVEILLANCE):
             driven = f"the mission is {loaded.mission.use}" if loaded.ac == "mission" else f"the ACs are {loaded.ac}"
             raise option_error("--compare", f"the figures are those of the surveillance mission, but {driven}")
-        views = wanted_views(live, live_port, foxglove, foxglove_port, opened=open_it, leave=leave)
+        views = Views(live, live_port, foxglove, foxglove_port, opened=open_it, leave=leave)
         if sign is not None:
             read_private_key(sign, "--sign")
         recording = recording_path(record, no_record, loaded, process)
         console = make_console(stderr=files.to_stdout)
         stop = StopSignals()
         held = pace_of(1.0 if gui and pace is None else pace, loaded, stop)
-        with unless_recorded(recording), shown(views, recording, console) as seen:
+        with unless_recorded(recording), views.shown(recording, console) as kept:
             display = None if quiet else make_display(console, loaded.source or "")
             with stop, display or nullcontext():
                 follower = Follower(
@@ -197,10 +197,10 @@ def run(
                     pace=held,
                     connecting=stop.raising,
                     say=lambda words: console.print(words, soft_wrap=True, highlight=False),
-                    recording=seen.begin,
+                    recording=views.begin,
                 )
                 done = run_mission(
-                    loaded, record=seen.recording, sign=sign, follower=follower, accept_unproved=accept_unproved,
+                    loaded, record=kept, sign=sign, follower=follower, accept_unproved=accept_unproved,
                     process=process,
                 )  # fmt: skip
             if not quiet:
@@ -217,7 +217,7 @@ def run(
             elif done.result.status == "completed" and done.result.abandoned:
                 complain(f"no robot has its AC any more: {'; '.join(done.result.abandoned)}")
             if stop.received is None:
-                seen.stay()
+                views.stay(console)
         raise typer.Exit(_exit_code(done.result, stop.received, troubles) if written else ExitCode.RUN_FAILED)
 
 
