@@ -22,7 +22,7 @@ class Survivor(NamedTuple):
 SURVIVORS: Final = (
     Survivor(
         "Acts 60 ms late on one command in ten minutes, or in one on a wire of a busy host.",
-        "1500 goals are timed in 75 s; what comes once in ten minutes is met in one run of eight, and on a wire one "
+        "1300 goals are timed in 66 s; what comes once in ten minutes is met in one run of nine, and on a wire one "
         "late goal alone may be the host's: where there is one, as many are timed again. What is under way while the "
         "host stands still does not count, and may be the one.",
         "One stop at top speed ends 13 mm later than proved; the run's monitor of A3 counts a stop that does so.",
@@ -58,10 +58,10 @@ SURVIVORS: Final = (
         "Contacts at what counts as a clearance. Measure the body with a tape.",
     ),
     Survivor(
-        "Never makes a connection anew that broke.",
+        "Never makes a connection anew that broke, or waits in a call while there is none.",
         "What the kit cuts are messages; the connections to the relay stay.",
         "After a moment without network the robot is not heard any more: its lease stops it, and it is lost for the "
-        "rest of the run. Pull the cable once.",
+        "rest of the run. A call that waits holds up all robots, and their leases stop them. Pull the cable once.",
     ),
     Survivor(
         "Is wrong about the fourth robot, or a later one.",
@@ -80,6 +80,27 @@ SURVIVORS: Final = (
         "Says places that are off in one part of its map, or drives worse there.",
         "The kit drives in three rooms.",
         "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",
+    ),
+    Survivor(
+        "Stands still for 0.3 s twice a minute where it hears samples on a wire.",
+        "Ages are judged for 8 s, and for a minute by their median: a host that is busy does the same.",
+        "The sample at a tick is older than promised: that sends the robot to its safe controller, and is counted.",
+    ),
+    Survivor(
+        "Drives worse in a narrow range of headings.",
+        "Legs lead to 11 sides in process, to 5 on a wire; brakes and lease are tried along one line.",
+        "What the clauses are about, such as a way beside the tube on a slope. Turn the harness's rooms.",
+    ),
+    Survivor(
+        "Goes wrong once it has driven or turned more than the kit does.",
+        "`endurance.minute` drives for 88 s in process and for 66 s on a wire, and turns by about 75 and 65 rad.",
+        "What the clauses are about, such as brakes that wear; the run's monitor of A3 counts stops that are late.",
+    ),
+    Survivor(
+        "Drives to the target of the goal before once in a hundred goals, on a wire.",
+        "200 goals to other sides are looked at in process, 12 on a wire.",
+        "Until the next goto it drives where it was sent before, a way that nobody has looked at from here; whoever "
+        "comes near a rule by it is handed over as ever.",
     ),
     Survivor(
         "Misreads places near an axis of its frame, such as numbers with an exponent.",

@@ -9,6 +9,7 @@ from typing import Final
 from soter.conformance import CLAUSES, Outcome, try_clause
 from soter.conformance.promises import MEASURED_BY
 from tests.broken import goals, in_process, lives, on_wire, samples
+from tests.broken.afterwards import AFTERWARDS, AFTERWARDS_ON_WIRE
 from tests.broken.corners import CORNERS, CORNERS_ON_WIRE
 from tests.broken.crowd import CROWD, CROWD_ON_WIRE
 from tests.broken.drivers import DRIVERS, DRIVERS_ON_WIRE
@@ -38,8 +39,9 @@ def _written(base: Kind, *modules: ModuleType) -> tuple[Kind, ...]:
 
 BROKEN: Final[tuple[Kind, ...]] = (
     *_written(in_process.Broken, samples, goals, lives), *SAMPLES, *TARGETS, *PROMISES, *DUTIES, *SELDOM, *CORNERS,
-    *DRIVERS, *HABITS, *WAYS, *CROWD, *PASSING, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE,
-    *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE, *HABITS_ON_WIRE, *WAYS_ON_WIRE, *CROWD_ON_WIRE,
+    *DRIVERS, *HABITS, *WAYS, *CROWD, *PASSING, *AFTERWARDS, *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS,
+    *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE, *HABITS_ON_WIRE, *WAYS_ON_WIRE, *CROWD_ON_WIRE,
+    *AFTERWARDS_ON_WIRE,
 )  # fmt: skip
 
 

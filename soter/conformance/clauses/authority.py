@@ -248,12 +248,20 @@ def alternations(bench: Bench) -> None:
         if number % 50 == 0:
             bench.run(TICK_S)
     within_s = caps.latency_s + caps.sample_age_s + caps.jitter_s + 2 * TICK_S
+    goal = robot.goto(bench.place(robot, 0.5), robot.in_charge)
     bench.run(within_s)
+    numbered = robot.read_state().goal_id == goal.id
     for number in range(_ALTERNATIONS if caps.in_process else _CHECKED):
         to = Controller.AC if number % 2 else Controller.SC
         switch = robot.switch_ac_sc(to, "conformance")
+        goal = robot.goto(bench.place(robot, 0.5), to)
+
+        def done(to: Controller = to, named: int | None = goal.id if numbered else None) -> bool:
+            state = robot.read_state()
+            return state.controller in (to, None) and named in (state.goal_id, None)
+
         # Nothing is said again meanwhile: what a renewal repeats would hide what the hand-over itself did.
-        bench.run(within_s, lambda to=to: robot.read_state().controller in (to, None), renew=False)  # type: ignore[misc]
+        bench.run(within_s, done, renew=False)
         state = bench.look(robot).state
         found, old = state.controller, state.stamp_s < switch.requested_s + caps.latency_s
         why = "the report is old, and says nothing of it" if old else "it was lost, queued or came out of order"
@@ -261,6 +269,11 @@ def alternations(bench: Bench) -> None:
             found in (to, None),
             f"{within_s:.2f} s after switch number {number + 1} to {to} the robot reports {found} in charge, of "
             f"{state.age_s(bench.now_s):.2f} s ago: {why}",
+        )
+        bench.require(
+            not numbered or state.goal_id == goal.id,
+            f"{within_s:.2f} s after switch number {number + 1} samples name goal {state.goal_id}, not {goal.id}, sent "
+            "right behind it: what is sent together with a hand-over is lost now and then",
         )
     bench.go(
         robot,

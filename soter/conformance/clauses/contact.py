@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from soter.conformance.bench import Bench
+from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
@@ -43,10 +43,17 @@ def body(bench: Bench) -> None:
     bench.run(2.0 * bench.way_s(), lambda: truth.report().contacts > 0 or apart_m() < radius_m or not goal.active)
     touched_m = apart_m() if truth.report().contacts else 0.0
     goal.cancel()
+    at = {robot: bench.true_pose(robot.id)[:2] for robot in (first, second)}
     slack_m = _TOUCH_M + _SLOW * bench.caps.v_max_m_s * (TICK_S if not bench.caps.in_process else 0.0)
     bench.measure(
         "body_radius_m", touched_m / 2.0, radius_m, slack_m / 2.0,
         f"two robots touched with their centres {touched_m:.3f} m apart: body_radius_m is declared too small",
+    )  # fmt: skip
+    bench.run(SETTLE_S)
+    bench.measure(
+        "after_contact_m", max(math.dist(place, bench.true_pose(robot.id)[:2]) for robot, place in at.items()),
+        2.0 * _SLOW * bench.caps.v_max_m_s * bench.orphaned_s(), bench.still_m,
+        "after they touched, a robot that has no goal any more moves: its bumper makes it back off, and heeds no lease",
     )  # fmt: skip
 
 

@@ -15,16 +15,23 @@ from typing import Final
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
-from soter.conformance.track import quantile
+from soter.conformance.track import quantile, turn
 from soter.conformance.trials import Shuttle, ToAndFro, measure_braking
 from soter.conformance.usage import usage
-from soter.sdk import Controller, Robot, RobotState
+from soter.sdk import Controller, Robot, RobotState, Waypoint
 
-_LASTS_S: Final = 75.0
-"""What happens once a minute happens in this time."""
+_ROUND_S: Final = 22.0
+_ROUNDS, _ROUNDS_IN_PROCESS = 3, 4
+"""What happens once a minute happens in these rounds."""
 
-_ROUNDS: Final = 3
+_TURNS: Final = 16
+_ALTERNATE: Final = 4
+_ASIDE_RAD: Final = 0.4
+_AWAY_M: Final = 0.3
+_SLOWEST: Final = 0.6
 _REST_M: Final = 2e-4
+_REST_RAD: Final = 1e-3
+_OFF_RAD: Final = 0.05
 _SWITCHES: Final = 10
 _STOPS: Final = 4
 
@@ -53,20 +60,22 @@ def minute(bench: Bench) -> None:
     robot = bench.open_one()
     commands, ages_s = _Commands(bench, robot), []
     held = [_held()]
-    for _ in range(_ROUNDS):
-        commands.drive(_LASTS_S / _ROUNDS)
+    rounds = _ROUNDS_IN_PROCESS if bench.caps.in_process else _ROUNDS
+    lasts_s = rounds * _ROUND_S
+    for _ in range(rounds):
+        commands.drive(_ROUND_S)
         for to in (Controller.SC, Controller.AC) * _SWITCHES:
             robot.switch_ac_sc(to, "conformance")
         held.append(_held())
         ages_s.append(median(commands.ages_s))
     bench.measure(
         "age_growth_s", ages_s[-1] - ages_s[0], _GROWS_S, bench.read_s,
-        f"in {_LASTS_S:.0f} s samples have grown older by so much: the vehicle's clock is slow, and is not followed",
+        f"in {lasts_s:.0f} s samples have grown older by so much: the vehicle's clock is slow, and is not followed",
     )  # fmt: skip
     # On a wire one may be the host's; what is the robot's comes again.
     excused = 0 if bench.caps.in_process else 1
     if sum(each > bench.caps.latency_s + bench.fit_s for each in commands.late_s()) == excused == 1:
-        commands.drive(_LASTS_S)
+        commands.drive(lasts_s)
     late_s = commands.late_s()
     if len(late_s) > excused:
         bench.measure(
@@ -77,21 +86,28 @@ def minute(bench: Bench) -> None:
     commands.shuttle.goal.cancel()
     bench.run(SETTLE_S)
     tired = [*Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
-    measure_braking(bench, tired, f"after {_LASTS_S:.0f} s of driving", "tired_brake_m_s2")
+    measure_braking(bench, tired, f"after {lasts_s:.0f} s of driving", "tired_brake_m_s2")
+    _turn_much(bench, robot)
     bench.run(SETTLE_S)
     state = bench.look(robot).state
     if bench.fleet.truth is not None or bench.harness.gives("observe"):
         bench.measure(
             "position_drift_m", math.dist((state.x_m, state.y_m), bench.true_pose(robot.id)[:2]),
             bench.caps.position_noise_m, _REST_M,
-            f"at rest after {_LASTS_S:.0f} s of driving its place is off: it counts wheels and loses count, or its "
+            f"at rest after {lasts_s:.0f} s of driving its place is off: it counts wheels and loses count, or its "
             "scale is wrong",
+        )  # fmt: skip
+        noise_rad = bench.caps.heading_noise_rad
+        bench.measure(
+            "heading_drift_rad", abs(turn(bench.true_pose(robot.id)[2], state.heading_rad)),
+            _OFF_RAD if noise_rad is None else noise_rad, _REST_RAD,
+            "at rest after much turning its heading is off: it adds up turn rates, and their error with them",
         )  # fmt: skip
     for name in held[0]:
         bound, cause = _GROWS[name]
         bench.measure(
             name, max(0.0, min(after[name] - before[name] for before, after in pairwise(held))), bound, 0.0,
-            f"every {_LASTS_S / _ROUNDS:.0f} s the process holds more by so much: {cause}",
+            f"every {_ROUND_S:.0f} s the process holds more by so much: {cause}",
         )  # fmt: skip
 
 
@@ -116,6 +132,37 @@ def counters(bench: Bench) -> None:
     )
     goal.cancel()
     bench.expect_stop(robot, cause)
+
+
+def _turn_much(bench: Bench, robot: Robot) -> None:
+    """Turn a robot on the spot, to the left, to the right, and to either side in turn; see that it still turns fast."""
+    if not bench.caps.pivots_first:
+        return
+    for number in range(_TURNS):
+        left = _TURNS - number
+        if left == _ALTERNATE:
+            bench.run(SETTLE_S)
+            del bench.tracks[robot.id][:-1]
+        to_left = number < (_TURNS - _ALTERNATE) // 2 if left > _ALTERNATE else left % 2 == 0
+        at = bench.look(robot)
+        course_rad = at.heading_rad + math.copysign(math.pi - _ASIDE_RAD, 1.0 if to_left else -1.0)
+        target = Waypoint(at.x_m + _AWAY_M * math.cos(course_rad), at.y_m + _AWAY_M * math.sin(course_rad))
+        goal = robot.goto(target, Controller.AC)
+
+        def turned(course_rad: float = course_rad) -> bool:
+            return abs(turn(bench.tracks[robot.id][-1].heading_rad, course_rad)) < _ASIDE_RAD
+
+        bench.run(bench.way_s(), turned)
+        if left <= _ALTERNATE:
+            goal.cancel()
+            bench.run(SETTLE_S)
+    seen, off = bench.fastest(robot)
+    cap = bench.caps.yaw_rate_max_rad_s
+    bench.measure(
+        "tired_yaw_rate_rad_s", min(seen[1:]), _SLOWEST * cap, off * cap,
+        "after much turning it turns far more slowly than yaw_rate_max_rad_s: something adds up, or its motors are hot",
+        at_least=True,
+    )  # fmt: skip
 
 
 class _Commands:
@@ -184,4 +231,4 @@ def _held() -> dict[str, float]:
     held = {}
     if used is not None:
         held = {"threads": len(used.threads), "descriptors": len(used.descriptors), "memory_mib": used.memory_mib}
-    return held | {"objects_per_goal": sys.getallocatedblocks() * TICK_S * _ROUNDS / _LASTS_S}
+    return held | {"objects_per_goal": sys.getallocatedblocks() * TICK_S / _ROUND_S}

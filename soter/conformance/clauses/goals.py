@@ -8,7 +8,7 @@ from contextlib import suppress
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import quantile, turn
+from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Waypoint
@@ -18,10 +18,11 @@ _REPLACED = 4
 _EARLY = 2
 _GAINS = 0.15
 _SAMPLE_S = 0.02
-_CANCELS_IN_PROCESS = 100
+_CANCELS_IN_PROCESS = 200
 _CANCELS = 12
 _STARTS_S = 0.1
 _SEES_S = 0.2
+_AWAY_M = 0.05
 
 
 @clause("goal.ids")
@@ -170,13 +171,14 @@ def cancel_early(bench: Bench) -> None:
 
 @clause("goal.cancels")
 def cancels(bench: Bench) -> None:
-    """Each of many cancels stops the robot; none is lost."""
+    """Of many goals each is turned to, and each cancel stops the robot; none is lost or confused with another."""
     robot, caps = bench.open_one(), bench.caps
     starts_s = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + _STARTS_S
     stops_s = starts_s + caps.v_max_m_s / caps.brake_m_s2 + TICK_S
     bench.go(robot, bench.place(robot, 0.0))
     for number in range(_CANCELS_IN_PROCESS if caps.in_process else _CANCELS):
         # To and fro about one place, and most of the time turning.
+        began = bench.look(robot)
         goal = robot.goto(bench.place(robot, 0.8 if number % 2 else -0.8), Controller.AC)
         bench.run(starts_s)
         goal.cancel()
@@ -190,6 +192,18 @@ def cancels(bench: Bench) -> None:
             f"{stops_s:.2f} s after cancel number {number + 1} it still moves, {moved_m:.3f} m and "
             f"{abs(turned_rad):.2f} rad within {_SEES_S:g} s: one cancel of many is lost",
         )
+        away_m = after.distance_m(*goal.target[:2]) - began.distance_m(*goal.target[:2])
+        away_rad = (_aside_rad(after, goal.target) - _aside_rad(began, goal.target)) * caps.pivots_first
+        bench.require(
+            away_m <= _AWAY_M + bench.still_m and away_rad <= bench.still_rad,
+            f"goal number {number + 1} made it go {max(away_m, 0.0):.2f} m and turn {max(away_rad, 0.0):.2f} rad away "
+            "from its target: one of many goals is driven to with the target of the one before",
+        )
+
+
+def _aside_rad(sample: TrackSample, target: Waypoint) -> float:
+    """Return how far a robot would have to turn to look at a target."""
+    return abs(turn(sample.heading_rad, math.atan2(target.y_m - sample.y_m, target.x_m - sample.x_m)))
 
 
 @clause("goal.cancel_own")

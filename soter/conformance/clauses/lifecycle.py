@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
+from soter.conformance.track import turn
 from soter.errors import LifecycleError
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
+
+_TURNS_S = 0.3
 
 
 def _refused(bench: Bench, robot: Robot, when: str) -> None:
@@ -80,23 +85,34 @@ def close_ends_goals(bench: Bench) -> None:
 
 @clause("truth.lifecycle.close_stops", tier=Tier.TRUTH)
 def close_stops(bench: Bench) -> None:
-    """close() leaves a driving robot stopped."""
+    """close() leaves a robot stopped that was driving, and one that was turning."""
     bench.truth = True
     first, second = bench.open(2)
     bench.get_going(first, bench.place(first, 0.8))
-    first.close(5.0)
+    _closes_at_rest(bench, first, second)
+    second.goto(bench.place(second, -0.8), Controller.AC)
+    bench.fleet.robots = (second,)
+    bench.run(bench.way_s(), lambda: bench.tracks[second.id][-1].moves)
+    bench.run(_TURNS_S)
+    _closes_at_rest(bench, second)
+
+
+def _closes_at_rest(bench: Bench, robot: Robot, *others: Robot) -> None:
+    """Close a robot, and see that it stands from then on."""
+    robot.close(5.0)
     clock = bench.fleet.clock
-    x_m, y_m, _ = bench.true_pose(first.id)
+    x_m, y_m, heading_rad = bench.true_pose(robot.id)
     for _ in range(20):
         # The other robot keeps the fleet alive: closing one must be enough to stop it.
-        second.renew_lease()
+        for each in others:
+            each.renew_lease()
         clock.sleep_until(clock.now() + 0.05)
-    end_x_m, end_y_m, _ = bench.true_pose(first.id)
-    slipped = ((end_x_m - x_m) ** 2 + (end_y_m - y_m) ** 2) ** 0.5
+    end_x_m, end_y_m, end_rad = bench.true_pose(robot.id)
+    slipped, turned = math.hypot(end_x_m - x_m, end_y_m - y_m), abs(turn(heading_rad, end_rad))
     bench.require(
-        slipped <= bench.still_m,
-        f"it moved on by {slipped:.3f} m in the second after close() returned: _disconnect() must stop the vehicle and "
-        "wait until it stands",
+        slipped <= bench.still_m and turned <= bench.still_rad,
+        f"it moved on by {slipped:.3f} m and {turned:.2f} rad in the second after close() returned: _disconnect() must "
+        "stop the vehicle and wait until it stands",
     )
 
 

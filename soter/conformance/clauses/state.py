@@ -7,12 +7,12 @@ import time
 from collections.abc import Iterator
 from itertools import pairwise
 
-from soter.conformance.bench import Bench
+from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.judging import STILL_M, STILL_RAD
-from soter.conformance.track import TrackSample, quantile, turn
+from soter.conformance.track import CRUISE_S, TrackSample, quantile, turn
 from soter.errors import Unsupported
 from soter.sdk import Controller, Link, Robot, RobotState
 
@@ -32,7 +32,7 @@ _VELOCITY = 0.05
 _TURNED_RAD = 0.01
 _MOTION = slice(RobotState._fields.index("x_m"), RobotState._fields.index("yaw_rate_rad_s"))
 _ROUND_RAD = 0.6
-_STOPS = 2
+_STOPS, _STOP_OFF_M = 2, 2e-4
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
 
@@ -186,21 +186,24 @@ def velocity(bench: Bench) -> None:
 
 def _brakes_as_said(bench: Bench, robot: Robot) -> None:
     """Judge whether velocities are how places change while a robot that was told to stop comes to rest."""
+    lags_s, ran_m, said_m, off_m = [], 0.0, 0.0, 0.0
+    bench.run(SETTLE_S)
     for number in range(_STOPS):
         goal = bench.get_going(robot, bench.place(robot, 0.8 if number % 2 else -0.8), closely=True)
+        bench.run(CRUISE_S, closely=True)
         at = bench.look(robot)
         goal.cancel()
         bench.run(bench.orphaned_s(), closely=True)
         seen = bench.since(robot, at.at_s)
         said_m = sum((a.speed_m_s + b.speed_m_s) / 2.0 * (b.at_s - a.at_s) for a, b in pairwise(seen))
         ran_m = seen[-1].distance_m(at.x_m, at.y_m)
-        noise_m_s = bench.caps.speed_noise_m_s or 0.0
-        bench.measure(
-            "stop_error_m", abs(ran_m - said_m), 0.25 * ran_m,
-            STILL_M / 2.0 + 2.0 * bench.noise_m + noise_m_s * (seen[-1].at_s - at.at_s),
-            f"told to stop it runs on by {ran_m:.3f} m, and velocities say {said_m:.3f} m: they are what it was told, "
-            "filtered, or those of an earlier sample",
-        )  # fmt: skip
+        lags_s.append(abs(ran_m - said_m) / max(at.speed_m_s, 1e-3))
+        off_m = _STOP_OFF_M + bench.noise_m + (bench.caps.speed_noise_m_s or 0.0) * (seen[-1].at_s - at.at_s)
+    bench.measure(
+        "velocity_lag_s", min(lags_s), bench.caps.setpoint_period_s, bench.read_s + off_m / bench.caps.v_max_m_s,
+        f"told to stop it runs on by {ran_m:.3f} m, and velocities say {said_m:.3f} m: they are what it was told, "
+        "filtered, or those of an earlier sample",
+    )  # fmt: skip
 
 
 def moves_as_said(bench: Bench, track: list[TrackSample]) -> None:
