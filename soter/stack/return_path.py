@@ -142,7 +142,12 @@ class ReturnPath:
         return self.shortest_m(x_m, y_m) + DETOUR_M
 
     def legs(self, x_m: float, y_m: float) -> list[Point]:
-        """Return the corners of the path from a point, the station last; empty where none is known."""
+        """Return the corners of the path from a point, the station last; empty where none is known.
+
+        It is looked for anew: one that leads back to the last anchor would turn a robot round that is on its way home.
+        """
+        if self._anchor is not None and not self._terrain.convex:
+            self._anchor = self._look((x_m, y_m), self._anchor)
         entry, accounted_m = self.entry(x_m, y_m), self.length_m(x_m, y_m)
         first = [] if entry == (x_m, y_m) else [entry]
         if self.roomy.distance_m(*entry) <= accounted_m:
@@ -165,23 +170,32 @@ class ReturnPath:
 
     def _find(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
         """Return the anchor of a place that the last one does not see any more."""
-        entry = self.entry(*here)
-        beside_m = math.dist(here, entry)
-        terrain = self._terrain
-        # Whatever is this near sees the entry, as the distance to fence and boxes changes by a metre a metre at most.
-        spare_m = min(terrain.clearance_m(*entry) - self._boxes_m, terrain.fence_m(*entry) - self._fence_m)
-        far_m = self._cap_m
-        if anchor is not None and not terrain.convex:
+        if anchor is not None and not self._terrain.convex:
             # From so near, going back is as good as a path that is looked for among a site's many corners.
-            far_m = max(far_m, _BACK_M, _FARTHER * anchor.length_m)
-            found = anchor.before or anchor
+            entry, found = self.entry(*here), anchor.before or anchor
             back_m = math.dist(entry, found.place)
-            if back_m <= far_m and self._recovery.free(*entry, *found.place):
-                radius_m = beside_m + min(max(spare_m, 0.0), far_m)
-                return _Anchor(entry, back_m + found.length_m, radius_m, None, found)
+            if back_m <= self._far_m(anchor) and self._recovery.free(*entry, *found.place):
+                return _Anchor(entry, back_m + found.length_m, self._radius_m(here, entry, anchor), None, found)
+        return self._look(here, anchor)
+
+    def _far_m(self, anchor: _Anchor | None) -> float:
+        """Return how far from an anchor the path need not be looked for again."""
+        if anchor is None or self._terrain.convex:
+            return self._cap_m
+        return max(self._cap_m, _BACK_M, _FARTHER * anchor.length_m)
+
+    def _radius_m(self, here: Point, entry: Point, anchor: _Anchor | None) -> float:
+        """Return how far from `here` places may be that see the entry: distances change by a metre a metre."""
+        terrain = self._terrain
+        spare_m = min(terrain.clearance_m(*entry) - self._boxes_m, terrain.fence_m(*entry) - self._fence_m)
+        return math.dist(here, entry) + min(max(spare_m, 0.0), self._far_m(anchor))
+
+    def _look(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
+        """Return the anchor of a place: of the paths that the roadmaps show and the way back, the best one."""
+        entry = self.entry(*here)
         back = self._back_to(entry, anchor)
         back_m = math.inf if back is None else math.dist(entry, back.place) + back.length_m
-        radius_m = beside_m + min(max(spare_m, 0.0), far_m)
+        radius_m = self._radius_m(here, entry, anchor)
         if (length_m := self.roomy.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:
             return _Anchor(entry, min(length_m, back_m), radius_m, self.roomy, None)
         if (length_m := self.narrow.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:

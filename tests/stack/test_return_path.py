@@ -102,6 +102,35 @@ def test_in_a_site_little_more_is_accounted_for_than_the_roadmap_shows(seed: int
         assert path.length_m(*place) <= shortest_m + 2.0 * DETOUR_M + 4.0 * max(1.0, 0.03 * shortest_m)
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("inset_m", [0.25, 50.0], ids=["roomy", "narrow"])
+def test_a_path_that_is_looked_for_again_and_again_leads_on(seed: int, inset_m: float) -> None:
+    # Safe controllers that take turns look for it anew each time, wherever the one before has let go.
+    stream, site = random.Random(seed), site_of(drawn(seed), phi_safer_m=0.1, spacing_m=0.5)
+    recovery = planner(terrain_of(site, RADIUS_M))
+    path = dock(recovery, site.robots[0].charger, inset_m=inset_m).path
+    low_x, low_y, high_x, high_y = site.bounds
+    starts = [(stream.uniform(low_x, high_x), stream.uniform(low_y, high_y)) for _ in range(300)]
+    start = next(place for place in starts if allowed(recovery, *place) and path.shortest_m(*place) < math.inf)
+    turns = [(stream.uniform(-math.pi, math.pi), stream.randint(20, 200)) for _ in range(25)]
+    places = walk(recovery, start, turns)
+    for place in places:
+        path.track(*place)
+    here, driven_m = places[-1], 0.0
+    most_m = path.length_m(*here) + DETOUR_M
+    while math.dist(here, path.place) > STEP_M:
+        legs = path.legs(*here)
+        for _ in range(stream.randint(5, 40)):
+            while len(legs) > 1 and math.dist(here, legs[0]) < STEP_M:
+                legs = legs[1:]
+            away_m = math.dist(here, legs[0])
+            part = min(1.0, STEP_M / away_m) if away_m else 1.0
+            here = here[0] + part * (legs[0][0] - here[0]), here[1] + part * (legs[0][1] - here[1])
+            driven_m += part * away_m
+            path.track(*here)
+        assert driven_m <= most_m, (here, legs)
+
+
 OTHERS = ((3.5, 3.5), (3.5, 1.5))
 
 
