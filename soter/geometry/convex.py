@@ -33,9 +33,8 @@ _LINES: Final = 64
 _WIDER: Final = 4
 """What a cell has to choose from is what one that is so many times as wide has chosen, and so on."""
 
-_PARTS: Final = 2
-_LITTLE: Final = 8
-"""Where more edges than these may be nearest to a cell, they are chosen for parts of it: so many a side."""
+_PARTS: Final = 4
+"""What may be nearest is chosen for parts of cells: so many a side."""
 
 _MOST: Final = 200_000
 """So many parts are kept; after that all are forgotten."""
@@ -329,7 +328,7 @@ class Pieces:
         if near is None:
             near = self._cells[cell] = self._worked_out(*cell)
         edges, pieces = near
-        if len(edges) > _LITTLE:
+        if len(edges) > _FEW:
             # Far from a curve, many of its edges are about as near to a cell, but not to a part of it.
             side = self._cell_m / _PARTS
             away = [_edge_m((column + 0.5) * side, (row + 0.5) * side, edge) for edge in edges]
