@@ -63,15 +63,19 @@ def _crowded(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
     apart_m = max(mission.rta.collision.phi_safer_m, *(each.apart_m for each in declared.values()))
     needed = others + 2
     room, refuges = min(
-        ((each.refuges.room_for(needed, apart_m), each.refuges) for each in declared.values()), key=lambda one: one[0]
+        (
+            (each.refuges.room_for(needed, apart_m, each.dock.path.leads_back), each.refuges)
+            for each in declared.values()
+        ),
+        key=lambda one: one[0],
     )
     if room == needed:
         return []
     text = (
         f"{room} places are found for {others + 1} robots {apart_m:g} m apart, {max(refuges.fence_m, 0.0):.3f} m from "
-        f"the fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back, and one more than "
-        "robots is needed to get past each other: they may wait for ever; smaller phi_safer_m and phi_safer_inset_m, "
-        "or fewer robots, would do"
+        f"the fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back and a path leads "
+        "home from, and one more than robots is needed to get past each other: they may wait for ever; smaller "
+        "phi_safer_m and phi_safer_inset_m, or fewer robots, would do"
     )
     return [Finding(COLLISION, "P2b", Certainty.PARTLY, text, {"robots": others + 1, "room": room})]
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import islice
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soter.rta import Situation
 from soter.stack.recovery import RecoveryPlanner
@@ -18,6 +20,9 @@ LOOK_M: Final = (1.0, 2.5, 6.0)
 TRIED: Final = 40
 FEW: Final = 4
 """Of these so many are tried by a way around boxes and peers, which takes longer to find."""
+
+SEEDS: Final = 200
+"""Of all cells that are refuges so many are tried for a path."""
 
 STEP_M: Final = 0.02
 STEPS: Final = 40
@@ -87,14 +92,20 @@ class RefugeFinder:
                 return legs
         return []
 
-    def room_for(self, robots: int, apart_m: float) -> int:
+    def room_for(self, robots: int, apart_m: float, leads_back: Callable[[float, float], bool]) -> int:
         """Return how many robots are found room for in refuges at once, so far from each other; all, or the most.
 
         A bound from below: places are taken greedily, along the room and across it, from both ends.
+
+        Args:
+            robots: so many are enough.
+            apart_m: between their centres.
+            leads_back: whether a path leads from a place to the robot's station; no others count.
         """
         terrain, most = self._terrain, 0
+        within = self._reached(leads_back)
         for order in ("C", "F"):
-            xs, ys = (cells.ravel(order)[self.static.ravel(order)] for cells in (terrain.cell_x, terrain.cell_y))
+            xs, ys = (cells.ravel(order)[within.ravel(order)] for cells in (terrain.cell_x, terrain.cell_y))
             for free_x, free_y in ((xs, ys), (xs[::-1], ys[::-1])):
                 found = 0
                 while found < robots and free_x.size:
@@ -103,6 +114,19 @@ class RefugeFinder:
                     free_x, free_y = free_x[left], free_y[left]
                 most = max(most, found)
         return most
+
+    def _reached(self, leads_back: Callable[[float, float], bool]) -> NDArray[np.bool_]:
+        """Return the refuges from which cells lead to one, of those that are tried, that a path leads back from."""
+        xs, ys, chosen = self._terrain.cell_x.ravel(), self._terrain.cell_y.ravel(), np.flatnonzero(self.static)
+        reached = np.zeros(self.static.shape, dtype=np.bool_)
+        for at in chosen[:: max(1, chosen.size // SEEDS)].tolist():
+            reached.flat[at] = leads_back(float(xs[at]), float(ys[at]))
+        count = 0
+        while (now := int(np.count_nonzero(reached))) > count:
+            count = now
+            for turned in range(4):
+                reached = np.rot90(_along_rows(np.rot90(self.static, turned), np.rot90(reached, turned)), -turned)
+        return reached
 
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
         """Return whether a refuge is still far enough from every peer, and off the path that is to be left."""
@@ -178,6 +202,14 @@ class RefugeFinder:
         places = ((float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True))
         leave = self.leave
         return list(islice((place for place in places if leave is None or not leave.near(*place)), TRIED))
+
+
+def _along_rows(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which cells fit and follow one that is reached, with none between them that does not fit."""
+    index = np.arange(fits.shape[1])
+    stopped = np.maximum.accumulate(np.where(fits, -1, index), axis=1)
+    begun = np.maximum.accumulate(np.where(reached & fits, index, -1), axis=1)
+    return np.asarray(fits & (begun > stopped))
 
 
 def _far(situation: Situation, place: Point) -> float:

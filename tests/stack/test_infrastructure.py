@@ -14,7 +14,9 @@ from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.sdk import Capabilities
-from soter.stack.terrain import Point
+from soter.stack.refuge import RefugeFinder
+from soter.stack.terrain import Point, Terrain
+from tests.stack.ground import RADIUS_M, dock, planner
 from tests.stack.loop import MISSION
 
 PROMISED: Capabilities = load_backend("kinematic").robot_class.declared
@@ -139,3 +141,15 @@ def test_a_refuge_that_occupied_stations_leave_no_room_in_is_refused() -> None:
     assert "phi_safer_inset_m" in message
     check(robots[:1], rta__geofence__phi_safer_inset_m=2.4)
     check([place(1, (1.8, 2.5)), place(2, (3.2, 2.5))], rta__geofence__phi_safer_inset_m=2.4)
+
+
+@pytest.mark.parametrize(("door_m", "both"), [(0.0, False), (0.2, False), (1.0, True)])
+def test_places_that_no_path_leads_to_are_no_room_to_get_past_each_other(door_m: float, both: bool) -> None:
+    low_m, high_m = 2.5 - 0.5 * door_m, 2.5 + 0.5 * door_m
+    wall = (Box(0.0, 2.4, low_m, 2.6), Box(high_m, 2.4, 5.0, 2.6))
+    terrain = Terrain(Workspace(5.0, 5.0, wall, ()), RADIUS_M)
+    recovery = planner(terrain)
+    refuges = RefugeFinder(terrain, recovery, 0.25, 0.15)
+    path = dock(recovery, Box(0.8, 0.8, 1.2, 1.2)).path
+    everywhere = refuges.room_for(50, 1.0, lambda *_: True)
+    assert refuges.room_for(50, 1.0, path.leads_back) == (everywhere if both else everywhere // 2)
