@@ -1,7 +1,8 @@
 """What large workspaces cost: each module's decision over that with three boxes, and a mission in an orchard.
 
-Robots drive on and on, tick by tick, as they do in a run, so that what is worked out for new places counts. The world
-of many edges has half of them in its fence, and half in what it keeps out; the map has rooms with furniture.
+Robots drive on and on, tick by tick, as they do in a run, so that what is worked out for new places counts, but for
+what the drive itself has looked at, 0.3 m ahead: that counts in the missions. The world of many edges has half of them
+in its fence, and half in what it keeps out; the map has rooms with furniture.
 """
 
 from __future__ import annotations

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.geometry.edges import Edge, Edges, EdgesSeen, Floats, Indices
+from soter.geometry.edges import Edge, Edges, Floats, Indices
 
 Point = tuple[float, float]
 Ring = tuple[Point, ...]
@@ -23,6 +23,9 @@ Ring = tuple[Point, ...]
 _FEW: Final = 3
 _floor, _sqrt = math.floor, math.sqrt
 _SEVERAL: Final = 16
+_MANY: Final = 32
+"""More edges are looked at all at once, and of more than these none is taken out one by one."""
+
 _PART: Final = 8.0
 _LONG: Final = 64.0
 """Lines are looked at in parts of so many cells, and longer lines than this at once where there are many pieces."""
@@ -31,10 +34,10 @@ _LINES: Final = 64
 """Of many lines so many are looked at at once: those next to each other are near the same pieces."""
 
 _WIDER: Final = 4
-"""What a cell has to choose from is what one that is so many times as wide has chosen, and so on."""
+"""What a cell has to choose from is what one that is so many times as wide has chosen, and so on; so parts of cells."""
 
-_PARTS: Final = 4
-"""What may be nearest is chosen for parts of cells: so many a side."""
+_TOP: Final = 8
+"""The level of the widest cells, 33 km for the smallest ones; each of them chooses from all pieces."""
 
 _MOST: Final = 200_000
 """So many parts are kept; after that all are forgotten."""
@@ -127,15 +130,46 @@ class Piece:
                 yield ax + ux * along, ay + uy * along
 
 
-def _edge_m(x_m: float, y_m: float, edge: Edge) -> float:
-    ax, ay, ux, uy, length = edge
-    dx, dy = x_m - ax, y_m - ay
-    along = ux * dx + uy * dy
-    return math.hypot(along - min(max(along, 0.0), length), ux * dy - uy * dx)
-
-
 Near = tuple[tuple[Edge, ...], tuple[Piece, ...]]
-"""Edges, and whole pieces, of which one is the nearest."""
+"""Edges of pieces that a cell is outside of, and other pieces, of which one is the nearest."""
+
+
+class _Chosen(NamedTuple):
+    """What may be nearest to a point of a cell: pieces by their places among all, and what is looked at of them."""
+
+    pieces: Indices
+    near: Near
+
+
+def _ever_nearest(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float) -> tuple[Edge, ...]:
+    """Return the edges that may be nearest to a point of a square, of those of pieces that it is beside of.
+
+    A point is nearest to the inside of an edge straight across from it, or to a corner; each edge stands for its first
+    corner. The distance d from an edge is convex, and the unit vector g away from it is its gradient: at v from the
+    middle it is d + g.v at least. From the edge that is nearest to the middle it is no more than from the nearest
+    point of that, d + g.v + v^2 / 2d.
+
+    Args:
+        edges: of each corner that is nearest to a point of the square the edge that starts there, and others.
+        x_m: the middle of the square.
+        y_m: the same.
+        half_m: half of its side.
+    """
+    seen = []
+    for edge in edges if len(edges) <= _MANY else ():
+        ax, ay, ux, uy, length = edge
+        dx, dy = x_m - ax, y_m - ay
+        along, off, wide = ux * dx + uy * dy, uy * dx - ux * dy, half_m * (abs(ux) + abs(uy)) + 1e-9
+        if along - wide > length or (along > wide and off < -wide):
+            continue
+        along -= min(max(along, 0.0), length)
+        away = math.hypot(along, off)
+        seen.append((away, (along * ux + off * uy) / away, (along * uy - off * ux) / away, edge))
+    if not seen:
+        return edges
+    least, gx, gy, _ = min(seen)
+    reach_m = least + half_m * half_m / least + 1e-9
+    return tuple(edge for away, hx, hy, edge in seen if away - half_m * (abs(hx - gx) + abs(hy - gy)) <= reach_m)
 
 
 class Pieces:
@@ -152,18 +186,16 @@ class Pieces:
     def __init__(self, rings: Sequence[Ring], cell_m: float = 0.5) -> None:
         self.all: Final = tuple(map(Piece, rings))
         self._cell_m: Final = cell_m
-        self._parts_per_m: Final = _PARTS / cell_m
+        self._parts_per_m: Final = _WIDER / cell_m
         bounds = np.array([each.bounds for each in self.all], dtype=np.float64).reshape(-1, 4)
         self._low, self._high = bounds[:, :2], bounds[:, 2:]
         self._middle: Final = np.array([each.middle for each in self.all], dtype=np.float64).reshape(-1, 2)
         self._radius_m: Final = np.array([each.radius_m for each in self.all])
         self._edges: Final = Edges([each.edges for each in self.all])
-        extent_m = float((self._high.max(axis=0) - self._low.min(axis=0)).max()) if self.all else 0.0
-        self._top: Final = math.ceil(math.log(max(extent_m / cell_m, 1.0), _WIDER)) if len(self.all) > _FEW else 0
-        self._every: Final = np.arange(len(self.all))
-        self._cells: dict[tuple[int, int], Near] = {}
+        self._top: Final = _TOP if len(self.all) > _FEW else 0
+        self._whole: Final = _Chosen(np.arange(len(self.all)), ((), self.all))
+        self._cells: dict[tuple[int, int, int], _Chosen] = {}
         self._parts: dict[tuple[int, int], Near] = {}
-        self._nearest: dict[tuple[int, int, int], Indices] = {}
         self._within: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
     def distance_m(self, x_m: float, y_m: float) -> float:
@@ -305,45 +337,34 @@ class Pieces:
         away: Floats = np.hypot(apart[:, 0], apart[:, 1])
         return away
 
-    def _nearest_in(self, column: int, row: int, level: int) -> Indices:
-        """Return the pieces of which one is the nearest to any point of a cell of a level."""
-        found = self._nearest.get((column, row, level))
-        if found is None:
-            above, away, reach_m, _ = self._look(column, row, level)
-            found = self._nearest[column, row, level] = above[away <= reach_m]
-        return found
-
-    def _look(self, column: int, row: int, level: int) -> tuple[Indices, Floats, float, EdgesSeen]:
-        """Return what pieces a cell has to choose from, how far its middle is from them, how far the nearest may be."""
-        above = self._every if level >= self._top else self._nearest_in(column // _WIDER, row // _WIDER, level + 1)
-        side = self._cell_m * float(_WIDER) ** level
-        away, edges = self._edges.look(above, (column + 0.5) * side, (row + 0.5) * side)
-        # Anywhere in the cell the nearest is no farther than this.
-        return above, away, (max(float(away.min()), 0.0) + side * math.sqrt(2.0)) * (1.0 + 1e-9), edges
-
     def _near_part(self, column: int, row: int) -> Near:
         """Return what may be nearest to a point of a part of a cell, and keep it."""
-        cell = column // _PARTS, row // _PARTS
-        near = self._cells.get(cell)
-        if near is None:
-            near = self._cells[cell] = self._worked_out(*cell)
-        edges, pieces = near
-        if len(edges) > _FEW:
-            # Far from a curve, many of its edges are about as near to a cell, but not to a part of it.
-            side = self._cell_m / _PARTS
-            away = [_edge_m((column + 0.5) * side, (row + 0.5) * side, edge) for edge in edges]
-            reach_m = (min(away) + side * math.sqrt(2.0)) * (1.0 + 1e-9)
-            near = tuple(edge for edge, far_m in zip(edges, away, strict=True) if far_m <= reach_m), pieces
         if len(self._parts) >= _MOST:
             self._parts.clear()
-        self._parts[column, row] = near
+        near = self._parts[column, row] = self._chosen(column, row, -1).near
         return near
 
-    def _worked_out(self, column: int, row: int) -> Near:
-        """Return what may be nearest to a point of a cell: edges of pieces that are outside of it, and other pieces."""
-        if not self.all:
-            return (), ()
-        half_m = self._cell_m / 2.0
-        above, away, reach_m, edges = self._look(column, row, 0)
-        beside = away > half_m * math.sqrt(2.0) * (1.0 + 1e-9)
-        return edges.facing(beside, reach_m, half_m), tuple(self.all[index] for index in above[~beside].tolist())
+    def _chosen(self, column: int, row: int, level: int) -> _Chosen:
+        """Return what may be nearest to a point of a cell of a level; that of a larger one where it is few already."""
+        found = self._cells.get((column, row, level))
+        if found is None:
+            above = self._chosen(column // _WIDER, row // _WIDER, level + 1) if level < self._top else self._whole
+            edges, pieces = above.near
+            found = self._choose(above, column, row, level) if pieces or len(edges) > _FEW else above
+            if level >= 0:
+                self._cells[column, row, level] = found
+        return found
+
+    def _choose(self, above: _Chosen, column: int, row: int, level: int) -> _Chosen:
+        side_m = self._cell_m * float(_WIDER) ** level
+        x_m, y_m, half_m = (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0
+        near, (edges, pieces) = above
+        if pieces or len(edges) > _MANY:
+            away, seen = self._edges.look(near, x_m, y_m)
+            # Anywhere in the cell the nearest is no farther than this.
+            reach_m = (max(float(away.min()), 0.0) + side_m * math.sqrt(2.0)) * (1.0 + 1e-9)
+            beside = away > side_m * math.sqrt(0.5) * (1.0 + 1e-9)
+            edges = seen.facing(beside, reach_m, half_m)
+            pieces = tuple(self.all[index] for index in near[~beside].tolist())
+            near = near[away <= reach_m]
+        return _Chosen(near, (_ever_nearest(edges, x_m, y_m, half_m), pieces))
