@@ -1,21 +1,18 @@
 #!/usr/bin/env bash
-# Makes .venv hold what requirements/NAME.txt locks, and the project itself, editable: tools/env.sh NAME
+# Makes .venv hold what requirements/NAME.txt locks, and the project itself, editable: tools/env.sh NAME...
 #
 # All locks agree on versions, so one environment serves the demo, the tests and the checks; each adds to it.
-# A stamp in .venv remembers what is installed, so that nothing happens when nothing has changed. PyBullet is
+# Stamps in .venv remember what is installed, so that nothing happens when nothing has changed. PyBullet is
 # installed too if there is a wheel of it for this Python.
 #
-# Only ros2 has an environment of its own, .venv-ros2: the wheels of ROS 2 make every Python of their environment start
+# Only ros2, which stands alone, has an environment of its own, .venv-ros2: the wheels of ROS 2 make every Python of their environment start
 # itself anew once, to find their libraries, and that should cost nobody else anything. There are such wheels for Linux
 # on x86-64; elsewhere nothing is installed, and the message says so.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-name=$1
-lock=requirements/$name.txt
 venv=.venv
-[ "$name" != ros2 ] || venv=.venv-ros2
-stamp=$venv/stamp-$name
+[ "$1" != ros2 ] || venv=.venv-ros2
 pip=("$venv/bin/python" -m pip --quiet --disable-pip-version-check)
 
 works() { # works PYTHON MODULES: it runs, is at least 3.11 and has the modules
@@ -43,11 +40,17 @@ find_python() {
     return 1
 }
 
-up_to_date() {
-    [ -e "$stamp" ] && [ "$stamp" -nt "$lock" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt "$0" ]
+up_to_date() { # up_to_date SCRIPT NAME...: all of them are installed as they stand here
+    local script=$1 name stamp
+    for name in "${@:2}"; do
+        stamp=$venv/stamp-$name
+        for source in "requirements/$name.txt" pyproject.toml "$script"; do
+            [ "$stamp" -nt "$source" ] || return 1
+        done
+    done
 }
 
-if [ "$name" = ros2 ] && [ "$(uname -sm)" != "Linux x86_64" ]; then
+if [ "$1" = ros2 ] && [ "$(uname -sm)" != "Linux x86_64" ]; then
     echo "There are no wheels of ROS 2 for $(uname -sm); its tests are left out."
     exit 0
 fi
@@ -56,13 +59,14 @@ if ! works "$venv/bin/python" pip; then
     echo "Creating $venv with $("$python" --version) ($python)"
     "$python" -m venv --clear "$venv"
 fi
-if up_to_date; then
+if up_to_date "$0" "$@"; then
     exit 0
 fi
-echo "Installing $lock and the project into $venv"
-"${pip[@]}" install -r "$lock"
+echo "Installing $* and the project into $venv"
+locks=("${@/#/--requirement=requirements/}")
+"${pip[@]}" install "${locks[@]/%/.txt}"
 "${pip[@]}" install --no-deps --editable .
-if [ "$name" = ros2 ]; then
+if [ "$1" = ros2 ]; then
     : # The simulated ROS 2 robots need no PyBullet.
 elif "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then
     rm .venv/pybullet-wheel.log
@@ -72,4 +76,4 @@ fi
 if [ -x "$venv/bin/lcm-gen" ]; then
     "$venv/bin/lcm-gen" -p --ppath examples/adapter-lcm examples/adapter-lcm/soter_lcm/messages.lcm
 fi
-touch "$stamp"
+touch "${@/#/$venv/stamp-}"

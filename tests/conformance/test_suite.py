@@ -60,13 +60,21 @@ class WireSuite(AdapterSuite):
 
 def test_pytest_makes_one_test_of_each_clause(tmp_path: Path) -> None:
     (tmp_path / "test_mine.py").write_text(PROGRAM, encoding="utf-8")
+    listed = run_pytest(tmp_path, "--collect-only")
+    assert f"{len(CLAUSES)} tests collected" in listed, listed
+    done = run_pytest(tmp_path, "-k", "lifecycle or link")
+    chosen = [clause for name, clause in CLAUSES.items() if "lifecycle" in name or "link" in name]
+    wire = sum(clause.tier.value == "wire" for clause in chosen)
+    assert f"{len(chosen) - wire} passed, {wire} skipped" in done, done
+
+
+def run_pytest(folder: Path, *arguments: str) -> str:
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", f"pythonpath={ROOT} {ROOT / 'sim'}",
-         "-c", "/dev/null", "--rootdir", str(tmp_path), str(tmp_path)],
-        capture_output=True, text=True, cwd=tmp_path,
+         "-c", "/dev/null", "--rootdir", str(folder), str(folder), *arguments],
+        capture_output=True, text=True, cwd=folder,
     )  # fmt: skip
-    wire = sum(clause.tier.value == "wire" for clause in CLAUSES.values())
-    assert f"{len(CLAUSES) - wire} passed, {wire} skipped" in done.stdout, done.stdout + done.stderr
+    return done.stdout + done.stderr
 
 
 def test_a_clause_that_fails_fails_its_test() -> None:
