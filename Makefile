@@ -133,5 +133,5 @@ lock: ## Write requirements/*.txt anew from pyproject.toml (UPGRADE=1 takes the 
 
 .PHONY: clean
 clean: ## Remove .venv and everything that tools and runs left behind
-	rm -rf .venv .venv-ros2 .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist out site
+	rm -rf .venv .venv-ros2 .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist install log out site
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -177,6 +177,7 @@ LIBRARIES: dict[str, set[str] | None] = {
     "pymavlink": {"soter.adapters.mavlink", "soter_sim"},
     "mavsdk": {"soter.adapters.mavlink"},
     "rclpy": ROS2,
+    "rcl_interfaces": ROS2,
     "std_msgs": ROS2,
     "geometry_msgs": ROS2,
     "nav_msgs": ROS2,

@@ -15,6 +15,7 @@ def generate_launch_description() -> LaunchDescription:
             ExecuteProcess(
                 cmd=["soter", "ros2-monitor", LaunchConfiguration("mission")],
                 name="soter_monitor", output="screen", on_exit=Shutdown(reason="the monitor has ended"),
+                sigterm_timeout="30",  # robots are stopped one after the other
             ),
         ]
     )  # fmt: skip

@@ -17,6 +17,7 @@ def generate_launch_description() -> LaunchDescription:
             ExecuteProcess(
                 cmd=["soter", "run", mission, "--backend", "ros2", "--duration", duration],
                 name="soter", output="screen", on_exit=Shutdown(reason="the mission has ended"),
+                sigterm_timeout="30",  # robots are stopped one after the other
             ),
         ]
     )  # fmt: skip

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -79,7 +80,8 @@ class MuxNode(Node):
         self._reports.publish(String(data=report))
 
     def _number(self, name: str, default: float) -> float:
-        value = self.declare_parameter(name, default).value
+        # Of any type: "1" is a whole number to ROS, which takes none for a parameter of another type.
+        value = self.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
         if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
             raise ValueError(f"parameter {name} is {value!r}, allowed: above 0")
         return float(value)

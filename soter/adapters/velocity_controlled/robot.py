@@ -255,10 +255,14 @@ class VelocityControlledRobot(Robot):
             return
         self._doing = _Doing(SC, None, None, float("-inf"))
         self._order = self._order._replace(controller=SC, renewed_s=None)
+        first = self._order.seq + 1
+        if self._settle(min(timeout_s, _LOST_S)):
+            return
+        # A robot or a mux that is not heard any more has been stopped by its lease; it may come back, but not many do.
         latest = self._latest
-        lost = latest is None or self.clock.now() - latest[0].stamp_s > self.stale_after_s
-        # Who is not heard any more has been stopped by its lease; it may still come back, but not many do.
-        self._settle(min(timeout_s, _LOST_S) if lost else timeout_s)
+        heard = latest is not None and self.clock.now() - latest[0].stamp_s <= self.stale_after_s
+        if heard and self._has_taken(first):
+            self._settle(timeout_s - _LOST_S)
 
     # --- for an adapter's `_connect` -----------------------------------------------------------------------
 
@@ -277,16 +281,19 @@ class VelocityControlledRobot(Robot):
         first, until_s = self._order.seq + 1, self.clock.steady_s() + timeout_s
 
         def done() -> bool:
-            gate, latest = self._gate, self._latest
-            if gate is None or latest is None or gate.session != self._order.session or gate.seq < first:
-                return False
-            return self.declared.rests(latest[0])
+            latest = self._latest
+            return latest is not None and self._has_taken(first) and self.declared.rests(latest[0])
 
         while self.clock.steady_s() < until_s:
             self._say()
             if wait_for(done, _REPEAT_S):
                 return True
         return False
+
+    def _has_taken(self, first: int) -> bool:
+        """Whether the mux has taken an order of ours from this number on."""
+        gate = self._gate
+        return gate is not None and gate.session == self._order.session and gate.seq >= first
 
     def _follows_another(self) -> bool:
         """Whether the mux says that another program's lease lives."""

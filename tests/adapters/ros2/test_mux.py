@@ -51,14 +51,16 @@ def test_it_needs_nothing_but_ros_and_a_few_modules_of_the_standard_library_only
     [
         ("lease_s:=0.0", "parameter lease_s is 0.0, allowed: above 0"),
         ("v_max_m_s:=.nan", "parameter v_max_m_s is nan, allowed: above 0"),
-        ("command_s:=soon", "command_s"),
+        ("command_s:=soon", "parameter command_s is 'soon', allowed: above 0"),
+        # A whole number is one too: here nothing but the next one is wrong.
+        ("v_max_m_s:=1 -p yaw_rate_max_rad_s:=0", "parameter yaw_rate_max_rad_s is 0, allowed: above 0"),
     ],
 )
 def test_a_bad_parameter_ends_it_before_anything_moves(parameter: str, complaint: str) -> None:
     from soter.adapters.ros2.simulator import environment
 
     done = subprocess.run(
-        [sys.executable, "-m", "soter.adapters.ros2.mux", "--robot", "r1", "--ros-args", "-p", parameter],
+        [sys.executable, "-m", "soter.adapters.ros2.mux", "--robot", "r1", "--ros-args", "-p", *parameter.split()],
         capture_output=True, text=True, timeout=30, check=False, env=environment(),
     )  # fmt: skip
     assert done.returncode == 2

@@ -226,3 +226,23 @@ def test_closing_ends_the_lease_and_waits_for_rest(robot: Fake) -> None:
     sent = len(robot.velocities)
     robot.hear(500.01)
     assert len(robot.velocities) == sent
+
+
+@pytest.mark.parametrize(("hears", "answers", "waits_s"), [(True, True, 5.0), (True, False, 1.0), (False, True, 1.0)])
+def test_closing_waits_no_longer_than_a_second_for_a_robot_or_a_mux_that_is_gone(
+    robot: Fake, monkeypatch: pytest.MonkeyPatch, hears: bool, answers: bool, waits_s: float
+) -> None:
+    def order(self: Fake, text: str) -> None:
+        self.host.now_s += 0.05
+        if answers:
+            taken(self, text)
+        if hears:
+            self.hear(490.0 + self.host.now_s, forward_m_s=0.1)
+
+    robot.hear(500.01, forward_m_s=0.1)  # at speed, and never seen at rest
+    taken = Fake._send_order
+    monkeypatch.setattr(Fake, "_send_order", order)
+    monkeypatch.setattr("soter.adapters.velocity_controlled.robot.wait_for", lambda holds, _timeout_s: holds())
+    began_s = robot.host.now_s
+    robot.close(5.0)
+    assert robot.host.now_s - began_s == pytest.approx(waits_s, abs=0.06)
