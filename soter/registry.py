@@ -60,6 +60,10 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "shapely": "campaign",
     "distributed": "cluster",
     "pycdr2": "zenoh",
+    "cryptography": "sign",
+    "pymap3d": "worlds",
+    "yaml": "worlds",
+    "PIL": "worlds",
 }
 """Vendor libraries, and the extra of this distribution that brings each of them."""
 

@@ -2,7 +2,7 @@
 
 The wheel is built from the source distribution, so that one shows what the other lacks. Both are installed in turn into
 a new environment outside the work tree, with the locked core dependencies and no extras. There a file that is not
-packaged, or an import of a library that only an extra brings, shows up.
+packaged, or an import of a library that only an extra brings, shows up. Last comes the wheel with its small extras.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"soter": ROOT / "soter", "soter_sim": ROOT / "sim" / "soter_sim"}
 PIP = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+# What the lines `pip install -e ".[...]"` of the pages install and is small; `make install-check` has pip resolve all.
+EXTRAS = ("foxglove", "sign", "zenoh")
 SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".urdf", ".xml"}
 
 
@@ -96,6 +98,20 @@ def smoke(python: Path, archive: Path, scratch: Path) -> str:
     return backends
 
 
+def extras(python: Path, wheel: Path, scratch: Path) -> None:
+    """Installs a wheel with the extras that are small, and imports all that they are there for."""
+    locked = ROOT / "requirements" / "check.txt"
+    run(python, *PIP, "install", "--constraint", locked, f"{wheel}[{','.join(EXTRAS)}]", cwd=scratch)
+    run(python, *PIP, "check", cwd=scratch)
+    brought = f"[import_module(name) for name, extra in INSTALL_HINTS.items() if extra in {EXTRAS}]"
+    run(
+        python,
+        "-c",
+        f"from importlib import import_module; from soter.registry import INSTALL_HINTS; {brought}",
+        cwd=scratch,
+    )
+
+
 def main() -> None:
     """Builds, inspects, installs and runs wheel and source distribution; keeps them if told where."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -114,6 +130,8 @@ def main() -> None:
         for archive in archives:
             backends = smoke(python, archive, scratch)
             print(f"dist: {archive.name} is complete and runs without extras")
+        extras(python, archives[1], scratch)
+        print(f"dist: {archives[1].name} brings {', '.join(EXTRAS)}")
         print(backends, end="")
         if into is not None:
             into.mkdir(exist_ok=True)

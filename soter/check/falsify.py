@@ -202,7 +202,8 @@ def _p2a(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, floa
     if not kept:
         return Finding(name, "P2a", Certainty.ASSUMED, "no trial got as far as its safe controller", figures)
     least = min(trial.least_margin for trial in kept)
-    text = f"{len(kept)} trials, no safe controller left phi_safe; least margin {least:.3f} {phi_safe.unit}"
+    count = f"{len(kept)} trial{'s' if len(kept) > 1 else ''}"
+    text = f"{count}, no safe controller left phi_safe; least margin {least:.3f} {phi_safe.unit}"
     return Finding(name, "P2a", Certainty.TESTED, text, {**figures, "least_margin": least})
 
 
@@ -212,5 +213,5 @@ def _p2b(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, floa
     if not returns:
         return Finding(name, "P2b", Certainty.ASSUMED, "the safe controller was never needed in any trial", figures)
     longest = max(returns)
-    text = f"{len(returns)} returns to phi_safer, the longest after {longest:.1f} s"
+    text = f"{len(returns)} return{'s' if len(returns) > 1 else ''} to phi_safer, the longest after {longest:.1f} s"
     return Finding(name, "P2b", Certainty.TESTED, text, {**figures, "returns": len(returns), "longest_s": longest})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -144,7 +145,11 @@ def _print(console: Console, report: MissionReport) -> None:
     for each in report.findings:
         verdict = each.verdict.value
         head = (f"{each.module:<{width}}  {each.condition:<3}  ", (f"{verdict:<8}", _STYLES[verdict]))
-        console.print(Text.assemble(*head, f"  {each.text}"), soft_wrap=True)
+        text = each.text
+        if console.file.isatty():  # below itself, and not below the name; elsewhere a finding is a line
+            begins = width + len("  P2a  REJECTED  ")
+            text = f"\n{'':{begins}}".join(wrap(text, max(console.width - begins, 20)))
+        console.print(Text.assemble(*head, f"  {text}"), soft_wrap=True)
     counts = Counter(each.verdict.value for each in report.findings)
     summary = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _STYLES if verdict in counts)
     console.print(Text(f"\n{summary}", "bold red" if report.rejected else "bold"), soft_wrap=True)

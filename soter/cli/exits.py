@@ -71,6 +71,9 @@ def guard() -> Iterator[None]:
     except Exception as failure:
         if isinstance(failure, OSError) and failure.errno in FULL:
             complain_of_room(failure)
+        elif isinstance(failure, ImportError) and (hint := _missing(failure)):
+            complain(hint)
+            raise typer.Exit(ExitCode.BAD_INPUT) from failure
         else:
             with suppress(OSError):
                 typer.echo(plain(traceback.format_exc()), err=True, nl=False)
@@ -79,6 +82,14 @@ def guard() -> Iterator[None]:
             )
         # Python itself would exit with 1, which stands for a violation.
         raise typer.Exit(ExitCode.RUN_FAILED) from failure
+
+
+def _missing(failure: ImportError) -> str:
+    """Return what to do about a library of an extra that is not there; empty for one that is none of ours."""
+    from soter.registry import install_hint
+
+    hint = install_hint(failure.name or "")
+    return f"a library that this needs cannot be imported ({failure}); install it with: {hint}" if hint else ""
 
 
 class StopSignals:

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 import soter
 from soter.cli import app, main
+from soter.cli.exits import ExitCode, guard
 from soter.cli.help import fit, only
 from tests.project.source import ROOT
 
@@ -258,3 +259,14 @@ def test_threads_that_foreign_code_has_left_do_not_keep_the_program(monkeypatch:
         main()
     assert ended.wait(10.0)
     assert codes == [3]
+
+
+def test_a_library_of_an_extra_that_is_missing_is_no_fault_of_soter(capsys: pytest.CaptureFixture[str]) -> None:
+    for name, complaint in (("scipy.ndimage", 'pip install -e "'), ("antigravity", "this is a fault of SOTER")):
+        code = ExitCode.BAD_INPUT if name != "antigravity" else ExitCode.RUN_FAILED
+        with pytest.raises(typer.Exit) as ended, guard():
+            raise ModuleNotFoundError(f"No module named '{name}'", name=name)
+        assert ended.value.exit_code == code
+        said = capsys.readouterr().err
+        assert complaint in said
+        assert ("Traceback" in said) == (code == ExitCode.RUN_FAILED)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -14,6 +17,8 @@ from typer.testing import CliRunner, Result
 from soter.check import admission
 from soter.check.conditions import Certainty, Finding
 from soter.cli import app
+from soter.cli.check import _print
+from soter.cli.console import HumanConsole
 from tests.project.source import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -192,3 +197,23 @@ def test_a_counterexample_of_another_version(tmp_path: Path, change: dict[str, o
     done = check("--replay", str(file))
     assert done.exit_code == 2, done.output
     assert message in done.output
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_findings_are_broken_below_themselves_and_in_a_pipe_not_at_all() -> None:
+    report: Any = SimpleNamespace(
+        findings=[Finding("fence", "P2a", Certainty.PROVED, "one two three four " * 5)], rejected=False
+    )
+    for file in (Terminal(), io.StringIO()):
+        _print(HumanConsole(file=file, width=60, color_system=None), report)
+        found = file.getvalue().partition("\n\n")[0].splitlines()
+        assert found[0].startswith("fence  P2a  PROVED    one two")
+        assert max(map(len, found)) <= 60 or not file.isatty()
+        assert len(found) == (3 if file.isatty() else 1)
+        assert all(line.startswith(" " * 22 + word) for line, word in zip(found[1:], ("one", "one"), strict=False)), (
+            found
+        )

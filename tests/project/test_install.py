@@ -8,13 +8,17 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
 from defusedxml.ElementTree import parse as parse_xml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import soter
 from soter.cli.new import check_name
+from soter.registry import INSTALL_HINTS
 from tests.project.source import ROOT
 from tools.install_lines import Line, lines
 
@@ -36,6 +40,16 @@ def test_what_a_page_installs_is_there(line: Line) -> None:
         return
     assert what in FOREIGN or (ROOT / path / "pyproject.toml").is_file(), f"{line.page}: nobody can install {what}"
     assert set(filter(None, extras.rstrip("]").split(","))) <= set(PROJECT["optional-dependencies"])
+
+
+# The wheels of ROS 2 are in an environment of their own.
+@pytest.mark.parametrize(("library", "extra"), [hint for hint in INSTALL_HINTS.items() if hint[1] != "ros2"])
+def test_an_extra_brings_the_library_for_which_it_is_named(library: str, extra: str) -> None:
+    distributions = packages_distributions().get(library)
+    if not distributions:
+        pytest.skip(f"{library} is not installed here")
+    named = {canonicalize_name(Requirement(each).name) for each in PROJECT["optional-dependencies"][extra]}
+    assert {canonicalize_name(name) for name in distributions} & named
 
 
 def test_the_package_of_ros_is_this_version() -> None:
