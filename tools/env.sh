@@ -62,10 +62,11 @@ fi
 if up_to_date "$0" "$@"; then
     exit 0
 fi
-echo "Installing $* and the project into $venv"
+echo "Installing $* and the project into $venv; what is new may take minutes"
 locks=("${@/#/--requirement=requirements/}")
 "${pip[@]}" install "${locks[@]/%/.txt}"
-"${pip[@]}" install --no-deps --editable .
+# What builds the project is locked too: where all is installed, nothing is asked of an index.
+"${pip[@]}" install --no-deps --no-build-isolation --editable .
 if [ "$1" = ros2 ]; then
     : # The simulated ROS 2 robots need no PyBullet.
 elif "${pip[@]}" install --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then

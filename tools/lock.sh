@@ -36,18 +36,18 @@ PYTHON
 compile pybullet "$scratch/pybullet.in"
 
 # The largest first, so that the others take its versions and can share an environment.
-test=(--group test --group browser --group notebook)
+test=(--group build --group test --group browser --group notebook)
 for extra in ompl report film mavlink foxglove zenoh sign campaign cluster notebook worlds; do test+=(--extra "$extra"); done
 compile check pyproject.toml "${test[@]}" --group lint --group docs --group release
 for name in core demo docs test ros2; do
     case $name in
         core) arguments=() ;;
         # With what the README goes on to after the demo.
-        demo) arguments=(--extra ompl --extra report --extra mavlink --extra campaign --extra worlds) ;;
-        docs) arguments=(--group docs) ;;
+        demo) arguments=(--group build --extra ompl --extra report --extra mavlink --extra campaign --extra worlds) ;;
+        docs) arguments=(--group build --group docs) ;;
         test) arguments=("${test[@]}") ;;
         # For an environment of its own, see tools/env.sh.
-        ros2) arguments=(--extra ompl --extra ros2 --extra zenoh --extra campaign --extra worlds --group test) ;;
+        ros2) arguments=(--group build --extra ompl --extra ros2 --extra zenoh --extra campaign --extra worlds --group test) ;;
     esac
     compile "$name" pyproject.toml --constraints requirements/check.txt "${arguments[@]}"
 done
