@@ -30,12 +30,18 @@ class Coverage(Mission):
 
     options: Options
     lanes: list[tuple[Place, Place]] | None = None
+    surveyed = False
 
     async def run(self, robot: Robot) -> None:
         if self.lanes is None:
-            self.lanes = list(self._lanes(robot))
+            self.lanes = []
+            # A row a tick: a script that looks at a large site all at once would block the mission.
+            for lanes_of_row in self._rows(robot):
+                self.lanes += lanes_of_row
+                await robot.sleep(0.0)
+            self.surveyed = True
         lanes, swept = self.lanes, 0
-        await robot.until(lambda: robot.state is not None)
+        await robot.until(lambda: self.surveyed and robot.state is not None)
         while lanes and (state := robot.state) is not None:
             here = (state.x_m, state.y_m)
             lane = min(lanes, key=lambda ends: min(math.dist(here, end) for end in ends))
@@ -47,12 +53,13 @@ class Coverage(Mission):
             swept += 1
         self.log(f"robot {robot.id} has swept {swept} lanes")
 
-    def _lanes(self, robot: Robot) -> Iterator[tuple[Place, Place]]:
-        """Yield both ends of every lane that is free all along."""
+    def _rows(self, robot: Robot) -> Iterator[list[tuple[Place, Place]]]:
+        """Yield by row, from south to north, both ends of every lane that is free all along."""
         room, inset_m = robot.workspace, self.options.margin_m + robot.body_radius_m
         low_x, low_y, high_x, high_y = room.bounds
         for row in range(math.floor((high_y - low_y - 2.0 * inset_m) / self.options.lane_m) + 1):
             y, begin, last = low_y + inset_m + row * self.options.lane_m, None, 0.0
+            lanes: list[tuple[Place, Place]] = []
             columns = math.floor((high_x - low_x - 2.0 * inset_m) / _STEP_M) + 1
             for x in [low_x + inset_m + column * _STEP_M for column in range(columns)] + [math.inf]:
                 # Rounding must not cost the lanes right beside the fence.
@@ -60,5 +67,6 @@ class Coverage(Mission):
                     begin = x if begin is None else begin
                     last = x
                 elif begin is not None:
-                    yield (begin, y), (last, y)
+                    lanes.append(((begin, y), (last, y)))
                     begin = None
+            yield lanes

@@ -154,7 +154,8 @@ class Judge:
             least["geofence"] = margin
         if margin < -FENCE_TOLERANCE_M or (self.record.open and ("geofence", (self._ids[index],)) in self.record.open):
             self._look_at_fence(index, step, x0, y0, x1, y1, 1.0 if stops is None else stops.get(index, 1.0))
-        slack = max(margin - max(least["geofence"], -FENCE_TOLERANCE_M), 0.0)
+        # Without a fence both are infinite, and so is the way to it.
+        slack = inf if margin == inf else max(margin - max(least["geofence"], -FENCE_TOLERANCE_M), 0.0)
 
         # Far boxes may be left out only while they cannot hold the least clearance.
         care = max(least["obstacle"], TOUCH_M)

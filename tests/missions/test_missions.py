@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import types
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -371,6 +373,32 @@ def test_ground_of_any_shape_is_swept(workspace: str, caplog: pytest.LogCaptureF
         result = run_mission(mission).result
     assert (result.violated, result.failed_robots) == (False, {})
     assert result.targets_reached >= 8
+
+
+def test_a_large_site_is_looked_at_in_parts_that_block_no_mission() -> None:
+    asked: list[float] = []
+
+    class Room:
+        bounds = (0.0, 0.0, 500.0, 200.0)
+
+        def fence_m(self, x_m: float, y_m: float) -> float:
+            asked.append(y_m)
+            return 1.0
+
+        def clearance_m(self, x_m: float, y_m: float, body_radius_m: float) -> float:
+            return 1.0
+
+    @types.coroutine
+    def sleep(seconds: float) -> Iterator[None]:
+        yield
+
+    robot: Any = SimpleNamespace(workspace=Room(), body_radius_m=0.105, sleep=sleep)
+    script = make_mission(load_mission(EXAMPLES / "missions" / "coverage.toml"))
+    running = script.run(robot)
+    for row in range(1, 4):
+        running.send(None)
+        assert len(set(asked)) == row, "one row a tick"
+    running.close()
 
 
 def test_each_robot_visits_its_own_places_and_is_done(caplog: pytest.LogCaptureFixture) -> None:

@@ -7,6 +7,7 @@ import random
 
 import pytest
 
+from soter.geometry.draft import Draft, Outline, Spot, site_of
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk.backend import RULES, Violation
 from soter.sdk.values import RuleLimits
@@ -39,6 +40,20 @@ def test_a_quiet_world_has_only_margins() -> None:
 def test_margins_of_rules_that_cannot_break_are_left_out() -> None:
     world = World(empty(), specs((1.0, 1.0, 0.0)))
     assert set(world.truth.report().min_margin) == {"battery", "geofence"}
+
+
+def test_a_world_without_a_fence_judges_all_other_rules() -> None:
+    post = Outline("post", [(2.0, -0.1), (2.2, -0.1), (2.2, 0.1), (2.0, 0.1)])
+    open_ground = site_of(
+        Draft("open ground", keep_outs=[post], stations=[Spot("station", -1.0, 0.0)]), phi_safer_m=0.5, spacing_m=0.5
+    )
+    world = World(open_ground, specs((0.0, 0.0, 0.0), (-9.0, 0.0, math.pi)))
+    world.set_control(1, constant(V))
+    world.set_control(2, constant(V))
+    world.advance(30.0)
+    report = world.truth.report()
+    assert set(report.min_margin) == {"battery", "collision", "obstacle"}
+    assert [violation.rule for violation in report.violations] == ["obstacle"]
 
 
 def test_the_fence_is_crossed_at_an_exact_time_both_ways() -> None:
