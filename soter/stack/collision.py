@@ -139,7 +139,8 @@ def check_halves(
         costs_s = (2.0 * peer_m_s - own.v_max_m_s) / (4.0 * own.brake_m_s2)
         needed_s = costs_s - aside_m / own.v_max_m_s
     if early_s < needed_s - _ROUNDING:
-        fits_s = math.ceil(needed_s * 1000.0 - 1e-6) / 1000.0
+        # A Delta is a whole number of ticks.
+        fits_s = math.ceil(needed_s / timing.tick_s - 1e-6) * timing.tick_s
         raise IllFormedModule(
             module.name,
             "P2a",

@@ -140,7 +140,9 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
         "P2b", lambda: users_rule(["battery"], RobotPlace(1, 2.0, 1.0, Box(0.8, 0.8, 1.2, 1.2))),
     ),
     "more than a quarter of the separation": ("P2a", lambda: check_halves(pair(), Timing(), 0.2)),
-    "so that the AC has to lose control": ("P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(), 0.05)),
+    "so that the AC has to lose control": (
+        "P2a", lambda: check_halves(pair(brake_m_s2=0.1), Timing(tick_s=TICK_S), 0.05),
+    ),
     "has no top speed": ("P2a", lambda: check_halves(replace(pair(), model=Other()), Timing(), 0.05)),
     "or backends.": ("P3", hasty),
     "kit.peer_model would do": ("P3", users_pairs),
@@ -175,6 +177,17 @@ def test_another_condition_that_fails(text: str) -> None:
         fail()
     assert caught.value.condition == condition
     assert text in str(caught.value)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.05, 0.13])
+def test_the_delta_that_would_do_for_two_that_brake_is_a_whole_number_of_ticks_and_does(latency_s: float) -> None:
+    timing = Timing(tick_s=TICK_S, latency_s=latency_s)
+    with pytest.raises(IllFormedModule) as caught:
+        check_halves(pair(brake_m_s2=0.1), timing, 0.05)
+    fits_s = caught.value.would_do["delta_s"]
+    assert fits_s / TICK_S == pytest.approx(round(fits_s / TICK_S))
+    assert f"Delta = {fits_s:g} s would do" in str(caught.value)
+    check_halves(replace(pair(brake_m_s2=0.1), delta_s=fits_s), timing, 0.05)
 
 
 def test_a_declaration_that_holds_says_by_how_much() -> None:
