@@ -132,10 +132,16 @@ def _refuse(found: str | None, wanted: str, source: str) -> None:
         raise ConfigError(f"it is a {found}, allowed: a {wanted}; {use}", source=source)
 
 
-_KEY_PART = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
+_BARE = r"[A-Za-z0-9_-]+"
+_KEY_PART = rf"""(?:{_BARE}|"[^"]*"|'[^']*')"""
 _KEY = rf"{_KEY_PART}(?:[ \t]*\.[ \t]*{_KEY_PART})*"
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_KEY})\s*\]")
 _PAIR = re.compile(rf"\s*({_KEY})[ \t]*=")
+
+
+def dotted(*parts: str) -> str:
+    """Return a key as TOML has it: names that have dots of their own in quotes, long ones without their tails."""
+    return ".".join(part if re.fullmatch(_BARE, part) else f'"{part}"' for part in map(cut, parts))
 
 
 def split_key(key: str) -> tuple[str, ...]:
@@ -263,7 +269,7 @@ def pydantic_problems(
         message = _message(error, model, inner, hidden)
         if "[key]" in error["loc"]:
             message = f"of its name: {message}"
-        problems.append(Problem(message, cut(".".join(where)), line, origin))
+        problems.append(Problem(message, dotted(*where), line, origin))
     return problems
 
 

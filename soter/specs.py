@@ -12,6 +12,7 @@ from soter.faults import FaultTable, read_faults
 from soter.faults.robot import widened
 from soter.faults.telemetry import BatteryOptions
 from soter.geometry.workspace import Workspace
+from soter.problems import dotted
 from soter.registry import backend_names
 from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec, RuleLimits
 from soter.stack.planners.names import check_name
@@ -48,7 +49,7 @@ def read_options(backend: type[Backend], mission: MissionFile, workspace: Worksp
         backend.config_model,
         mission.backends.get(mission.backend, {}),
         mission.source,
-        f"backends.{mission.backend}",
+        dotted("backends", mission.backend),
         {"workspace": workspace, "seed": mission.seed, "limits": limits},
         mission.overridden,
     )
@@ -214,4 +215,4 @@ def _refuse_misspelt_tables(mission: MissionFile) -> None:
         try:
             check_name(name)
         except ConfigError as failure:
-            raise mission.refusal(f"planners.{name}", str(failure)) from failure
+            raise mission.refusal(dotted("planners", name), str(failure)) from failure

@@ -51,7 +51,7 @@ from soter.problems import (
     TOO_DEEP,
     Problem,
     config_error,
-    cut,
+    dotted,
     is_file,
     line_of,
     parse_toml,
@@ -340,7 +340,7 @@ def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tup
         for key, value in level:
             if any("\0" in text for text in (*key, value if isinstance(value, str) else "")):
                 message = "it has the character U+0000, allowed: what a file can be called"
-                raise ConfigError(message, source=source, line=line_of(key, lines), key=cut(".".join(key)))
+                raise ConfigError(message, source=source, line=line_of(key, lines), key=dotted(*key))
         level = [
             ((*key, str(name)), inner)
             for key, value in level
@@ -365,6 +365,6 @@ def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
         table = table.setdefault(part, {}) if isinstance(table, dict) else None
     if not isinstance(table, dict) or not key:
         raise ConfigError(
-            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=cut(".".join(key)) or "''"
+            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=dotted(*key) or "''"
         )
     table[key[-1]] = value

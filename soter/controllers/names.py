@@ -12,6 +12,7 @@ from soter.config.tables import SURVEILLANCE
 from soter.controllers.base import Controller
 from soter.errors import ConfigError, nearest
 from soter.loading import described, file_of, known_target, load_class
+from soter.problems import dotted
 
 MISSION: Final = "mission"
 """What a mission's `ac` says when its own machines are the ACs."""
@@ -87,7 +88,7 @@ def build(
         if other not in ADVERSARIES:
             known = f"allowed: {', '.join(ADVERSARIES)}; the options of other classes stand in [controllers.CLASS]"
             raise mission.refusal(
-                f"adversaries.{_quoted(other)}", f"there is none{nearest(other, [*ADVERSARIES])}; {known}"
+                dotted("adversaries", other), f"there is none{nearest(other, [*ADVERSARIES])}; {known}"
             )
     group, table, tables = "controllers", found.__name__, mission.controllers
     if name.startswith(PREFIX):
@@ -105,8 +106,3 @@ def build(
     except BaseException as failure:  # foreign code
         cause = described(failure, file_of(name))
         raise mission.refusal("ac", f"it is '{name}', which cannot be made: {cause}") from failure
-
-
-def _quoted(table: str) -> str:
-    """Return a table's name as it stands in a dotted key; that of a class has dots in it."""
-    return f'"{table}"' if "." in table or ":" in table else table

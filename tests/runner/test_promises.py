@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -29,6 +30,18 @@ def of(loaded: MissionFile) -> dict[int, Capabilities]:
 def admissible(loaded: MissionFile) -> None:
     backend, workspace = load_backend(loaded.backend), loaded.read_workspace()
     promises(backend, read_options(backend, loaded, workspace), loaded, workspace)
+
+
+def test_what_a_backend_of_ones_own_cannot_be_asked_is_named_with_its_line(tmp_path: Path) -> None:
+    name = "soter.adapters.pybullet:KinematicBackend"
+    (tmp_path / "m.toml").write_text(
+        f'workspace = "{ROOT / "examples" / "surveillance.xml"}"\nbackend = "{name}"\n'
+        f'[backends."{name}".promise]\nsetpoint_period_s = 0.001\n'
+    )
+    with pytest.raises(ConfigError) as refused:
+        of(load_mission(tmp_path / "m.toml"))
+    said = f'm.toml:4: backends."{name}".promise.setpoint_period_s: it is 0.001, allowed: at least 0.05'
+    assert str(refused.value).endswith(said)
 
 
 @pytest.mark.parametrize("backend", ["kinematic", "pybullet", "mavlink", "mavsdk", "ros2", "zenoh"])

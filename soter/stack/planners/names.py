@@ -10,6 +10,7 @@ from soter.config import validate_options
 from soter.errors import BackendUnavailable, ConfigError
 from soter.geometry.workspace import Workspace
 from soter.loading import known_target, load_class
+from soter.problems import dotted
 from soter.sdk.hints import install_command
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 
@@ -84,7 +85,7 @@ class PlannerSpec:
             PlannerUnavailable: a library that it needs is not installed.
         """
         kind, radii_m = planner_class(self.name), self.body_radius_m
-        checked = validate_options(kind.options_model, self.options, self.source, f"planners.{self.name}")
+        checked = validate_options(kind.options_model, self.options, self.source, dotted("planners", self.name))
         if not isinstance(radii_m, Mapping):
             return kind(self.workspace, radii_m, checked)
         planners = {radius_m: kind(self.workspace, radius_m, checked) for radius_m in sorted(set(radii_m.values()))}
