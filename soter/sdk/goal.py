@@ -42,7 +42,7 @@ class Goal:
         return self.status is GoalStatus.ACTIVE
 
     def cancel(self) -> None:
-        """End this goal, and no other, as CANCELLED; the robot stops if it was the one that it worked on."""
+        """End this goal, and no other, as CANCELLED; the robot stops if it was sent no other since, reached or not."""
         self._cancel(self)
 
     def _end(self, status: GoalStatus, reason: str, now_s: float) -> None:

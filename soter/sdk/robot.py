@@ -56,6 +56,7 @@ class Robot(ABC):
         self.__closed = False
         self.__next_goal_id = 1
         self.__goal: Goal | None = None
+        self.__sent: Goal | None = None
         self.__state: RobotState | None = None
         self.__switch: Switch | None = None
         self.__discarded = 0
@@ -164,7 +165,7 @@ class Robot(ABC):
         self._send_goto(goal)
         if self.__goal is not None:
             self.__goal._end(GoalStatus.SUPERSEDED, f"goal {goal.id} took its place", now_s)
-        self.__goal = goal
+        self.__goal = self.__sent = goal
         return goal
 
     def read_state(self) -> RobotState:
@@ -220,7 +221,7 @@ class Robot(ABC):
         self.__in_charge = to
         if self.__goal is not None:
             self.__goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
-            self.__goal = None
+        self.__goal = self.__sent = None
         # The switch was made all the same; a robot that does not obey says so when its lease is renewed next.
         with suppress(Uncontrolled):
             self._renew_lease()
@@ -330,10 +331,11 @@ class Robot(ABC):
             self.__goal = None
 
     def __cancel(self, goal: Goal) -> None:
-        if goal is self.__goal:
+        if goal is self.__sent:
+            # Also one that has been reached: the vehicle may be on its way to the middle, or not have heard of it yet.
             self._halt()
             goal._end(GoalStatus.CANCELLED, "cancelled by its owner", self.__clock.now())
-            self.__goal = None
+            self.__goal = self.__sent = None
 
 
 _OWN: Final = {

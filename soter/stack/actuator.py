@@ -18,6 +18,7 @@ class RobotActuator:
         self.robot: Final = robot
         self.port: Final = port
         self._goal: Goal | None = None
+        self._sent: Goal | None = None
         self._port_goal_id: int | None = None
 
     @property
@@ -40,20 +41,23 @@ class RobotActuator:
     def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Controller) -> None:
         """Send a goal of the controller in charge; None stops the robot."""
         if command is None:
-            goal = self._goal
-            if goal is not None:
-                goal.cancel()
-                self._ended(goal)
+            # Also where it has been reached: within its radius the vehicle is still on its way to the middle.
+            if self._sent is not None:
+                self._sent.cancel()
+                self._sent = None
+            if self._goal is not None:
+                self._ended(self._goal)
             return
         if isinstance(command, Request):
             self._drive_for_ac(command)
         else:
-            self._goal = self.robot.goto(command, Controller.SC)
+            self._goal = self._sent = self.robot.goto(command, Controller.SC)
             self._port_goal_id = None
 
     def hand_over(self, mode: Controller, module: str, cause: str) -> None:
         """Switch the robot and tell the AC."""
         self.robot.switch_ac_sc(mode, f"{module}: {cause}")
+        self._sent = None
         if self._goal is not None:
             self._ended(self._goal)
         self.port.control(mode is Controller.AC, module, cause)
@@ -80,7 +84,7 @@ class RobotActuator:
             return
         if before is not None:
             self._ended(before)
-        self._goal = goal
+        self._goal = self._sent = goal
         self._port_goal_id = request.goal_id
 
     def _ended(self, goal: Goal) -> None:

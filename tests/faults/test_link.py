@@ -25,6 +25,19 @@ def test_late_commands_arrive_at_their_time_and_in_order() -> None:
     assert bench.behind.calls == ["send", "hand over AC", "renew", "renew"]
 
 
+def test_a_late_goal_that_looks_reached_before_it_arrives_is_stopped_behind_it() -> None:
+    bench = Bench({"kind": "delay", "commands_s": 0.12})
+    bench.run(0.5)
+    goal = bench.robot.goto(PLACE, SC)
+    bench.look(0.55, x_m=PLACE.x_m - 0.09, y_m=PLACE.y_m)
+    assert goal.status is GoalStatus.REACHED
+    goal.cancel()
+    bench.behind.calls.clear()
+    bench.run(0.7)
+    assert bench.behind.calls == ["send", "halt"]
+    assert goal.status is GoalStatus.REACHED
+
+
 def test_a_command_that_is_sent_after_the_delay_ends_waits_for_those_before_it() -> None:
     bench = Bench({"kind": "delay", "commands_s": 0.1, "start_s": 1.0, "duration_s": 0.5})
     bench.run(1.45)

@@ -107,6 +107,32 @@ def test_what_the_robot_does_not_support_is_rejected_and_the_goal_before_goes_on
     assert held.goals()[1:] == [(first, "superseded")]
 
 
+@pytest.mark.parametrize("mode", [Controller.AC, Controller.SC])
+def test_a_stop_is_sent_where_the_goal_has_been_reached_since_the_vehicle_drives_on_to_its_middle(
+    mode: Controller,
+) -> None:
+    held = Held(mode)
+    if mode is Controller.AC:
+        held.ask()
+    else:
+        held.actuator.drive(THERE, mode)
+    held.robot.time.sleep_until(1.0)
+    held.robot.place(x_m=0.95)
+    held.actuator.read()
+    assert held.actuator.goal is None
+    held.actuator.drive(None, mode)
+    held.actuator.drive(None, mode)
+    assert held.robot.calls.count("halt") == 1
+
+
+def test_a_stop_after_a_hand_over_has_nothing_left_to_stop() -> None:
+    held = Held()
+    held.ask()
+    held.actuator.hand_over(Controller.SC, "line", "too near")
+    held.actuator.drive(None, Controller.SC)
+    assert "halt" not in held.robot.calls
+
+
 def test_a_stop_that_fails_can_be_repeated() -> None:
     held = Held()
     goal_id = held.ask()
