@@ -58,7 +58,7 @@ def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> It
     frozen_s = state.stamp_s - next(
         (each.state.stamp_s for each in reversed(track) if each.state[4:6] != state[4:6]), track[0].state.stamp_s
     )
-    frozen = f"they have been of one and the same place for {frozen_s:.1f} s: they are frozen"
+    frozen = f"they have been of one and the same place for {frozen_s:.1f} s: they are frozen, or kept from before"
     if bench.fleet.truth is not None or bench.harness.gives("observe"):
         x_m, y_m, _ = bench.true_pose(state.robot_id)
         off_m = math.hypot(state.x_m - x_m, state.y_m - y_m)

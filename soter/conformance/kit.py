@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Final
 
 import soter.conformance.clauses  # noqa: F401 - registers the clauses
+from soter.conformance import diagnosis
 from soter.conformance.bench import Bench
 from soter.conformance.clause import CLAUSES, Clause, Tier
 from soter.conformance.figure import Failed, NotTested
@@ -93,8 +94,11 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         verdict, reason = Verdict.FAIL, str(failure)
     except Exception as failure:  # noqa: BLE001 - an adapter may fail in any way, and the others must still be judged
         verdict, reason, unready = Verdict.FAIL, explain(failure), bench.capabilities is None
-        if isinstance(failure, LookupError):
+        # What the kit itself stumbles over are samples that are missing.
+        known = diagnosis.explain(bench) if isinstance(failure, LookupError | ValueError) else ""
+        if isinstance(failure, LookupError) and not known:
             reason += "; is a robot's id taken for an index? Ids are any numbers, in any order"
+        reason = known + reason
     finally:
         # Whatever ends it, a robot must not be left driving.
         wrong = _close(bench)

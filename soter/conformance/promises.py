@@ -29,7 +29,10 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "yaw_rate_max_rad_s": (
         ("bounds.yaw_rate", "endurance.minute"),
-        "the fastest of three turns; 10 % too fast fails, and so does less than 60 % of it, also after much turning",
+        (
+            "the fastest of three turns; 10 % too fast fails, and so does less than 60 % of it, in process 95 %, also "
+            "after much turning"
+        ),
     ),
     "brake_m_s2": (
         ("bounds.braking",),

@@ -36,7 +36,9 @@ def asked(bench: Bench) -> None:
         try:
             check(bench)
         except Failed as failure:
-            raise Failed(f"asked to promise less, it keeps to what its kind declares: {failure}") from failure
+            raise Failed(
+                f"asked to promise less, it keeps to what its kind declares, or rounds what it was asked for: {failure}"
+            ) from failure
         bench.close()
     if bench.harness.robots_most >= _TWO:
         bench.opener = lambda: bench.harness.promising(wanted, _TWO)

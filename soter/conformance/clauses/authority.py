@@ -14,6 +14,7 @@ from soter.errors import SoterError
 from soter.sdk import Controller, GoalStatus, Robot
 
 _MANY_TIMES = 25
+_TWO = 2
 _READY_S = 2.0
 _ALTERNATIONS = 1000
 _CHECKED = 100
@@ -45,9 +46,12 @@ def preempts(bench: Bench) -> None:
 def flushes(bench: Bench) -> None:
     """A switch flushes what the other had in flight, on the vehicle too: the robot stops."""
     robot = bench.open_one()
-    bench.get_going(robot, bench.place(robot, 0.9))
-    robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.expect_stop(robot, "_hand_over() leaves the old controller's set-points in force, or comes too late")
+    for old, to, ahead in ((Controller.AC, Controller.SC, 0.9), (Controller.SC, Controller.AC, -0.9))[
+        : bench.trials(_TWO)
+    ]:
+        bench.get_going(robot, bench.place(robot, ahead), old)
+        robot.switch_ac_sc(to, "conformance")
+        bench.expect_stop(robot, f"_hand_over() to the {to} leaves the old controller's set-points, or comes late")
 
 
 @clause("authority.at_once", truth=True)
@@ -100,7 +104,9 @@ def obeys_at_once(bench: Bench) -> None:
     caps = bench.caps
     begin_s = caps.latency_s + caps.setpoint_period_s + TICK_S + caps.sample_age_s
     allowed = caps.v_max_m_s * begin_s + caps.v_max_m_s**2 / (2 * caps.brake_m_s2)
-    bench.arrive(goal, "a goto right after a switch is ignored: streaming must end before it")
+    bench.arrive(
+        goal, "a goto right after a switch is ignored, or sent with an earlier target: streaming must end before it"
+    )
     beyond = max(
         at.distance_m(each.x_m, each.y_m) for each in bench.since(robot, called_s)[: 1 + int((begin_s + 0.5) / TICK_S)]
     )

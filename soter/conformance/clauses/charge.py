@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from itertools import pairwise
 
 from soter.conformance.bench import Bench
@@ -10,6 +11,7 @@ from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING
 from soter.conformance.figure import NotTested
 from soter.conformance.trials import ToAndFro
+from soter.errors import RobotUnavailable
 from soter.sdk import Controller, Robot, RobotState, Truth, Waypoint
 
 _PERCENT = 0.01
@@ -20,6 +22,9 @@ _ASIDE_RAD = 0.15
 _AHEAD_M = 0.4
 _FLAT = 0.002
 """So little that whole per cent show nothing, which some take for unknown."""
+
+_LAST = 1e-9
+"""So little that nothing is left as soon as it moves, and a charger that nothing moves on has given none."""
 
 
 @clause("state.charge", needs=("reports_battery",))
@@ -101,7 +106,7 @@ def true_charge(bench: Bench) -> None:
 
 @clause("state.nearly_flat", needs=("reports_battery",))
 def nearly_flat(bench: Bench) -> None:
-    """With next to no charge left a robot says that, and stops as before: at a cancel, and when its lease ends."""
+    """With next to no charge left, or none, a robot says that, and with next to none it stops as before."""
     bench.require_hook("charged")
     bench.opener = lambda: bench.harness.charged(_FLAT)
     robot = bench.open_one()
@@ -117,6 +122,21 @@ def nearly_flat(bench: Bench) -> None:
     bench.expect_stop(
         robot, f"its lease does not count: {low}", extra_s=bench.caps.lease_s, renew=False
     )  # fmt: skip
+    _says_that_it_is_flat(bench)
+
+
+def _says_that_it_is_flat(bench: Bench) -> None:
+    """See that a robot says that its charge is 0, if it gets ready then, and has set out with the last of it."""
+    bench.close()
+    bench.opener = lambda: bench.harness.charged(_LAST)
+    with suppress(RobotUnavailable):
+        robot = bench.open_one()
+        robot.goto(bench.place(robot, 0.9), Controller.AC)
+        bench.run(1.0)
+        bench.require(
+            all(each.state.battery is not None for each in bench.tracks[robot.id]),
+            "with no charge left samples carry none: 0 is taken for unknown, as by `charge or None`; ask `is None`",
+        )
 
 
 def _compare_charges(bench: Bench, robot: Robot, truth: Truth, done: str) -> None:

@@ -160,6 +160,12 @@ def restart(bench: Bench) -> None:
     robot = _silent_after(bench, start_anew, "the vehicle has restarted")
     bench.run(_LEARNS_S)
     before, now = said[0].battery, robot.read_state()
+    age_s = now.age_s(bench.now_s)
+    bench.require(
+        age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
+        f"{_LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
+        "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock",
+    )
     rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
     bench.require(
         before is None or (now.battery is not None and abs(now.battery - before) <= _CHARGE + rises),

@@ -117,7 +117,7 @@ def first(bench: Bench) -> None:
 
 @clause("deadman.stays")
 def stays(bench: Bench) -> None:
-    """When its lease has ended a robot stays where it came to rest, for as long as nothing renews it."""
+    """When its lease has ended a robot stays where it came to rest, and a switch behind that revives nothing."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.run(bench.orphaned_s() + TICK_S + bench.caps.sample_age_s, renew=False)
@@ -132,6 +132,11 @@ def stays(bench: Bench) -> None:
             f"{_STAYS_S - (ends_s - bench.now_s):.0f} s without a renewal: the vehicle's own fail-safe drives it home, "
             "what it was told comes back, or a count of too few digits of how old its lease is begins anew",
         )
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.run(bench.caps.latency_s + 2 * TICK_S)
+    bench.expect_still(
+        robot, 1.5, "a switch is lost where the lease is long dead: the renewal behind it resumes what was interrupted"
+    )
 
 
 @clause("deadman.reading", truth=True)

@@ -6,6 +6,7 @@ import math
 import time
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
@@ -20,7 +21,12 @@ _TWO = 2
 _OFF_RAD = 0.15
 _REST_S = 0.7
 _IDLE_S = 25.0
+_GAPS = 10
+# Next to the angles at which compasses, and those who count from east, begin anew, in whole degrees and in hundredths.
+_SEAMS_RAD = tuple(side - off for off in (4e-3, 4e-5) for side in (math.pi / 2.0 + 2.0 * off, 0.0, math.pi))
+_SEAM = "it is rounded to where angles begin anew, such as to 360 degrees, which the vehicle refuses"
 _LOW = 0.25
+_LEAST = 0.01
 _WAYS = ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0))
 # Each leads back from where the one before led.
 _FAR = ((40.0, 0.3), (40.0, -2.6), (150.0, 2.0), (700.0, -1.2), (3000.0, 2.8))
@@ -168,7 +174,16 @@ def wakes(bench: Bench) -> None:
     robot = bench.open_one()
     shuttle = Shuttle(bench, robot)
     bench.run(SETTLE_S)
+    began_s = bench.now_s
     bench.expect_still(robot, _IDLE_S, "it moves although nothing was asked of it")
+    heard_s = [each.state.stamp_s for each in bench.since(robot, began_s)]
+    gaps_s = [after_s - before_s for before_s, after_s in pairwise([began_s, *heard_s, bench.now_s])]
+    # A moment in which the host stood still is one gap, and that of a robot that says less at rest comes again.
+    bench.measure(
+        "rest_gap_s", sorted(gaps_s)[-_GAPS:][0],
+        bench.caps.sample_age_s + bench.caps.jitter_s + TICK_S, bench.read_s,
+        f"in {_IDLE_S:.0f} s of rest samples come more seldom than sample_age_s promises: it saves power or messages",
+    )  # fmt: skip
     bench.run(TICK_S, closely=True)
     shuttle.measure_start(
         "wakes_s", f"after {_IDLE_S:.0f} s of rest it has to wake up: it saves power, or its brakes stick"
@@ -209,19 +224,21 @@ def heading(bench: Bench) -> None:
         bench.require(
             off <= 0.1, f"asked for {wanted:.2f} rad, it stands with a heading {off:.2f} rad off that: {cause}"
         )
-    if bench.caps.pivots_first:
+    if not bench.caps.pivots_first:
+        return
+    aside = turn(0.0, bench.look(robot).heading_rad + 1.5)
+    for wanted in (aside, *_SEAMS_RAD)[: bench.trials(1 + len(_SEAMS_RAD))]:
         at = bench.look(robot)
-        wanted = turn(0.0, at.heading_rad + 1.5)
         robot.goto(Waypoint(at.x_m, at.y_m, heading_rad=wanted), robot.in_charge)
         bench.run(
             2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s,
-            lambda: abs(turn(wanted, bench.tracks[robot.id][-1].heading_rad)) <= 0.1,
+            lambda wanted=wanted: abs(turn(wanted, bench.tracks[robot.id][-1].heading_rad)) <= 0.1,  # type: ignore[misc]
         )
         off = abs(turn(wanted, bench.look(robot).heading_rad))
         bench.require(
             off <= 0.1,
-            f"asked for {wanted:.2f} rad where it stands, it has a heading {off:.2f} rad off that: a goal so near is "
-            "taken for reached, whatever its heading",
+            f"asked for {wanted:.5f} rad where it stands, it has a heading {off:.2f} rad off that: "
+            f"{'a goal so near is taken for reached, whatever its heading' if wanted == aside else _SEAM}",
         )
 
 
@@ -284,6 +301,16 @@ def speed_cap(bench: Bench) -> None:
         "slowed_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
         "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out",
     )  # fmt: skip
+    bench.run(SETTLE_S)
+    bench.tracks[robot.id].clear()
+    goal = robot.goto(bench.place(robot, -0.95, speed_m_s=_LEAST * bench.caps.v_max_m_s), Controller.AC)
+    bench.run(SETTLE_S)
+    goal.cancel()
+    seen, off = bench.fastest(robot)
+    bench.measure(
+        "least_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
+        "a speed_m_s near 0 counts as none: it is rounded to 0, which the vehicle takes for no cap",
+    )  # fmt: skip
 
 
 @clause("goto.v_max", truth=True)
@@ -309,7 +336,9 @@ def v_max(bench: Bench) -> None:
             bench.run(bench.way_s(), lambda: not goal.active)
             judge("on its way backwards ")
     for end in ends[goal is not None :]:
-        bench.go(robot, end)
+        bench.go(
+            robot, end, cause="the target did not get through, as where a speed_m_s far above v_max_m_s is dropped"
+        )
     judge("")
 
 

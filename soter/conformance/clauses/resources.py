@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import count
 from typing import Final
 
 from soter.conformance.bench import Bench
@@ -58,15 +59,20 @@ def unready(bench: Bench) -> None:
 
 @clause("resources.outages", tier=Tier.WIRE, hooks=("cut",))
 def outages(bench: Bench) -> None:
-    """However often its link is cut and comes back, an adapter holds no more than before."""
+    """However often its link is cut, a robot is heard again behind it, and its adapter holds no more than before."""
     robot = bench.open_one()
     bench.faulty = True
+    outages = count(1)
 
     def cut_and_restore(bench: Bench) -> None:
         bench.harness.cut(robot.id)
         bench.run(_OUT_S)
         bench.harness.restore(robot.id)
-        bench.run(_BACK_S, lambda: robot.read_state().link is Link.UP)
+        bench.require(
+            bench.run(_BACK_S, lambda: robot.read_state().link is Link.UP),
+            f"{_BACK_S:.0f} s after outage number {next(outages)} no new sample has arrived: what connects anew "
+            "must do so as often as it is needed",
+        )
         del bench.tracks[robot.id][:-1]
 
     _see_it_given_back(

@@ -91,7 +91,7 @@ def goto(bench: Bench) -> None:
             bench.require(
                 moved <= bench.still_m,
                 f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the "
-                "wrong robot, or broadcast",
+                "wrong robot or broadcast, or goals are kept by their ids, which count anew for each robot",
             )
         bench.require_status(goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it")
         bench.run(SETTLE_S)
