@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from typing import Any, ClassVar, Final
@@ -22,6 +23,9 @@ _ROUND_DEG: Final = 360
 _REST: Final = 1e-3
 _LONG_S: Final = 10.0
 _SPARING_S: Final = 0.2
+_GIVES_UP_S: Final = 60.0
+_BEHIND_RAD: Final = 3.0
+_STARTS: Final = itertools.count()
 
 
 def _in_cells(_: Any, to: Waypoint) -> Waypoint:
@@ -122,6 +126,27 @@ def _drops_older(self: Any) -> RobotState | None:
     return self.latest  # type: ignore[no-any-return]
 
 
+def _no_halt_where_reached(robot: Any) -> None:
+    goal, at = robot._mux.command, robot._honest()
+    if goal is None or math.dist((at.x_m, at.y_m), (goal.target.x_m, goal.target.y_m)) > goal.target.radius_m:
+        Broken._halt(robot)
+
+
+def _gives_up_after(self: Any, *arguments: Any) -> None:
+    Broken.__init__(self, *arguments)
+    self._mux.command_s = _GIVES_UP_S
+
+
+def _to_the_other_side(robot: Any, _: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    side = memory(robot, "side", lambda: 1.0 if next(_STARTS) % 2 else -1.0)
+    goal, at = robot._mux.command, robot._honest()
+    if goal is None or speed != 0.0 or goal.target.heading_rad is not None:
+        return speed, rate
+    bearing_rad = math.atan2(goal.target.y_m - at.y_m, goal.target.x_m - at.x_m)
+    behind = abs(math.remainder(bearing_rad - at.heading_rad, math.tau)) > _BEHIND_RAD
+    return speed, side * abs(rate) if behind else rate
+
+
 class OneTable(Broken):
     """Keeps the targets of all robots by the numbers of their goals, which each robot counts by itself."""
 
@@ -170,6 +195,12 @@ STRANGERS: Final[tuple[type[Broken], ...]] = (
     edited("HeadingsInWholeDegrees", "Rounds headings to whole degrees, and loses goals with one of 360.",
            "goto.heading", "begin anew", _send_goto=_in_whole_degrees),
     OneTable,
+    edited("CancelsUntilReached", "Drops a cancel within the radius of its goal.", "goal.cancel",
+           "dropped as needless", _halt=_no_halt_where_reached),
+    edited("GivesUpAfterAMinute", "Gives up whatever it is sent to after a minute.", "goto.accepted_is_not_reached",
+           "a time-out of its own", __init__=_gives_up_after),
+    edited("TurnsTheOtherWay", "Turns round to the other side each time that it is started.",
+           "capabilities.deterministic", "left from the run before", _connect=with_control(_to_the_other_side)),
 )  # fmt: skip
 
 STRANGERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

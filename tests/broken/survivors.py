@@ -77,6 +77,16 @@ SURVIVORS: Final = (
         "with a battery that is nearly flat.",
     ),
     Survivor(
+        "Lets its session, its login or its licence end after more than three minutes.",
+        "No clause has a fleet open for longer: on rigid bodies an hour takes a minute.",
+        "Nothing that it is told counts any more: its lease ends, it stands, and is lost for the rest of the run.",
+    ),
+    Survivor(
+        "Tries its motors while it is made ready, and is back by then.",
+        "A robot is looked at once `init()` has returned: `state.start` sees what it has moved by for good.",
+        "It moves before anything watches over it. Keep away from robots that are made ready.",
+    ),
+    Survivor(
         "Rounds places to floats of 32 bits.",
         "The kit's rooms are 150 m from the origin, where that is 8 micrometres.",
         "20 km from the origin places are off by a millimetre; the zone of `position_noise_m` is crossed by as much.",

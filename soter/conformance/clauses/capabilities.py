@@ -14,6 +14,11 @@ from soter.sdk import Capabilities, Controller, GoalStatus
 _POSITIVE = ("v_max_m_s", "yaw_rate_max_rad_s", "brake_m_s2", "body_radius_m", "setpoint_period_s", "lease_s")
 
 
+_WAYS = ((0.5, 0.2), (-0.1, 0.4))
+_U_TURNS = ((0.4, 0.4), (-0.4, -0.4)) * 4
+"""Right behind it a robot may turn to either side: each of them gives chance a choice."""
+
+
 @clause("capabilities.sane")
 def sane(bench: Bench) -> None:
     """`declared` is readable before connecting, finite and free of contradictions."""
@@ -78,7 +83,7 @@ def deterministic(bench: Bench) -> None:
     runs = []
     for _ in range(2):
         robot = bench.open_one()
-        for ahead, left in ((0.5, 0.2), (-0.1, 0.4)):
+        for ahead, left in (*_WAYS, *_U_TURNS):
             bench.go(robot, bench.place(robot, ahead, left))
         runs.append(tuple(sample.state for sample in bench.tracks[robot.id]))
         bench.close()

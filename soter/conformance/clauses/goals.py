@@ -23,6 +23,7 @@ _CANCELS = 12
 _STARTS_S = 0.1
 _SEES_S = 0.2
 _AWAY_M = 0.05
+_WIDE = 8.0
 
 
 @clause("goal.ids")
@@ -115,6 +116,9 @@ def cancel(bench: Bench) -> None:
         bench.require_status(goal, GoalStatus.CANCELLED, "_cancel() is overridden")
         bench.expect_stop(robot, "_halt() does nothing, or is not passed on to the vehicle")
     bench.go(robot, bench.place(robot, 0.2, 0.2), cause="after a cancel the robot takes no new goal")
+    goal = bench.go(robot, bench.place(robot, -0.8, radius_m=_WIDE * bench.near_m))
+    goal.cancel()
+    bench.expect_stop(robot, "a cancel within a goal's radius is dropped as needless: it drives on to the middle")
     if bench.caps.reverses:
         bench.run(SETTLE_S)
         at = bench.look(robot)

@@ -26,6 +26,7 @@ _GAPS = 10
 _SEAMS_RAD = tuple(side - off for off in (4e-3, 4e-5) for side in (math.pi / 2.0 + 2.0 * off, 0.0, math.pi))
 _SEAM = "it is rounded to where angles begin anew, such as to 360 degrees, which the vehicle refuses"
 _LOW = 0.25
+_LASTS_S = 100.0
 _LEAST = 0.01
 _WAYS = ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0))
 # Each leads back from where the one before led.
@@ -109,7 +110,7 @@ def _at(at: TrackSample, way_m: float, bearing_rad: float) -> Waypoint:
 
 @clause("goto.accepted_is_not_reached")
 def accepted_is_not_reached(bench: Bench) -> None:
-    """A goal that was sent is ACTIVE until the robot is there, however near it is."""
+    """A goal that was sent is ACTIVE until the robot is there, however near that is and however long it takes."""
     robot = bench.open_one()
     target = bench.place(robot, 0.8, radius_m=bench.near_m)
     goal = robot.goto(target, Controller.AC)
@@ -127,6 +128,16 @@ def accepted_is_not_reached(bench: Bench) -> None:
         "larger acceptance radius, was taken for arrival",
     )
     bench.require_status(goal, GoalStatus.REACHED, "the robot does not get within 0.05 m of a target")
+    if bench.caps.in_process:
+        target = bench.place(robot, -0.8)
+        slow_m_s = bench.look(robot).distance_m(target.x_m, target.y_m) / _LASTS_S
+        goal = robot.goto(target._replace(speed_m_s=slow_m_s), Controller.AC)
+        bench.run(target.timeout_s, lambda: not goal.active)
+        bench.require_status(
+            goal, GoalStatus.REACHED,
+            f"a leg that takes {_LASTS_S:.0f} s is given up before the {target.timeout_s:.0f} s of its timeout_s: the "
+            "vehicle has a time-out of its own",
+        )  # fmt: skip
 
 
 @clause("goto.radius")
