@@ -76,6 +76,8 @@ def test_an_adapter_that_is_dead_costs_seconds_a_clause(kind: type[Broken]) -> N
     assert statistics.median(fleet_s) < 12.0
 
 
+# On rigid bodies it takes a minute of a core, and other tests run beside it.
+@pytest.mark.timeout(360)
 @pytest.mark.parametrize("engine", ["kinematic", pytest.param("pybullet", marks=pytest.mark.pybullet)])
 def test_the_reference_adapter_passes_every_core_and_truth_clause(engine: str) -> None:
     if engine == "pybullet":
