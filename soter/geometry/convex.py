@@ -142,7 +142,7 @@ class _Chosen(NamedTuple):
 
 
 def _ever_nearest(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float) -> tuple[Edge, ...]:
-    """Return the edges that may be nearest to a point of a square, of those of pieces that it is beside of.
+    """Return the edges that may be nearest to a point of a square, of pieces that no point of it is inside of.
 
     A point is nearest to the inside of an edge straight across from it, or to a corner; each edge stands for its first
     corner. The distance d from an edge is convex, and the unit vector g away from it is its gradient: at v from the
@@ -356,6 +356,7 @@ class Pieces:
         return found
 
     def _choose(self, above: _Chosen, column: int, row: int, level: int) -> _Chosen:
+        """Return what may be nearest to a point of a cell, of what may be to one of the larger cell around it."""
         side_m = self._cell_m * float(_WIDER) ** level
         x_m, y_m, half_m = (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0
         near, (edges, pieces) = above
