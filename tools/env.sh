@@ -5,9 +5,9 @@
 # Stamps in .venv remember what is installed, so that nothing happens when nothing has changed. PyBullet is
 # installed too if there is a wheel of it for this Python.
 #
-# Only ros2, which stands alone, has an environment of its own, .venv-ros2: the wheels of ROS 2 make every Python of their environment start
-# itself anew once, to find their libraries, and that should cost nobody else anything. There are such wheels for Linux
-# on x86-64; elsewhere nothing is installed, and the message says so.
+# Only ros2, which stands alone, has an environment of its own, .venv-ros2: the wheels of ROS 2 make every Python of
+# their environment start itself anew once, to find their libraries, and that should cost nobody else anything. There
+# are such wheels for Linux on x86-64; elsewhere nothing is installed, and the message says so.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -40,12 +40,11 @@ find_python() {
     return 1
 }
 
-up_to_date() { # up_to_date SCRIPT NAME...: all of them are installed as they stand here
-    local script=$1 name stamp
-    for name in "${@:2}"; do
-        stamp=$venv/stamp-$name
-        for source in "requirements/$name.txt" pyproject.toml "$script"; do
-            [ "$stamp" -nt "$source" ] || return 1
+up_to_date() { # up_to_date NAME...: all of them are installed as they stand here
+    local name source
+    for name in "$@"; do
+        for source in "requirements/$name.txt" pyproject.toml "$0"; do
+            [ "$venv/stamp-$name" -nt "$source" ] || return 1
         done
     done
 }
@@ -59,7 +58,7 @@ if ! works "$venv/bin/python" pip; then
     echo "Creating $venv with $("$python" --version) ($python)"
     "$python" -m venv --clear "$venv"
 fi
-if up_to_date "$0" "$@"; then
+if up_to_date "$@"; then
     exit 0
 fi
 echo "Installing $* and the project into $venv; what is new may take minutes"
