@@ -125,6 +125,18 @@ def test_of_many_edges_that_are_about_as_near_none_is_left_out(stream: random.Ra
             assert outside.distance_m(x, y) == pytest.approx(exact_m, abs=EXACT_M)
 
 
+def test_what_stands_out_a_little_does_not_hide_the_wall_behind_it(stream: random.Random) -> None:
+    """Straight before a tip the wall is farther, a little aside it is nearer."""
+    wall = ((-9.0, -1.0), (9.0, -1.0), (9.0, 0.0), (-9.0, 0.0))
+    tips = [(at / 4.0 + stream.uniform(-0.05, 0.05), stream.uniform(0.0, 0.02)) for at in range(-32, 33)]
+    spikes = [((x - 1e-3, 0.0), (x + 1e-3, 0.0), (x, out_m)) for x, out_m in tips if out_m > 0.0]
+    pieces, shapes = Pieces([wall, *spikes]), [shapely.Polygon(wall), *map(shapely.Polygon, spikes)]
+    union = shapely.union_all(shapes)
+    for _ in range(PLACES):
+        x, y = stream.uniform(-8.0, 8.0), stream.uniform(0.1, 0.6)
+        assert pieces.distance_m(x, y) == pytest.approx(union.distance(shapely.Point(x, y)), abs=EXACT_M)
+
+
 @pytest.mark.parametrize("radius_m", [0.02, 0.2, 3.0, 900.0])
 def test_circles_are_off_to_the_safe_side(radius_m: float) -> None:
     around, within = (shapely.Polygon(circle(5.0, -7.0, radius_m, around=each)) for each in (True, False))
