@@ -7,6 +7,7 @@ from soter.conformance.clauses import capabilities as capabilities
 from soter.conformance.clauses import state as state
 from soter.conformance.clauses import charge as charge
 from soter.conformance.clauses import goto as goto
+from soter.conformance.clauses import speeds as speeds
 from soter.conformance.clauses import goals as goals
 from soter.conformance.clauses import authority as authority
 from soter.conformance.clauses import deadman as deadman

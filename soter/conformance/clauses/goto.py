@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 
@@ -17,7 +16,6 @@ from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
 
 _HOST_S = 0.05
-_TWO = 2
 _OFF_RAD = 0.15
 _REST_S = 0.7
 _IDLE_S = 25.0
@@ -25,9 +23,7 @@ _GAPS = 10
 # Next to the angles at which compasses, and those who count from east, begin anew, in whole degrees and in hundredths.
 _SEAMS_RAD = tuple(side - off for off in (4e-3, 4e-5) for side in (math.pi / 2.0 + 2.0 * off, 0.0, math.pi))
 _SEAM = "it is rounded to where angles begin anew, such as to 360 degrees, which the vehicle refuses"
-_LOW = 0.25
 _LASTS_S = 100.0
-_LEAST = 0.01
 _WAYS = ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0))
 # Each leads back from where the one before led.
 _FAR = ((40.0, 0.3), (40.0, -2.6), (150.0, 2.0), (700.0, -1.2), (3000.0, 2.8))
@@ -251,106 +247,6 @@ def heading(bench: Bench) -> None:
             f"asked for {wanted:.5f} rad where it stands, it has a heading {off:.2f} rad off that: "
             f"{'a goal so near is taken for reached, whatever its heading' if wanted == aside else _SEAM}",
         )
-
-
-@clause("goto.speed_cap", truth=True)
-def speed_cap(bench: Bench) -> None:
-    """A goal's speed cap is kept."""
-    robot = bench.open_one()
-    cap = 0.5 * bench.caps.v_max_m_s
-    bench.go(robot, bench.place(robot, 0.8, speed_m_s=cap))
-    seen, off = bench.fastest(robot)
-    bench.measure(
-        "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-        "the goal's speed_m_s is not passed on to the vehicle, or counts for a later goal",
-    )  # fmt: skip
-    low = _LOW * bench.caps.v_max_m_s
-    bench.run(SETTLE_S)
-    bench.tracks[robot.id].clear()
-    bench.go(robot, bench.place(robot, 0.4, speed_m_s=low))
-    seen, off = bench.fastest(robot)
-    bench.measure(
-        "low_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
-        "a low speed_m_s is not kept: the vehicle does not go as slowly",
-    )  # fmt: skip
-    if bench.trials(_TWO) < _TWO:
-        return
-    bench.run(SETTLE_S)
-    bench.tracks[robot.id].clear()
-    robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.go(robot, bench.place(robot, -0.1, speed_m_s=cap), Controller.SC)
-    with suppress(Unsupported):
-        bench.go(
-            robot, bench.place(robot, 0.4, speed_m_s=cap)._replace(heading_rad=robot.spec.heading_rad), Controller.SC
-        )
-    seen, off = bench.fastest(robot)
-    bench.measure(
-        "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-        "the speed_m_s of a goal of the SC, or of one with a heading, is not passed on to the vehicle",
-    )  # fmt: skip
-    if bench.caps.reverses:
-        with suppress(Unsupported):
-            bench.run(SETTLE_S)
-            bench.tracks[robot.id].clear()
-            back = bench.place(robot, -0.1, speed_m_s=cap, heading_rad=bench.home(robot)[2])
-            bench.go(robot, back, Controller.SC)
-            seen, off = bench.fastest(robot)
-            bench.measure(
-                "capped_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-                "backwards a goal's speed_m_s does not count: speeds are compared with their signs",
-            )  # fmt: skip
-    robot.switch_ac_sc(Controller.AC, "conformance")
-    # A cap is the goal's own: the next one comes up to speed again, and one more slows down.
-    fast = bench.place(robot, -0.8)
-    bench.get_going(robot, fast, cause="the cap of an earlier goal is kept")
-    goal = robot.goto(fast._replace(speed_m_s=cap), Controller.AC)
-    bench.run(bench.orphaned_s())
-    bench.tracks[robot.id].clear()
-    bench.arrive(goal, "a goal to the place that is driven to already is not driven to")
-    seen, off = bench.fastest(robot)
-    bench.measure(
-        "slowed_speed_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-        "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out",
-    )  # fmt: skip
-    bench.run(SETTLE_S)
-    bench.tracks[robot.id].clear()
-    goal = robot.goto(bench.place(robot, -0.95, speed_m_s=_LEAST * bench.caps.v_max_m_s), Controller.AC)
-    bench.run(SETTLE_S)
-    goal.cancel()
-    seen, off = bench.fastest(robot)
-    bench.measure(
-        "least_speed_m_s", seen.speed_m_s, low, off * low + bench.speed_noise_m_s,
-        "a speed_m_s near 0 counts as none: it is rounded to 0, which the vehicle takes for no cap",
-    )  # fmt: skip
-
-
-@clause("goto.v_max", truth=True)
-def v_max(bench: Bench) -> None:
-    """Whatever speed is asked for, the robot keeps to v_max_m_s, clamped on its own side."""
-    robot = bench.open_one()
-    cap = bench.caps.v_max_m_s
-    # Backwards first, and then forwards through the whole room: what comes of a long run shows.
-    ends = [bench.place(robot, at, speed_m_s=100.0) for at in (-0.9, 0.9)]
-
-    def judge(where: str) -> None:
-        seen, off = bench.fastest(robot)
-        bench.measure(
-            "v_max_m_s", seen.speed_m_s, cap, off * cap + bench.speed_noise_m_s,
-            f"{where}the speed cap is not clamped to v_max_m_s, or along each axis by itself, so that a diagonal goes "
-            "faster; or v_max_m_s is declared too small",
-        )  # fmt: skip
-
-    goal = None
-    if bench.caps.reverses:
-        with suppress(Unsupported):
-            goal = robot.goto(ends[0]._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
-            bench.run(bench.way_s(), lambda: not goal.active)
-            judge("on its way backwards ")
-    for end in ends[goal is not None :]:
-        bench.go(
-            robot, end, cause="the target did not get through, as where a speed_m_s far above v_max_m_s is dropped"
-        )
-    judge("")
 
 
 @clause("goto.not_in_charge", truth=True)

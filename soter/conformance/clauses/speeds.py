@@ -1,0 +1,115 @@
+"""Speeds of gotos: a goal's own cap, and the robot's."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import clause
+from soter.errors import Unsupported
+from soter.sdk import Controller, Robot
+
+_TWO = 2
+_LOW = 0.25
+_LEAST = 0.01
+
+
+def _measure(bench: Bench, robot: Robot, name: str, cap_m_s: float, cause: str) -> None:
+    """See that a robot has been no faster than a cap."""
+    seen, off = bench.fastest(robot)
+    bench.measure(name, seen.speed_m_s, cap_m_s, off * cap_m_s + bench.speed_noise_m_s, cause)
+
+
+def _begin_at_rest(bench: Bench, robot: Robot) -> None:
+    """Forget what was seen so far, once the robot has come to rest."""
+    bench.run(SETTLE_S)
+    bench.tracks[robot.id].clear()
+
+
+@clause("goto.speed_cap", truth=True)
+def speed_cap(bench: Bench) -> None:
+    """A goal's speed cap is kept."""
+    robot = bench.open_one()
+    cap = 0.5 * bench.caps.v_max_m_s
+    bench.go(robot, bench.place(robot, 0.8, speed_m_s=cap))
+    _measure(
+        bench, robot, "capped_speed_m_s", cap,
+        "the goal's speed_m_s is not passed on to the vehicle, or counts for a later goal",
+    )  # fmt: skip
+    low = _LOW * bench.caps.v_max_m_s
+    _begin_at_rest(bench, robot)
+    bench.go(robot, bench.place(robot, 0.4, speed_m_s=low))
+    _measure(
+        bench, robot, "low_speed_m_s", low,
+        "a low speed_m_s is not kept: the vehicle does not go as slowly",
+    )  # fmt: skip
+    if bench.trials(_TWO) < _TWO:
+        return
+    _begin_at_rest(bench, robot)
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.go(robot, bench.place(robot, -0.1, speed_m_s=cap), Controller.SC)
+    with suppress(Unsupported):
+        bench.go(
+            robot, bench.place(robot, 0.4, speed_m_s=cap)._replace(heading_rad=robot.spec.heading_rad), Controller.SC
+        )
+    _measure(
+        bench, robot, "capped_speed_m_s", cap,
+        "the speed_m_s of a goal of the SC, or of one with a heading, is not passed on to the vehicle",
+    )  # fmt: skip
+    if bench.caps.reverses:
+        with suppress(Unsupported):
+            _begin_at_rest(bench, robot)
+            back = bench.place(robot, -0.1, speed_m_s=cap, heading_rad=bench.home(robot)[2])
+            bench.go(robot, back, Controller.SC)
+            _measure(
+                bench, robot, "capped_speed_m_s", cap,
+                "backwards a goal's speed_m_s does not count: speeds are compared with their signs",
+            )  # fmt: skip
+    robot.switch_ac_sc(Controller.AC, "conformance")
+    # A cap is the goal's own: the next one comes up to speed again, and one more slows down.
+    fast = bench.place(robot, -0.8)
+    bench.get_going(robot, fast, cause="the cap of an earlier goal is kept")
+    goal = robot.goto(fast._replace(speed_m_s=cap), Controller.AC)
+    bench.run(bench.orphaned_s())
+    bench.tracks[robot.id].clear()
+    bench.arrive(goal, "a goal to the place that is driven to already is not driven to")
+    _measure(
+        bench, robot, "slowed_speed_m_s", cap,
+        "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out",
+    )  # fmt: skip
+    _begin_at_rest(bench, robot)
+    goal = robot.goto(bench.place(robot, -0.95, speed_m_s=_LEAST * bench.caps.v_max_m_s), Controller.AC)
+    bench.run(SETTLE_S)
+    goal.cancel()
+    _measure(
+        bench, robot, "least_speed_m_s", low,
+        "a speed_m_s near 0 counts as none: it is rounded to 0, which the vehicle takes for no cap",
+    )  # fmt: skip
+
+
+@clause("goto.v_max", truth=True)
+def v_max(bench: Bench) -> None:
+    """Whatever speed is asked for, the robot keeps to v_max_m_s, clamped on its own side."""
+    robot = bench.open_one()
+    cap = bench.caps.v_max_m_s
+    # Backwards first, and then forwards through the whole room: what comes of a long run shows.
+    ends = [bench.place(robot, at, speed_m_s=100.0) for at in (-0.9, 0.9)]
+
+    def judge(where: str) -> None:
+        _measure(
+            bench, robot, "v_max_m_s", cap,
+            f"{where}the speed cap is not clamped to v_max_m_s, or along each axis by itself, so that a diagonal goes "
+            "faster; or v_max_m_s is declared too small",
+        )  # fmt: skip
+
+    goal = None
+    if bench.caps.reverses:
+        with suppress(Unsupported):
+            goal = robot.goto(ends[0]._replace(heading_rad=bench.home(robot)[2]), Controller.AC)
+            bench.run(bench.way_s(), lambda: not goal.active)
+            judge("on its way backwards ")
+    for end in ends[goal is not None :]:
+        bench.go(
+            robot, end, cause="the target did not get through, as where a speed_m_s far above v_max_m_s is dropped"
+        )
+    judge("")
