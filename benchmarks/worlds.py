@@ -21,8 +21,9 @@ import numpy as np
 from benchmarks.common import ROOT, SURVEILLANCE, Row, arguments, in_turns, show
 from benchmarks.decision import bound_modules
 from soter.config import MissionFile, load_mission
+from soter.geometry.cells import pack
 from soter.geometry.draft import Draft, Outline, Spot, circle, site_of
-from soter.geometry.grid import GridMap, pack
+from soter.geometry.grid import GridMap
 from soter.geometry.site import as_box
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import DecisionModule, Situation

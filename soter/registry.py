@@ -14,8 +14,8 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Final
 
 from soter.errors import BackendError, BackendUnavailable, UnknownBackend, nearest
+from soter.hints import DISTRIBUTION, install_command
 from soter.sdk import INTERFACE_VERSION, Backend, BackendConfig, Robot
-from soter.sdk.hints import DISTRIBUTION, install_command
 
 ENTRY_POINT_GROUP: Final = "soter.adapters"
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from soter.campaign.conditions import Requirement, StoppingRule
-from soter.config.tables import Name, Table, wrong
+from soter.config.table import Name, Table, wrong
 
 SEED: Final = "seed"
 DRAWN: Final = "random"

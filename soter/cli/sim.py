@@ -148,7 +148,7 @@ def mavlink(
 ) -> None:
     """Simulate vehicles that speak MAVLink, until Ctrl-C. Nothing outside this host can reach them."""
     with guard(), StopSignals() as stop:
-        from soter.sdk.hints import install_command
+        from soter.hints import install_command
         from soter.sdk.values import RuleLimits
 
         try:

@@ -15,9 +15,8 @@ from soter.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from soter.geometry.convex import Ring
     from soter.geometry.grid import GridMap
-    from soter.geometry.workspace import Workspace
+    from soter.geometry.workspace import Ring, Workspace
 
 EXAMPLES = """Examples:
   soter workspace examples/surveillance.xml --picture room.png

@@ -24,6 +24,7 @@ from pydantic import (
 
 from soter.config.options import COMMAND_LINE
 from soter.config.promises import RobotsTable
+from soter.config.table import Name, Table, wrong
 from soter.config.tables import (
     DEFAULT_TARGETS,
     MODULES,
@@ -32,13 +33,10 @@ from soter.config.tables import (
     DistributionTable,
     IsolationTable,
     MissionTable,
-    Name,
     RawTables,
     ReseedTable,
     RtaTable,
-    Table,
     Targets,
-    wrong,
 )
 from soter.errors import ConfigError
 from soter.geometry.reading import read_workspace

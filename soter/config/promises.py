@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, TypeAdapter, ValidatorFunctionWrapHandler, model_serializer, model_validator
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
-from soter.config.tables import RobotId, Table, wrong
+from soter.config.table import RobotId, Table, wrong
 
 Speed = Annotated[float, Field(ge=0.01, le=1000.0, allow_inf_nan=False)]
 """Nothing that is driven or braked with is as small as a float can be: quotients would be infinite."""

@@ -6,11 +6,10 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
+from soter.config.table import Name, RobotId, Table, wrong
 from soter.errors import nearest
-from soter.geometry.workspace_xml import MAX_ROBOT_ID
 from soter.problems import not_allowed
 
 MODULES: Final = ("collision", "obstacle", "geofence", "battery")
@@ -28,18 +27,9 @@ Lasting = Annotated[float, Field(ge=0.1, le=1e9, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
 Period = Annotated[float, Field(ge=0.001, le=60.0, allow_inf_nan=False)]
 Charge = Annotated[float, Field(ge=0.001, le=1.0, allow_inf_nan=False)]
-Name = Annotated[str, Field(min_length=1)]
-RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
 RawTables = dict[str, dict[str, Any]]
 Targets = Literal["grid", "uniform", "hostile"]
 DEFAULT_TARGETS: Final[Targets] = "grid"
-
-
-class Table(BaseModel):
-    """Base of all tables: unknown keys are refused, values are taken as they are written."""
-
-    # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class MissionTable(Table):
@@ -63,12 +53,6 @@ class MissionTable(Table):
     def options(self) -> dict[str, Any]:
         """The options, raw; checked by the model of the mission's class."""
         return dict(self.model_extra or {})
-
-
-def wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
-    """Return an error on a key below the model that is being validated."""
-    details = InitErrorDetails(type=not_allowed(allowed), loc=key, input=value)
-    return ValidationError.from_exception_data("mission", [details])
 
 
 class ModuleTable(Table):

@@ -11,8 +11,8 @@ from typing import Annotated, ClassVar, Final, Generic, Literal, NamedTuple, Pro
 
 from pydantic import Field, model_validator
 
-from soter.config.tables import Table, wrong
-from soter.geometry.workspace_xml import MAX_ROBOT_ID
+from soter.config.table import Table, wrong
+from soter.geometry.workspace import MAX_ROBOT_ID
 from soter.sdk import Capabilities, Controller, Goal, RobotState, Waypoint
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]

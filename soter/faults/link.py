@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.config.tables import wrong
+from soter.config.table import wrong
 from soter.faults import fault
 from soter.sdk import Capabilities, RobotState
 

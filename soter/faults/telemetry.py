@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from soter.config.tables import wrong
+from soter.config.table import wrong
 from soter.faults.fault import Context, Fault, FaultOptions, Passage, SentCommand, Spacing
 from soter.sdk import Capabilities, RobotState
 

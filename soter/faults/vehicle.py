@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from soter.config.tables import wrong
+from soter.config.table import wrong
 from soter.faults.fault import Fault, FaultOptions, Impairment, Passage, SentCommand
 from soter.sdk import Capabilities, RobotState
 

@@ -21,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from soter.geometry.convex import Piece, Pieces, Point
+from soter.geometry.cells import Rectangles, window
+from soter.geometry.convex import Piece, Pieces
 from soter.geometry.edges import Floats
-from soter.geometry.grid import GridMap, Rectangles, window
+from soter.geometry.grid import GridMap
+from soter.geometry.workspace import Point
 
 EXACT_CELLS: Final = 40.0
 _HALF: Final = math.sqrt(0.5)

@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soter.geometry.edges import Edge, Edges, Floats, Indices
-
-Point = tuple[float, float]
-Ring = tuple[Point, ...]
-"""Corners in order, counter-clockwise, the first not repeated."""
+from soter.geometry.workspace import Point, Ring
 
 _FEW: Final = 3
 _floor, _sqrt = math.floor, math.sqrt

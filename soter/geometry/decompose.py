@@ -9,7 +9,7 @@ import shapely  # type: ignore[import-untyped]
 from shapely import MultiPolygon, Polygon
 from shapely import Point as Point_
 
-from soter.geometry.convex import Point, Ring
+from soter.geometry.workspace import Point, Ring
 
 _SLIVER_M2: Final = 1e-10
 _ANYWHERE_M: Final = 50_000.0

@@ -9,11 +9,10 @@ from itertools import pairwise
 from typing import Final
 
 from soter.errors import ConfigError, floor_m
-from soter.geometry.convex import Ring
 from soter.geometry.grid import GridMap
 from soter.geometry.site import Area, GeoOrigin, Site, SitePlan, as_box
-from soter.geometry.workspace import Point, RobotPlace
-from soter.geometry.workspace_xml import BODY_RADIUS_M, MAX_ROBOT_ID, MIN_STATION_M, SLACK_M
+from soter.geometry.workspace import MAX_ROBOT_ID, Point, Ring, RobotPlace
+from soter.geometry.workspace_xml import BODY_RADIUS_M, MIN_STATION_M, SLACK_M
 from soter.problems import Problem, config_error
 
 MAX_COORDINATE_M: Final = 20_000.0

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from soter.errors import ConfigError
+from soter.geometry.cells import MAX_CELLS, Bits, pack
 from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline
-from soter.geometry.grid import MAX_CELLS, Bits, GridMap, pack
+from soter.geometry.grid import GridMap
 from soter.problems import config_error, not_allowed, pydantic_problems, read_limited, shown_value
 
 MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS

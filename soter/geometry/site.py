@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from soter.errors import ConfigError
-from soter.geometry.convex import Pieces, Ring
 from soter.geometry.grid import GridMap
-from soter.geometry.workspace import Box, Point, RobotPlace, Workspace
+from soter.geometry.workspace import Box, Point, Ring, RobotPlace, Workspace
 
 if TYPE_CHECKING:
     from soter.geometry.clearance import Field
+    from soter.geometry.convex import Pieces
 
 _ROUNDING_M: Final = 1e-9
 _FAR_M: Final = 10.0
@@ -160,7 +161,7 @@ class Site(Workspace):
         """The areas that robots keep out of, or what is occupied in the map."""
         if self.field is not None:
             return self.field
-        return Pieces([ring for area in self.plan.areas for ring in area.pieces], self.cell_m)
+        return self._indexed([ring for area in self.plan.areas for ring in area.pieces])
 
     @cached_property
     def field(self) -> Field | None:
@@ -176,7 +177,7 @@ class Site(Workspace):
     def outside(self) -> Pieces:
         """What is outside of the fence, a wide rim around its bounding box; nothing where there is no fence."""
         if self.plan.fence is None:
-            return Pieces((), self.cell_m)
+            return self._indexed(())
         low_x, low_y, high_x, high_y = self._bounds
         far_x, far_y, wide_x, wide_y = low_x - _RIM_M, low_y - _RIM_M, high_x + _RIM_M, high_y + _RIM_M
         rim = (
@@ -185,7 +186,13 @@ class Site(Workspace):
             ((far_x, far_y), (wide_x, far_y), (wide_x, low_y), (far_x, low_y)),
             ((far_x, high_y), (wide_x, high_y), (wide_x, wide_y), (far_x, wide_y)),
         )
-        return Pieces((*self.plan.around, *rim), self.cell_m)
+        return self._indexed((*self.plan.around, *rim))
+
+    def _indexed(self, rings: Sequence[Ring]) -> Pieces:
+        # Imported here: a planner's worker process and robots' programs know sites, and need no index.
+        from soter.geometry.convex import Pieces
+
+        return Pieces(rings, self.cell_m)
 
     def fence_m(self, x_m: float, y_m: float) -> float:
         return self.outside.distance_m(x_m, y_m)

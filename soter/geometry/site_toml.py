@@ -7,9 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from soter.geometry.convex import Ring
 from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
-from soter.geometry.workspace_xml import MAX_ROBOT_ID
+from soter.geometry.workspace import MAX_ROBOT_ID, Ring
 from soter.problems import config_error, not_allowed, parse_toml, pydantic_problems
 
 Metres = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]

@@ -10,6 +10,11 @@ from itertools import product
 from soter.errors import ConfigError
 
 Point = tuple[float, float]
+Ring = tuple[Point, ...]
+"""Corners in order, counter-clockwise, the first not repeated."""
+
+MAX_ROBOT_ID = 254
+"""Robot ids are MAVLink system ids too; 0 and 255 mean something else there."""
 
 _ROUNDING_M = 1e-9
 """A point constructed to lie on an edge counts as on it."""

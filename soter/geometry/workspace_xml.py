@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from soter.errors import ConfigError, floor_m, nearest
-from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.geometry.workspace import MAX_ROBOT_ID, Box, RobotPlace, Workspace
 from soter.geometry.xml_tree import Element, parse_tree
 from soter.problems import MAX_FILE_BYTES, Problem, config_error, cut, read_limited, shown_value
 
@@ -16,9 +16,6 @@ BODY_RADIUS_M = 0.105
 
 SLACK_M = 0.05
 """A start or charger on the very edge of phi_safer would send its robot to the safe controller at each wobble."""
-
-MAX_ROBOT_ID = 254
-"""Robot ids are MAVLink system ids too; 0 and 255 mean something else there."""
 
 MAX_SIZE_M = 10_000.0
 

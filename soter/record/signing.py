@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soter.errors import BackendUnavailable, ConfigError, option_error
-from soter.sdk.hints import install_command
+from soter.hints import install_command
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey

@@ -23,7 +23,8 @@ from soter.stack.declaration import HOME_CLEARANCE_M
 from soter.stack.events import Disengaged, GoalEnded, PathPlanned, Reengaged
 from soter.stack.kit import RobotKit, RobotPort
 from soter.stack.path_guard import PathGuard
-from soter.stack.planners import PlannerSpec, PlanRequest, PlanService
+from soter.stack.planners import PlannerSpec, PlanRequest
+from soter.stack.planners.service import PlanService
 from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 
 logger = logging.getLogger(__name__)

@@ -18,8 +18,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.geometry.convex import Point, Ring
 from soter.geometry.edges import Floats, Indices
+from soter.geometry.workspace import Point, Ring
 from soter.stack.map_routes import map_roads
 from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Terrain, crosses, crossing

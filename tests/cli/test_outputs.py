@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from soter.cli.app import app
 from soter.cli.outputs import Output, Outputs, refuse_clashes
 from soter.errors import ConfigError
+from soter.hints import install_command
 from soter.record.digest import MAGIC
-from soter.sdk.hints import install_command
 from tests.project.source import ROOT
 
 

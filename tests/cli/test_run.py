@@ -17,9 +17,9 @@ from typer.testing import CliRunner, Result
 
 from soter import runner
 from soter.cli import app
+from soter.hints import install_command
 from soter.runner import Run, RunResult
 from soter.runner.result import UncontrolledFigures
-from soter.sdk.hints import install_command
 from tests.cli.conftest import MISSION
 from tests.project.source import ROOT
 from tests.record.helpers import running

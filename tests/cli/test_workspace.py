@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from soter.cli import app
-from soter.sdk.hints import install_command
+from soter.hints import install_command
 from tests.project.source import ROOT
 
 WORLDS = ROOT / "examples" / "worlds"

@@ -8,9 +8,10 @@ import random
 import pytest
 import shapely  # type: ignore[import-untyped]
 
-from soter.geometry.convex import Pieces, Ring
+from soter.geometry.convex import Pieces
 from soter.geometry.decompose import anticlockwise, pieces_around, pieces_of
 from soter.geometry.draft import circle
+from soter.geometry.workspace import Ring
 
 EXACT_M = 1e-9
 PLACES = 40

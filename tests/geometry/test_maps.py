@@ -17,9 +17,10 @@ from PIL import Image
 
 from soter.config import load_mission
 from soter.errors import ConfigError
+from soter.geometry.cells import merged, pack
 from soter.geometry.clearance import EXACT_CELLS, Field
 from soter.geometry.draft import Spot
-from soter.geometry.grid import GridMap, merged, pack
+from soter.geometry.grid import GridMap
 from soter.geometry.reading import read_workspace
 from soter.geometry.site import Site, SitePlan
 from soter.geometry.writing import as_tables

@@ -6,6 +6,7 @@ count as much as the others: a type that a part may not know is a dependency too
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections import defaultdict
@@ -21,6 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "soter.clock": set(),
     "soter.controller": set(),
     "soter.errors": set(),
+    "soter.hints": set(),
     "soter.loading": set(),
     "soter.problems": set(),
     "soter.scratch": set(),
@@ -132,6 +134,7 @@ BASE = {
     "soter.scratch",
     "soter.clock",
     "soter.errors",
+    "soter.hints",
     "soter.loading",
     "soter.problems",
     "soter.geometry",
@@ -142,6 +145,7 @@ STDLIB_ONLY = {
     "soter.clock",
     "soter.controller",
     "soter.errors",
+    "soter.hints",
     "soter.loading",
     "soter.onboard",
     "soter.isolation.child",
@@ -362,3 +366,14 @@ def test_importing_soter_loads_no_library_of_a_vendor() -> None:
         [sys.executable, "-W", "error", "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert not VENDORS & set(loaded.stdout.split())
+
+
+@pytest.mark.parametrize("module", ["soter.stack.planners.sampling", "soter.stack.planners.worker", "soter_sim"])
+def test_what_starts_in_processes_of_its_own_loads_only_what_it_needs(module: str) -> None:
+    """A run waits for its planner's process, and every simulated robot is one."""
+    program = f"import sys, {module}; print(*sorted(sys.modules))"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "sim")))}
+    loaded = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    assert not {"numpy", "xml.sax", "soter.config.mission_file", "soter.config.tables"} & set(loaded.stdout.split())

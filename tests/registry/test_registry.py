@@ -16,9 +16,9 @@ import pytest
 
 from soter import registry
 from soter.errors import BackendError, BackendUnavailable, UnknownBackend
+from soter.hints import DISTRIBUTION, install_command
 from soter.registry import BUILT_IN, INSTALL_HINTS, LIBRARIES, backend_names, install_hint, list_backends, load_backend
 from soter.sdk import INTERFACE_VERSION
-from soter.sdk.hints import DISTRIBUTION, install_command
 
 PYPROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
 

@@ -10,8 +10,9 @@ from pydantic import Field, model_validator
 
 from soter.clock import Clock, VirtualClock
 from soter.config.promises import Promise
-from soter.config.tables import wrong
+from soter.config.table import wrong
 from soter.errors import BackendUnavailable, RobotUnavailable
+from soter.hints import install_command
 from soter.onboard.drive import OVERSHOOT_M, TUBE_M, Drive, DriveLimits, tube_m
 from soter.onboard.mux import Mux
 from soter.sdk import (
@@ -27,7 +28,6 @@ from soter.sdk import (
     RobotSpec,
     RobotState,
 )
-from soter.sdk.hints import install_command
 from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
 
 

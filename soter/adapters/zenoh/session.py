@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from soter.adapters.zenoh.session_options import Endpoint, SessionOptions, TlsOptions
 from soter.errors import BackendUnavailable, RobotUnavailable
-from soter.sdk.hints import install_command
+from soter.hints import install_command
 
 if TYPE_CHECKING:
     import zenoh

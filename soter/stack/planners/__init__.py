@@ -1,4 +1,4 @@
-"""Motion planners by name, and the service that runs them where they can do no harm."""
+"""Motion planners by name; `service` runs them where they can do no harm."""
 
 from soter.stack.planners.base import (
     CHECK_COST_S,
@@ -18,7 +18,6 @@ from soter.stack.planners.names import (
     check_name,
     planner_class,
 )
-from soter.stack.planners.service import PlanService
 
 __all__ = [
     "BUILT_IN",
@@ -28,7 +27,6 @@ __all__ = [
     "MAX_WAYPOINTS",
     "PlanRequest",
     "PlanResult",
-    "PlanService",
     "Planner",
     "PlannerOptions",
     "PlannerSpec",

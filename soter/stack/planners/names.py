@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from soter.config import validate_options
+from soter.config.options import validate_options
 from soter.errors import BackendUnavailable, ConfigError
 from soter.geometry.workspace import Workspace
+from soter.hints import install_command
 from soter.loading import known_target, load_class
 from soter.problems import dotted
-from soter.sdk.hints import install_command
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 
 DEFAULT_PLANNER = "ompl-bitstar"

@@ -16,7 +16,8 @@ from soter.adapters.mavlink.frames import GeoPoint, geodetic_e7, local_m
 from soter.adapters.mavlink.item_lists import FENCE, ItemLists
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.errors import RobotUnavailable
-from soter.geometry.grid import GridMap, pack
+from soter.geometry.cells import pack
+from soter.geometry.grid import GridMap
 from soter.geometry.site import Site, SitePlan
 from soter.sdk import Fleet
 from soter_sim.mavlink.kinds import Mode

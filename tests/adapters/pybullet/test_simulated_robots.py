@@ -13,8 +13,8 @@ from pydantic import ValidationError
 
 from soter.adapters.pybullet import KinematicBackend, KinematicConfig, PyBulletBackend, PyBulletConfig, SimulatedFleet
 from soter.errors import BackendUnavailable, LifecycleError, RobotUnavailable
+from soter.hints import install_command
 from soter.sdk import INTERFACE_VERSION, Controller, GoalStatus, Link, Robot, RobotSpec, Waypoint
-from soter.sdk.hints import install_command
 from soter.stack.reach import MotionLimits
 from soter_sim.kinematic import KinematicEngine
 from tests.sim.worlds import CASE, empty, from_segment

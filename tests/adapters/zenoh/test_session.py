@@ -18,8 +18,8 @@ from pydantic import ValidationError
 from soter.adapters.zenoh.session import SessionOptions, endpoints, open_session
 from soter.adapters.zenoh.session_options import DEFAULT_PORT
 from soter.errors import BackendUnavailable, ConfigError, RobotUnavailable
+from soter.hints import install_command
 from soter.problems import config_error, pydantic_problems
-from soter.sdk.hints import install_command
 from tests.adapters.zenoh.sessions import SILENCE_S, Heard, client, opened, router
 from tests.waiting import eventually, wait_until
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from soter.errors import BackendUnavailable, ConfigError
-from soter.sdk.hints import install_command
+from soter.hints import install_command
 from soter.stack.planners import BUILT_IN, DEFAULT_PLANNER, PlannerSpec, PlanRequest, check_name, planner_class
 from tests.stack.planners.misbehaving import Raises
 from tests.stack.planners.places import CASE, RADIUS_M

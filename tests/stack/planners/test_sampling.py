@@ -155,7 +155,8 @@ def test_seed_robot_and_request_make_a_difference() -> None:
 
 SCRIPT = """if True:
     import json, sys
-    from soter.stack.planners import PlannerSpec, PlanRequest, PlanService
+    from soter.stack.planners import PlannerSpec, PlanRequest
+    from soter.stack.planners.service import PlanService
     from tests.stack.planners.places import CASE, RADIUS_M
     with PlanService(PlannerSpec(sys.argv[1], CASE, RADIUS_M)) as service:
         for number in json.loads(sys.argv[2]):

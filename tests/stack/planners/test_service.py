@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from soter.errors import ConfigError
-from soter.stack.planners import PlannerSpec, PlannerUnavailable, PlanRequest, PlanResult, PlanService
+from soter.stack.planners import PlannerSpec, PlannerUnavailable, PlanRequest, PlanResult
+from soter.stack.planners.service import PlanService
 from tests.stack.planners.misbehaving import KINDS
 from tests.stack.planners.places import CASE, RADIUS_M
 from tests.waiting import gone, wait_until
@@ -206,7 +207,8 @@ def test_close_leaves_no_process() -> None:
 def test_workers_die_with_the_mission(planner: str) -> None:
     script = f"""if True:
         import os
-        from soter.stack.planners import PlannerSpec, PlanRequest, PlanService
+        from soter.stack.planners import PlannerSpec, PlanRequest
+        from soter.stack.planners.service import PlanService
         from tests.stack.planners.places import CASE
         service = PlanService(PlannerSpec({planner!r}, CASE, 0.1), in_process=False)
         service.ready()
@@ -227,7 +229,8 @@ def test_main_module_is_not_run_again(tmp_path: Path) -> None:
     file = tmp_path / "mission.py"
     file.write_text(
         "print('main')\n"
-        "from soter.stack.planners import PlannerSpec, PlanRequest, PlanService\n"
+        "from soter.stack.planners import PlannerSpec, PlanRequest\n"
+        "from soter.stack.planners.service import PlanService\n"
         "from tests.stack.planners.places import CASE\n"
         "with PlanService(PlannerSpec('straight-line', CASE, 0.1), in_process=False) as service:\n"
         "    service.submit(PlanRequest(1, 1, (1.0, 1.0), (2.0, 1.0)), 0.0)\n"

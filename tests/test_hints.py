@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from soter.sdk import hints
+from soter import hints
 from tests.project.source import ROOT
 
 

@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 DISTRIBUTION: Final = "soter-rta"
 """What SOTER is called on package indexes, where `soter` is somebody else's."""
 
-_TREE: Final = Path(__file__).parents[2]
+_TREE: Final = Path(__file__).parents[1]
 
 
 def install_command(extra: str) -> str:

@@ -1,0 +1,55 @@
+"""The polygons around a place, found quickly however many there are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, sin
+
+import numpy as np
+
+from soter_sim.boxes import CELL_M, FEW, NEAR_M
+from soter_sim.shapes import Polygon, chord_to_polygon, meet_polygon, point_to_polygon
+
+
+class Polygons:
+    """What `Boxes` is, for polygons.
+
+    Args:
+        polygons: the polygons.
+        yaw_rad: the direction that most of their edges have; what is near is looked up along it.
+
+    Attributes:
+        all: the polygons' corners.
+    """
+
+    __slots__ = ("_bounds", "_cells", "_cos", "_sin", "all")
+
+    point_to = staticmethod(point_to_polygon)
+    chord_to = staticmethod(chord_to_polygon)
+    meet = staticmethod(meet_polygon)
+
+    def __init__(self, polygons: Sequence[Polygon], yaw_rad: float = 0.0) -> None:
+        self.all: tuple[Polygon, ...] = tuple(polygons)
+        self._cos, self._sin = cos(yaw_rad), sin(yaw_rad)
+        turned = [[self._turned(*corner) for corner in each] for each in self.all]
+        self._bounds = np.array(
+            [(*np.min(each, axis=0), *np.max(each, axis=0)) for each in turned], dtype=np.float64
+        ).reshape(-1, 4)
+        self._cells: dict[tuple[int, int], tuple[Polygon, ...]] = {}
+
+    def near(self, x: float, y: float) -> tuple[Polygon, ...]:
+        """Return all polygons nearer to a place than `NEAR_M`, and maybe others; `all` itself if they are few."""
+        if len(self.all) <= FEW:
+            return self.all
+        x, y = self._turned(x, y)
+        cell = (int(x // CELL_M), int(y // CELL_M))
+        found = self._cells.get(cell)
+        if found is None:
+            middle = (np.array(cell) + 0.5) * CELL_M
+            apart = np.maximum(np.maximum(self._bounds[:, :2] - middle, middle - self._bounds[:, 2:]), 0.0)
+            chosen = np.flatnonzero(np.hypot(apart[:, 0], apart[:, 1]) <= NEAR_M + CELL_M)
+            found = self._cells[cell] = tuple(self.all[index] for index in chosen.tolist())
+        return found
+
+    def _turned(self, x: float, y: float) -> tuple[float, float]:
+        return x * self._cos + y * self._sin, y * self._cos - x * self._sin

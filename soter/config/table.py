@@ -1,0 +1,27 @@
+"""What all tables of a mission file have in common."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import InitErrorDetails
+
+from soter.geometry.workspace import MAX_ROBOT_ID
+from soter.problems import not_allowed
+
+Name = Annotated[str, Field(min_length=1)]
+RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
+
+
+class Table(BaseModel):
+    """Base of all tables: unknown keys are refused, values are taken as they are written."""
+
+    # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+def wrong(key: tuple[str | int, ...], value: object, allowed: str) -> ValidationError:
+    """Return an error on a key below the model that is being validated."""
+    details = InitErrorDetails(type=not_allowed(allowed), loc=key, input=value)
+    return ValidationError.from_exception_data("mission", [details])
