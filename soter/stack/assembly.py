@@ -36,7 +36,7 @@ from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.declaration import Declared, declare, terrains_of, timing_of
 from soter.stack.monitors import ChargeMonitor, ContractMonitor
 from soter.stack.peers import PeerBounds, Peers
-from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
+from soter.stack.right_of_way import AHEAD_S, BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.terrain import Terrain
 
@@ -157,6 +157,7 @@ def assemble(
         lambda robot_id, x_m, y_m: safe[robot_id].declared.dock.path.legs(x_m, y_m),
         lambda bound: safe[bound.robot_id].declared.dock.docked(bound.situation),
         2.0 * (worst.noise_m + worst.v_max_m_s * worst.sample_age_s),
+        lambda robot_id: AHEAD_S * promises[robot_id].v_max_m_s,
     )
     supervisors: list[RobotSupervisor] = []
     for robot in robots:

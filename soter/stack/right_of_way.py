@@ -39,6 +39,9 @@ LOOK_S: Final = 0.5
 BESIDE_M: Final = 0.3
 """A robot that has left a path may come back to it when it is so much farther away than it must be."""
 
+AHEAD_S: Final = 30.0
+"""Others leave as much of a robot's path as it covers in so long: who stands farther on has time."""
+
 PROGRESS_M: Final = 0.1
 LOW_CHARGE: Final = 0.60
 COLLISION: Final = "collision"
@@ -60,7 +63,7 @@ class Path:
 
     Attributes:
         robot_id: the first of them in the order.
-        lines: what is left of their return paths, each from where the robot is.
+        lines: what comes next of their return paths, each from where the robot is.
         apart_m: others keep so far from them.
     """
 
@@ -81,7 +84,7 @@ class Path:
 
 @dataclass(slots=True)
 class _Homing:
-    """A robot on its way to charge: its path, when that was looked for, and how it gets along it."""
+    """A robot on its way to charge: what others leave of its path, when it was looked for, and how it gets along."""
 
     line: tuple[Point, ...]
     looked_s: float
@@ -100,9 +103,10 @@ class _Wait:
 class RightOfWay:
     """The arbiter of who drives on and who makes room. One for a supervisor's robots; called before decisions are made.
 
-    Robots that have to charge come first, in the order in which they began to: the first of them is left its return
-    path by all others, whoever drives them, the next by all but the first, and so on. One that does not get along goes
-    to the end. Room is made for a robot, too, that is not given back because peers linger near it with their ACs.
+    Robots that have to charge come first, in the order in which they began to: the first of them is left what comes
+    next of its return path by all others, whoever drives them, the next by all but the first, and so on. One that does
+    not get along goes to the end. Room is made for a robot, too, that is not given back because peers linger near it
+    with their ACs.
 
     Supervisors that share peers come to the same order of encounters, up to the time it takes to hear of each other;
     the paths of their robots they do not know.
@@ -114,6 +118,7 @@ class RightOfWay:
         legs: the return path of a robot from a place, as its corners.
         docked: whether a robot stands on its station.
         unsure_m: how much farther than `safer_m` robots may be and not be given back, as they and their peers are seen.
+        ahead_m: how much of a robot's path others leave.
     """
 
     def __init__(
@@ -124,8 +129,10 @@ class RightOfWay:
         legs: Callable[[int, float, float], Sequence[Point]] = lambda *_: (),
         docked: Callable[[RobotSupervisor], bool] = lambda _: False,
         unsure_m: float = 0.0,
+        ahead_m: Callable[[int], float] = lambda _: math.inf,
     ) -> None:
         self._apart_m: Final = apart_m
+        self._ahead_m: Final = ahead_m
         self._legs: Final = legs
         self._docked: Final = docked
         self._modules: dict[int, dict[str, DecisionModule]] = {}
@@ -210,8 +217,8 @@ class RightOfWay:
             own, known = robot.situation.own, homing.get(robot_id)
             if known is not None and now_s - known.looked_s < LOOK_S:
                 continue
-            line = ((own.x_m, own.y_m), *self._legs(robot_id, own.x_m, own.y_m))
-            to_go_m = length_m(line)
+            whole = ((own.x_m, own.y_m), *self._legs(robot_id, own.x_m, own.y_m))
+            line, to_go_m = _beginning(whole, self._ahead_m(robot_id)), length_m(whole)
             if known is None:
                 homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
                 continue
@@ -328,6 +335,20 @@ def needs_charge(robot: RobotSupervisor) -> bool:
 def _rank(robot_id: int, order: Sequence[tuple[int, _Homing]]) -> int:
     """Return how many robots on their way to charge go before a robot: all, if it is none of them."""
     return next((rank for rank, (other_id, _) in enumerate(order) if other_id == robot_id), len(order))
+
+
+def _beginning(line: Sequence[Point], most_m: float) -> tuple[Point, ...]:
+    """Return no more than so much of a line, from where it begins."""
+    kept = [line[0]]
+    for one, other in pairwise(line):
+        leg_m = math.dist(one, other)
+        if leg_m > most_m:
+            part = most_m / leg_m
+            kept.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
+            break
+        kept.append(other)
+        most_m -= leg_m
+    return tuple(kept)
 
 
 def from_line(x: float, y: float, one: Point, other: Point) -> float:

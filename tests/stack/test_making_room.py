@@ -29,7 +29,7 @@ NOW_S = 100.0
 class Homing(Meeting):
     """Some robots with stations; those that the test says are on their way there, straight."""
 
-    def __init__(self, places: Sequence[Point], stations: Sequence[Point]) -> None:
+    def __init__(self, places: Sequence[Point], stations: Sequence[Point], ahead_m: float = math.inf) -> None:
         self.stations = dict(enumerate(stations, start=1))
         super().__init__(
             *places,
@@ -37,6 +37,7 @@ class Homing(Meeting):
                 apart_m=lambda _: APART_M,
                 legs=lambda robot_id, x_m, y_m: [self.stations[robot_id]],
                 docked=self.docked,
+                ahead_m=lambda _: ahead_m,
             ),
         )
 
@@ -96,6 +97,25 @@ def test_it_may_go_on_when_it_has_left_the_path_by_more_than_it_must_or_the_othe
     meeting.look(NOW_S + 3.0)
     assert not meeting.leaving()
     assert meeting.rule.path_is_clear(2)
+
+
+def test_who_stands_far_along_the_path_has_time() -> None:
+    """It keeps its AC until the other is as near along its path as others leave it."""
+    meeting = Homing([(8.0, 0.0), (0.0, 0.0)], [(0.0, 9.0), (10.0, 0.0)], ahead_m=3.0)
+    meeting.home(2)
+    assert not meeting.leaving()
+    assert meeting.collision(1) is Controller.AC
+    meeting.put(2, (4.0, 0.0))
+    meeting.look(NOW_S + 2.0)
+    assert not meeting.leaving()
+    meeting.put(2, (5.0, 0.0))
+    meeting.look(NOW_S + 3.0)
+    assert meeting.leaving() == {1: Path(2, (((5.0, 0.0), (8.0, 0.0)),), APART_M)}
+    assert meeting.collision(1) is Controller.SC
+    meeting.put(2, (8.5, 0.0))
+    meeting.put(1, (9.9, 0.0))
+    meeting.look(NOW_S + 4.0)
+    assert meeting.leaving() == {1: Path(2, (((8.5, 0.0), (10.0, 0.0)),), APART_M)}
 
 
 @pytest.mark.parametrize(("docked", "mode", "left_alone"), [
