@@ -155,6 +155,7 @@ class Robot(ABC):
         if type(target) is not Waypoint:
             raise TypeError(f"robot {self.__id}: a target is a Waypoint, not a {type(target).__name__}")
         target.check()
+        target = target.in_floats()
         now_s = self.__clock.now()
         goal = Goal(self.__cancel, self.__next_goal_id, target, by, now_s)
         self.__next_goal_id += 1

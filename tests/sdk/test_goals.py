@@ -8,6 +8,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -84,12 +85,27 @@ def test_what_only_looks_like_a_waypoint_is_refused_here_and_not_in_the_vehicle(
     refused(ready_robot(), target, TypeError)
 
 
-def test_targets_outside_every_fence_and_numbers_of_other_kinds_are_passed_on() -> None:
+def test_targets_outside_every_fence_are_passed_on() -> None:
     robot = ready_robot()
     robot.goto(Waypoint(-50.0, 9_999.0, heading_rad=9.0, speed_m_s=5.0), SC)
-    robot.goto(Waypoint(1, 2), SC)
-    robot.goto(Waypoint(cast(Any, Fraction(1, 2)), 0.0), SC)
-    assert len(robot.sent) == 3
+    assert len(robot.sent) == 1
+
+
+@pytest.mark.parametrize(
+    "target",
+    [Waypoint(1, 2, radius_m=3), Waypoint(cast(Any, Fraction(1, 2)), cast(Any, np.float32(0.25)), speed_m_s=1)],
+)
+def test_an_adapter_is_given_floats_whatever_kind_of_number_a_target_is_of(target: Waypoint) -> None:
+    robot = ready_robot()
+    goal = robot.goto(target, SC)
+    assert goal.target == target
+    assert all(type(value) is float or value is None for value in goal.target)
+    assert robot.sent == [goal]
+
+
+@pytest.mark.parametrize("name", ["x_m", "heading_rad", "speed_m_s", "radius_m", "timeout_s"])
+def test_whole_numbers_that_no_float_can_be_are_refused(name: str) -> None:
+    refused(ready_robot(), THERE._replace(**{name: 10**400}), ValueError)
 
 
 @given(st.builds(Waypoint, *[st.floats()] * 3, st.none() | st.floats(), st.none() | st.floats(), *[st.floats()] * 2))
