@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Final
 
 from soter.conformance.track import turn
@@ -18,6 +19,26 @@ _OFF_M: Final = 0.001
 _OFF_RAD: Final = 0.05
 _LATE_S: Final = 0.1
 _LATE_M: Final = 0.01
+_SEAM_RAD: Final = 0.5
+
+_TOO_FAST: Final = {
+    "": "it keeps what it promises in most that it does, and not in what it was driven for here: a limit that does not "
+    "count for this controller, direction or kind of goal",
+}
+_CAUSES: Final[dict[str, dict[str, str]]] = {
+    "v_max_m_s": _TOO_FAST,
+    "yaw_rate_max_rad_s": _TOO_FAST,
+    "position_noise_m": {
+        "while it moves": "samples are of an older place than their stamp says, or of a smoothed or foreseen one",
+        "": "places are off at rest, too: another frame, unit or origin, another robot's place, or a count that drifts",
+    },
+    "heading_noise_rad": {
+        "next to pi, where headings begin anew": "a filter, a mean or an interpolation takes pi and -pi for far apart",
+        "while it moves": "samples are of an older heading than their stamp says, or of a smoothed or foreseen one",
+        "": "headings are off at rest, too: the sign, unit or zero of another frame, or turn rates that are added up",
+    },
+}
+"""By promise, when alone it was broken, and the likely cause; the last one is of what is wrong at other times, too."""
 
 
 class Always:
@@ -25,11 +46,16 @@ class Always:
 
     def __init__(self) -> None:
         self._worst: dict[str, tuple[float, str]] = {}
+        self._only: dict[str, set[str]] = {}
 
     @property
     def wrong(self) -> str:
         """What is wrong, or nothing."""
-        return max(self._worst.values(), default=(0.0, ""))[1]
+        if not self._worst:
+            return ""
+        promise = max(self._worst, key=lambda each: self._worst[each][0])
+        when = next(each for each in _CAUSES[promise] if not each or each in self._only[promise])
+        return f"{self._worst[promise][1]}{f', only {when}' * bool(when)}: {_CAUSES[promise][when]}"
 
     def note(self, bench: Judging, robot: Robot, state: RobotState) -> None:
         """Look at a sample that was read just now."""
@@ -48,13 +74,17 @@ class Always:
             # The truth comes over a wire of its own.
             age_s, may_be_m = age_s + caps.jitter_s + _LATE_S, may_be_m + _LATE_M
         off_m, off_rad = math.dist((x_m, y_m), state[3:5]), abs(turn(heading_rad, state.heading_rad))
-        self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot)
-        self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot)
+        when = set() if caps.rests(state) else {"while it moves"}
+        if math.pi - abs(heading_rad) < _SEAM_RAD:
+            when.add("next to pi, where headings begin anew")
+        self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot, when)
+        self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot, when)
 
-    def _keep(self, promise: str, seen: float, most: float, robot: Robot) -> None:
+    def _keep(self, promise: str, seen: float, most: float, robot: Robot, when: Collection[str] = ()) -> None:
         times = seen / most
-        if times > max(1.0, self._worst.get(promise, (0.0, ""))[0]):
-            self._worst[promise] = (times, (
-                f"{promise} was {seen:.3g} of robot {robot.id}, allowed at any time is {most:.3g}: it keeps what it "
-                "promises in most that it does, and not in what it was driven for here"
-            ))  # fmt: skip
+        if times <= 1.0:
+            return
+        self._only[promise] = self._only.get(promise, {*when}) & {*when}
+        if times > self._worst.get(promise, (0.0, ""))[0]:
+            said = f"{promise} was {seen:.3g} of robot {robot.id}, allowed at any time is {most:.3g}"
+            self._worst[promise] = (times, said)

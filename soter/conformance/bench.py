@@ -26,6 +26,12 @@ _MISREAD: Final = 2.0
 _MISREAD_M_S: Final = 0.1
 _MISREAD_M: Final = 0.1
 
+_NOT_THROUGH: Final = "the target did not get through, or is in another frame"
+_SLOW: Final = (
+    "the target did not get through, the lease is not renewed by renew_lease(), the cap of an earlier goal is kept, or "
+    "v_max_m_s is declared too high"
+)
+
 
 class Bench(Judging):
     """What a clause works with: it opens robots, drives them, and sees them stop."""
@@ -196,16 +202,17 @@ class Bench(Judging):
         target: Waypoint,
         by: Controller = Controller.AC,
         *,
-        cause: str = "the target did not get through, or is in another frame",
+        cause: str = "",
     ) -> Goal:
-        """Send a robot somewhere and see it arrive there; with the likely cause if it does not."""
+        """Send a robot somewhere and see it arrive there; with the likely cause if it does not, where one is known."""
         began, began_s = self.look(robot), self.now_s
         goal = robot.goto(target, by)
         self.run(self.way_s(), lambda: not goal.active or self.stands(robot, began_s))
         self.require(
             goal.status is GoalStatus.REACHED,
             f"a goal {began.distance_m(target.x_m, target.y_m):.2f} m away is {goal.status.value} ({goal.reason}) "
-            f"after {self.now_s - began_s:.1f} s, expected reached: {self._astray(robot, began, target) or cause}",
+            f"after {self.now_s - began_s:.1f} s, expected reached: "
+            f"{self._astray(robot, began, goal) or cause or self._stuck(robot, goal) or _NOT_THROUGH}",
         )
         return goal
 
@@ -214,9 +221,9 @@ class Bench(Judging):
         self.run(self.way_s(), lambda: not goal.active)
         self.require_status(goal, GoalStatus.REACHED, cause)
 
-    def _astray(self, robot: Robot, began: TrackSample, target: Waypoint) -> str:
-        """Return what the way that a robot took instead of that to its target says; empty where it says nothing."""
-        last = self.tracks[robot.id][-1]
+    def _astray(self, robot: Robot, began: TrackSample, goal: Goal) -> str:
+        """Return what the way that a robot took instead of that to its goal says; empty where it says nothing."""
+        last, target = self.tracks[robot.id][-1], goal.target
         moved_m, up_m = last.distance_m(began.x_m, began.y_m), last.state.z_m - target.z_m
         if last.distance_m(target.x_m, target.y_m) <= target.radius_m and abs(up_m) > 0.5 * target.radius_m:
             return f"it is there but for its height, which is said to be {up_m:.2f} m off: z_m is 0 on the ground"
@@ -230,6 +237,15 @@ class Bench(Judging):
             f"it drove {moved_m:.2f} m, {abs(off):.2f} rad to the {'left' if off > 0.0 else 'right'} of the way there: "
             "an older target is still in force, axes are swapped or mirrored, or the target is in another frame"
         )
+
+    def _stuck(self, robot: Robot, goal: Goal) -> str:
+        """Return why a robot may stand that has taken a goal, by its own word; empty where it does not say so."""
+        last = self.tracks[robot.id][-1]
+        if last.state.goal_id != goal.id:
+            return ""
+        at_charger = self.harness.charges_at_start and last.distance_m(robot.spec.x_m, robot.spec.y_m) <= self.near_m
+        why = "it is on its charger, and does not drive while it is being charged; or " * at_charger
+        return f"it says that it works on the goal, and stands: {why}renew_lease() does not renew its lease"
 
     def stands(self, robot: Robot, since_s: float) -> bool:
         """Whether for a while now nothing has moved, or been heard, of a robot that has had time to: no use to wait."""
@@ -253,8 +269,7 @@ class Bench(Judging):
         by: Controller = Controller.AC,
         *,
         closely: bool = False,
-        cause: str = "the target did not get through, the lease is not renewed by renew_lease(), the cap of an earlier "
-        "goal is kept, or v_max_m_s is declared too high",
+        cause: str = "",
     ) -> Goal:
         """Send a robot somewhere far and see it come up to speed."""
         began_s = self.now_s
@@ -269,7 +284,8 @@ class Bench(Judging):
         self.require(
             moves() and goal.active,
             f"it did not come up to {fast:.2f} m/s, but to {most_m_s:.2f} m/s, on a straight leg within "
-            f"{self.now_s - began_s:.1f} s: {cause}",
+            f"{self.now_s - began_s:.1f} s: "
+            f"{cause or (most_m_s <= self.caps.moving_m_s and self._stuck(robot, goal)) or _SLOW}",
         )
         return goal
 

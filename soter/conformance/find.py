@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from soter.conformance.given import Given, GivenHarness
-from soter.conformance.harness import LIMITS, Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, LIMITS, Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
@@ -50,9 +50,9 @@ class InProcessHarness(Harness):
         """Return robots of which the last is of its own kind, in a fresh world."""
         return self._opened(specs_at(_places(robots), promised))
 
-    def charged(self, charge: float) -> Fleet:
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
         """Return a robot with a charge of its own in a fresh world."""
-        return self._opened(specs_at(_places(1), charge=charge))
+        return self._opened(specs_at(_places(1), None, charge, lasts_s))
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         """Return some robots of a workspace that has places for all, in a fresh world."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import subprocess
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from soter.geometry.workspace import RobotPlace
 from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
@@ -14,7 +14,7 @@ from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
-EXTRA_HOOKS: Final = ("second", "step_clock", "restart", "promising", "charged", "choosing")
+EXTRA_HOOKS: Final = ("second", "step_clock", "restart", "promising", "charged", "choosing", "switchable")
 """More of them, for what not every harness can do; an adapter may conform without."""
 
 
@@ -24,7 +24,7 @@ LOW_CHARGE: Final = 0.1
 _IDLE_S: Final = 2400.0
 """How long a full battery of theirs lasts at rest: what that takes shows within half a minute."""
 
-_FOR_EVER_S: Final = 1e6
+FOR_EVER_S: Final = 1e6
 """How long it takes to empty, or to charge, a battery whose charge is to stay."""
 
 LIMITS: Final = RuleLimits(separation_m=0.45)
@@ -32,7 +32,10 @@ LIMITS: Final = RuleLimits(separation_m=0.45)
 
 
 def specs_at(
-    places: Iterable[RobotPlace], promised: Capabilities | None = None, charge: float | None = None
+    places: Iterable[RobotPlace],
+    promised: Capabilities | None = None,
+    charge: float | None = None,
+    lasts_s: float = FOR_EVER_S,
 ) -> list[RobotSpec]:
     """Return simulated robots at these places, for the kit to judge.
 
@@ -40,14 +43,27 @@ def specs_at(
         places: where they start.
         promised: what the last of them is asked to promise.
         charge: what is left in their batteries, and stays; None for a low charge that changes as they drive.
+        lasts_s: how long a full one lasts then, whatever they do.
     """
     specs = [RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S) for at in places]
     specs[-1] = replace(specs[-1], promised=promised)
     if charge is None:
         return specs
-    return [
-        replace(each, battery=charge, drive_s=_FOR_EVER_S, idle_s=_FOR_EVER_S, charge_s=_FOR_EVER_S) for each in specs
-    ]
+    return [replace(each, battery=charge, drive_s=lasts_s, idle_s=lasts_s, charge_s=FOR_EVER_S) for each in specs]
+
+
+class Switchable(NamedTuple):
+    """A robot whose program can end, and what carried its messages with it.
+
+    Attributes:
+        fleet: the adapter's connection to the robot itself.
+        off: ends the robot's program.
+        on: begins it anew, at the same address.
+    """
+
+    fleet: Fleet
+    off: Callable[[], object]
+    on: Callable[[], object]
 
 
 class Harness(ABC):
@@ -176,8 +192,11 @@ class Harness(ABC):
         """
         raise NotImplementedError
 
-    def charged(self, charge: float) -> Fleet:
-        """Return a fleet of one fresh robot, as `open` does, that has this charge, and has it still minutes later."""
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
+        """Return a fleet of one fresh robot, as `open` does, that has this charge, and has it still minutes later.
+
+        Where `lasts_s` is given, a full battery of its is empty after so long, whether it drives or not.
+        """
         raise NotImplementedError
 
     def choosing(self, order: Sequence[int]) -> Fleet:
@@ -188,6 +207,10 @@ class Harness(ABC):
         Args:
             order: which, and in which order, as places in what `open(robots_most)` opens.
         """
+        raise NotImplementedError
+
+    def switchable(self) -> Switchable:
+        """Return a fleet of one fresh robot that nothing stands between, and what switches its program off and on."""
         raise NotImplementedError
 
     # --- for the kit ------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final, Protocol
 
 from soter.conformance import driver
-from soter.conformance.harness import Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, Harness, specs_at
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
 
@@ -65,9 +65,11 @@ things up.
 """
 
 
-def in_wide_rooms(robots: int, promised: Capabilities | None = None, charge: float | None = None) -> list[RobotSpec]:
+def in_wide_rooms(
+    robots: int, promised: Capabilities | None = None, charge: float | None = None, lasts_s: float = FOR_EVER_S
+) -> list[RobotSpec]:
     """Return the first robots of `WIDE_ROOMS`, see `soter.conformance.harness.specs_at`."""
-    return specs_at(WIDE_ROOMS.robots[:robots], promised, charge)
+    return specs_at(WIDE_ROOMS.robots[:robots], promised, charge, lasts_s)
 
 
 class RelayedHarness(Harness):
@@ -89,11 +91,12 @@ class RelayedHarness(Harness):
         self._drivers: list[subprocess.Popen[bytes]] = []
         self._promised: Capabilities | None = None
         self._charge: float | None = None
+        self._lasts_s = FOR_EVER_S
         self._order: Sequence[int] | None = None
 
     def specs(self, robots: int) -> list[RobotSpec]:
         """Return the first robots of `WIDE_ROOMS`, with what the last of them is asked to promise, and their charge."""
-        return in_wide_rooms(robots, self._promised, self._charge)
+        return in_wide_rooms(robots, self._promised, self._charge, self._lasts_s)
 
     def asked(self, robots: int) -> list[RobotSpec]:
         """Return which of so many robots the adapter is asked for: all, unless some were chosen."""
@@ -104,8 +107,8 @@ class RelayedHarness(Harness):
         self._promised = promised
         return self.open(robots)
 
-    def charged(self, charge: float) -> Fleet:
-        self._charge = charge
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
+        self._charge, self._lasts_s = charge, lasts_s
         return self.open(1)
 
     def choosing(self, order: Sequence[int]) -> Fleet:

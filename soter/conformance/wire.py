@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from soter.clock import VehicleClock
-from soter.conformance.harness import LIMITS
+from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
 from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.sdk.truth import StreamedTruth
@@ -61,6 +61,15 @@ class WireHarness(RelayedHarness):
         """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
         self._simulated().restart(robot_id)
 
+    def switchable(self) -> Switchable:
+        """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
+        self.fleet = _open(self.backend, self._start(1).robots, None, self.asked(1))
+        return Switchable(self.fleet, lambda: self._simulated().close(), self._begin_anew)
+
+    def _begin_anew(self) -> None:
+        before, limits = self._simulated(), self.limits
+        self._watch(Simulator(self.backend.simulated_by, WIDE_ROOMS, self.specs(1), limits, at=before.robots))
+
     def _connect(self) -> Fleet:
         simulator, relay = self._simulated(), self.relay
         assert isinstance(relay, WireRelay)
@@ -73,9 +82,14 @@ class WireHarness(RelayedHarness):
     def _start(self, robots: int) -> Simulator:
         config: Any = self.backend.config_model(workspace=WIDE_ROOMS, limits=self.limits)
         simulator: Simulator = self.backend.simulate(config, self.specs(robots))
+        self._watch(simulator)
+        return simulator
+
+    def _watch(self, simulator: Simulator) -> None:
+        if self.witness is not None:
+            self.witness.close()
         self.simulator = simulator
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
-        return simulator
 
 
 def open_given(argument: str) -> Fleet:
@@ -85,6 +99,8 @@ def open_given(argument: str) -> Fleet:
     return _open(getattr(importlib.import_module(module), name), given["robots"], given["truth"], in_wide_rooms(1))
 
 
-def _open(backend: type[WireBackend], addresses: Mapping[int, Any], truth: str, robots: Sequence[RobotSpec]) -> Fleet:
+def _open(
+    backend: type[WireBackend], addresses: Mapping[int, Any], truth: str | None, robots: Sequence[RobotSpec]
+) -> Fleet:
     config = backend.config_model.model_validate({"workspace": WIDE_ROOMS, "robots": addresses, "truth": truth})
     return backend().open(config, robots)

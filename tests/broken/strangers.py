@@ -9,11 +9,11 @@ from typing import Any, ClassVar, Final
 
 from soter.sdk import Controller, Goal, RobotState, Waypoint
 from soter_sim import LIMITS
-from tests.broken.edits import edited, sampled, targeted, wired
+from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import Exact, memory, with_control
-from tests.conformance.wire import WireRobot
+from tests.conformance.wire import Vehicle, WireRobot
 
 _CELL_M: Final = 0.05
 _SLOWER: Final = 0.88
@@ -25,6 +25,12 @@ _LONG_S: Final = 10.0
 _SPARING_S: Final = 0.2
 _GIVES_UP_S: Final = 60.0
 _BEHIND_RAD: Final = 3.0
+_LOW: Final = 0.2
+_WARNS_S: Final = 0.3
+_HERE_M: Final = 0.02
+_SPIKES: Final = 3
+_STEP_M_S: Final = 0.02
+_ON_M: Final = 0.004
 _STARTS: Final = itertools.count()
 
 
@@ -147,6 +153,117 @@ def _to_the_other_side(robot: Any, _: tuple[float, ...], speed: float, rate: flo
     return speed, side * abs(rate) if behind else rate
 
 
+def _cancels_what_it_said(robot: Any) -> None:
+    goal = robot._mux.command
+    if goal is None or robot._latest is None or robot._latest.goal_id in (None, goal.id):
+        Broken._halt(robot)
+
+
+def _cancels_for_all(robot: Any) -> None:
+    """Name the goal that the fleet is to drop by its number."""
+    if robot._mux.command is not None:
+        memory_of_all(robot).add(robot._mux.command.id)
+    Broken._halt(robot)
+
+
+def _drops_what_anybody_cancelled(robot: Any, _: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    goal = robot._mux.command
+    return (0.0, 0.0) if goal is not None and goal.id in memory_of_all(robot) else (speed, rate)
+
+
+def memory_of_all(robot: Any) -> set[int]:
+    """Return what the robots of a world keep together."""
+    kept: set[int] = robot._world.__dict__.setdefault("cancelled", set())
+    return kept
+
+
+def _warns_first(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    charge = robot._charge[robot._index]
+    before, held = memory(robot, "charge", lambda: [charge]), memory(robot, "held", lambda: [-1.0, 0.0, 0.0])
+    if charge < _LOW <= before[0]:
+        held[0] = state[0] + _WARNS_S
+    before[0] = charge
+    if state[0] < held[0]:
+        return held[1], held[2]
+    held[1:] = speed, rate
+    return speed, rate
+
+
+def _plans_with_the_first(self: Any, *arguments: Any) -> None:
+    Broken.__init__(self, *arguments)
+    self._drive_with(self._world.bodies.limits[0])
+
+
+def _ends_its_turn(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    """Turn on to the heading of a goal that was dropped where it is."""
+    last, goal = memory(robot, "last", lambda: [None, 0.0]), robot._mux.passing(state[0])
+    if goal is not None:
+        last[:] = (goal.target if goal.target.heading_rad is not None else None), rate
+        return speed, rate
+    if last[0] is None or math.dist(last[0][:2], state[1:3]) > _HERE_M or not robot._mux.alive(state[0]):
+        return speed, rate
+    error = math.remainder(last[0].heading_rad - state[3], math.tau)
+    return speed, math.copysign(min(abs(last[1]), abs(error) / robot._world.period_s), error)
+
+
+def _without_spikes(robot: Any, state: RobotState) -> RobotState:
+    """Take a heading that leaps for a spike, three times."""
+    kept = memory(robot, "heading", lambda: [state.heading_rad, state.stamp_s, 0])
+    if state.stamp_s > kept[1]:
+        spike = abs(state.heading_rad - kept[0]) > 1.0 and kept[2] < _SPIKES
+        kept[:] = kept[0] if spike else state.heading_rad, state.stamp_s, kept[2] + 1 if spike else 0
+    return state._replace(heading_rad=kept[0])
+
+
+def _in_steps(_: Any, to: Waypoint) -> Waypoint:
+    cap = to.speed_m_s
+    return to._replace(speed_m_s=None if cap is None else _STEP_M_S * math.ceil(cap / _STEP_M_S - 1e-9))
+
+
+def _not_on_its_charger(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    at_start = math.dist(state[1:3], (robot.spec.x_m, robot.spec.y_m)) < 2.0 * _CELL_M
+    return (0.0, 0.0) if at_start else (speed, rate)
+
+
+def _only_while_renewed(robot: Any, goal: Goal) -> None:
+    if robot._mux.alive(robot._world.now_s):
+        Broken._send_goto(robot, goal)
+
+
+def _queues_renewals(robot: Any) -> None:
+    memory(robot, "renewals", list).append(None)
+
+
+def _takes_one_renewal(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    renewals = memory(robot, "renewals", list)
+    if renewals:
+        renewals.pop()
+        robot._mux.renew(state[0])
+    return robot._vehicle.control(*state)  # type: ignore[no-any-return]
+
+
+def _stamped_in_single(self: Any, clock_s: float, *at: float) -> RobotState:
+    return Vehicle.sample(self, struct.unpack("<f", struct.pack("<f", clock_s))[0], *at)
+
+
+def _deaf_once_refused(self: Any) -> list[RobotState]:
+    """End the thread that listens with the first error of its socket."""
+    refused = memory(self, "refused", lambda: [False])
+    refused[0] = refused[0] or self.faults.gone
+    return [] if refused[0] else WireRobot.received(self)
+
+
+def _when_it_has_moved_on(self: Any) -> RobotState | None:
+    """Hand out a new sample of a robot that moves once it has moved by 4 mm."""
+    found = WireRobot._sample(self)
+    kept = memory(self, "said", lambda: [found])
+    before = kept[0]
+    rests = found is None or abs(found.vx_m_s) + abs(found.vy_m_s) <= _REST
+    if found is None or before is None or rests or math.dist(found[3:5], before[3:5]) > _ON_M:
+        kept[0] = found
+    return kept[0]  # type: ignore[no-any-return]
+
+
 class OneTable(Broken):
     """Keeps the targets of all robots by the numbers of their goals, which each robot counts by itself."""
 
@@ -201,6 +318,26 @@ STRANGERS: Final[tuple[type[Broken], ...]] = (
            "a time-out of its own", __init__=_gives_up_after),
     edited("TurnsTheOtherWay", "Turns round to the other side each time that it is started.",
            "capabilities.deterministic", "left from the run before", _connect=with_control(_to_the_other_side)),
+    edited("CancelsWhatItSaid", "Drops a cancel of a goal that it has not named yet, where it has named another.",
+           "goal.cancel_own", "last sample named", _halt=_cancels_what_it_said),
+    edited("CancelsForAll", "Keeps what was cancelled by the numbers of goals, which each robot counts by itself.",
+           "several.cancel", "by their ids", _halt=_cancels_for_all,
+           _connect=with_control(_drops_what_anybody_cancelled)),
+    edited("WarnsFirst", "Does for 0.3 s what it did, and warns, as its charge falls through a fifth.",
+           "state.emptying", "such as a warning", _connect=with_control(_warns_first)),
+    edited("PlansWithTheFirst", "Plans with what the first robot of the fleet can do.", "truth.capabilities.asked",
+           "counts for all", __init__=_plans_with_the_first),
+    edited("EndsItsTurn", "Ends its turn to the heading of a goal before it takes a cancel.", "deadman.turning",
+           "at its target", _connect=with_control(_ends_its_turn)),
+    sampled("WithoutSpikes", "Takes headings that leap at pi for spikes.", "goto.arrives", "next to pi",
+            _without_spikes),
+    targeted("CapsInSteps", "Rounds speed caps up to steps of 0.02 m/s.", "goto.speed_cap", "rounded up", _in_steps),
+    edited("NotOnItsCharger", "Does not drive while it is being charged.", "goto.arrives", "on its charger",
+           _connect=with_control(_not_on_its_charger)),
+    edited("OnlyWhileRenewed", "Throws a goto away while its lease is dead.", "deadman.recovers", "must obey again",
+           _send_goto=_only_while_renewed),
+    edited("QueuesRenewals", "Takes one renewal in each period, also of several at once.", "deadman.lease",
+           "renewed twice at once", _renew_lease=_queues_renewals, _connect=with_control(_takes_one_renewal)),
 )  # fmt: skip
 
 STRANGERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
@@ -210,4 +347,10 @@ STRANGERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           _sample=_sparing_after_long_rest),
     wired("DropsOlder", "Drops samples by whose stamps it would be earlier, after a restart too.", "deadman.restart",
           "dropped as older", _sample=_drops_older),
+    wired("DeafOnceRefused", "Hears nothing more once nobody was at the other end.", "link.returns",
+          "took an error", received=_deaf_once_refused),
+    driven("StampsOfFewDigits", "Stamps its samples in floats of 32 bits.", "deadman.wraps", "stamps go by",
+           sample=_stamped_in_single),
+    wired("SpeaksWhenItHasMovedOn", "Is heard once it has moved by 4 mm, and at rest.", "state.age",
+          "too seldom", _sample=_when_it_has_moved_on),
 )  # fmt: skip

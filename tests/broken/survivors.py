@@ -58,8 +58,9 @@ SURVIVORS: Final = (
         "Contacts at what counts as a clearance. Measure the body with a tape.",
     ),
     Survivor(
-        "Never makes a connection anew that broke, or waits in a call while there is none.",
-        "What the kit cuts are messages; the connections to the relay stay.",
+        "Never makes a connection anew that broke, or waits in a call while there is none, behind a harness without "
+        "the hook `switchable`.",
+        "What the kit cuts otherwise are messages; the connections to the relay stay.",
         "After a moment without network the robot is not heard any more: its lease stops it, and it is lost for the "
         "rest of the run. A call that waits holds up all robots, and their leases stop them. Pull the cable once.",
     ),
@@ -69,10 +70,10 @@ SURVIVORS: Final = (
         "What the clauses are about, such as a lease that nobody watches. Let the harness open as many as you drive.",
     ),
     Survivor(
-        "Does otherwise once its charge is low, behind a harness without the hook `charged`, or between the charges of "
-        "the trials.",
-        "They begin with a tenth, and `state.nearly_flat` with a fifth of a hundredth; real batteries are what they "
-        "are.",
+        "Does otherwise once its charge is low, behind a harness without the hook `charged`, or in what is not tried "
+        "at all charges.",
+        "`state.emptying` gets a robot going and stops it at all of them; the other trials begin with a tenth, and "
+        "those of `state.nearly_flat` with a fifth of a hundredth. Real batteries are what they are.",
         "A robot that goes home by itself then heeds no lease: the battery's module ends most runs before. Try it "
         "with a battery that is nearly flat.",
     ),

@@ -8,8 +8,8 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
+from soter.conformance.harness import FOR_EVER_S, specs_at
 from soter.conformance.harness import LIMITS as JUDGED_BY
-from soter.conformance.harness import specs_at
 from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits
 from soter_sim import World
 
@@ -47,8 +47,8 @@ class SimulatedHarness(Harness):
     def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
         return SimulatedFleet(self.kind, specs_of(robots, promised), self.engine)
 
-    def charged(self, charge: float) -> Fleet:
-        return SimulatedFleet(self.kind, specs_of(1, charge=charge), self.engine)
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
+        return SimulatedFleet(self.kind, specs_of(1, None, charge, lasts_s), self.engine)
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         there = specs_of(self.robots_most)
@@ -60,5 +60,7 @@ class SimulatedHarness(Harness):
         pass
 
 
-def specs_of(robots: int, promised: Capabilities | None = None, charge: float | None = None) -> list[RobotSpec]:
-    return specs_at(open_floor().robots[:robots], promised, charge)
+def specs_of(
+    robots: int, promised: Capabilities | None = None, charge: float | None = None, lasts_s: float = FOR_EVER_S
+) -> list[RobotSpec]:
+    return specs_at(open_floor().robots[:robots], promised, charge, lasts_s)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from soter.conformance.driver import drive_until
-from soter.sdk import Controller, Robot, Waypoint
+from soter.sdk import Controller, Link, Robot, Waypoint
 from soter_zmq.harness import ZmqHarness
 
 
@@ -61,3 +61,16 @@ def test_a_second_program_has_a_connection_of_its_own(harness: ZmqHarness) -> No
         fleet.robots[0].close(5.0)
         other.robots[0].init(10.0)
         assert other.robots[0].read_state().controller is Controller.SC
+
+
+def test_a_robot_whose_program_is_switched_off_and_on_is_at_the_same_address(harness: ZmqHarness) -> None:
+    fleet, off, on = harness.switchable()
+    with fleet:
+        robot = fleet.robots[0]
+        robot.init(10.0)
+        for _ in range(2):
+            off()
+            assert drive_until(fleet, lambda: robot.read_state().link is not Link.UP, 5.0)
+            on()
+            assert drive_until(fleet, lambda: robot.read_state().link is Link.UP, 10.0)
+            assert harness.observe(robot.id)[:2] == (robot.spec.x_m, robot.spec.y_m)

@@ -14,6 +14,7 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
+from soter.conformance.harness import FOR_EVER_S, Switchable
 from soter.conformance.harness import LIMITS as JUDGED_BY
 from soter.errors import RobotUnavailable
 from soter.onboard.drive import Drive, DriveLimits
@@ -41,6 +42,7 @@ class Faults:
     """What is wrong with a link."""
 
     cut: bool = False
+    gone: bool = False
     delay_s: float = 0.0
     loss: float = 0.0
     duplicate: float = 0.0
@@ -61,6 +63,7 @@ class Channel(Generic[M]):
         self._flying: list[tuple[float, M]] = []
 
     def send(self, now_s: float, message: M) -> None:
+        self._require_peer()
         faults, draw = self.faults, self._random.random
         if faults.cut or draw() < faults.loss:
             return
@@ -70,12 +73,18 @@ class Channel(Generic[M]):
 
     def receive(self, now_s: float) -> list[M]:
         """Return what has arrived, earliest first."""
+        self._require_peer()
         if self.faults.cut:
             self._flying.clear()
         due = sorted((each for each in self._flying if each[0] <= now_s + 1e-6), key=lambda each: each[0])
         self._flying = [each for each in self._flying if each[0] > now_s + 1e-6]
         self.arrived_s = {id(message): at_s for at_s, message in due}
         return [message for _, message in due]
+
+    def _require_peer(self) -> None:
+        if self.faults.gone:
+            self._flying.clear()
+            raise ConnectionRefusedError("nobody is at the other end")
 
 
 class Intent(NamedTuple):
@@ -212,7 +221,9 @@ class WireRobot(Robot):
                 now_s = self.clock.now()
                 self.wanted = self.wanted._replace(renewed_s=self.learned.to_vehicle_s(self.id, now_s))
         self.wanted = self.wanted._replace(number=self.wanted.number + 1, renews=renew, **changes)  # type: ignore[arg-type]
-        self.down.send(self.clock.now(), self.wanted)
+        # Nobody being there is told as an error: the next message says it all again.
+        with suppress(ConnectionError):
+            self.down.send(self.clock.now(), self.wanted)
 
     def _connect(self, timeout_s: float) -> Capabilities:
         end_s = self.clock.now() + timeout_s
@@ -228,12 +239,18 @@ class WireRobot(Robot):
         self.want(goal=goal)
 
     def _sample(self) -> RobotState | None:
-        for sample in self.up.receive(self.clock.now()):
+        for sample in self.received():
             arrived_s = self.arrived_s(sample)
             rebooted = self.learned.observe(self.id, sample.vehicle_stamp_s, arrived_s)
             if rebooted or self.latest is None or sample.vehicle_stamp_s > self.latest.vehicle_stamp_s:
                 self.latest = sample._replace(stamp_s=self.learned.to_fleet_s(self.id, sample.vehicle_stamp_s))
         return self.latest
+
+    def received(self) -> list[RobotState]:
+        try:
+            return self.up.receive(self.clock.now())
+        except ConnectionError:
+            return []
 
     def arrived_s(self, sample: RobotState) -> float:
         return self.up.arrived_s.pop(id(sample), self.clock.now())
@@ -302,13 +319,28 @@ class WireHarness(Harness):
     def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
         return self._opened(specs_of(robots, promised))
 
-    def charged(self, charge: float) -> Fleet:
-        return self._opened(specs_of(1, charge=charge))
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
+        return self._opened(specs_of(1, None, charge, lasts_s))
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         self._opened(specs_of(self.robots_most))
         self.specs = [self.specs[each] for each in order]
         return self.second()
+
+    def switchable(self) -> Switchable:
+        fleet, world, (vehicle,) = self.open(1), self.world, self.vehicles.values()
+        assert world is not None
+
+        def off() -> None:
+            vehicle.faults.gone = True
+            world.set_control(vehicle.id, None)
+
+        def on() -> None:
+            vehicle.faults.gone = False
+            vehicle.restart()
+            world.set_control(vehicle.id, vehicle.control)
+
+        return Switchable(fleet, off, on)
 
     def _opened(self, specs: list[RobotSpec]) -> Fleet:
         engine = partial(KinematicEngine, step_s=PERIOD_S)

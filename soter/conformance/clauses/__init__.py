@@ -5,6 +5,7 @@
 from soter.conformance.clauses import lifecycle as lifecycle
 from soter.conformance.clauses import capabilities as capabilities
 from soter.conformance.clauses import state as state
+from soter.conformance.clauses import samples as samples
 from soter.conformance.clauses import charge as charge
 from soter.conformance.clauses import goto as goto
 from soter.conformance.clauses import speeds as speeds

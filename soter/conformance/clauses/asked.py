@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from soter.conformance.bench import Bench
+from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.clauses import bounds, deadman, speeds
 from soter.conformance.figure import Failed
@@ -12,12 +12,13 @@ from soter.sdk import Controller
 
 _NARROWER = ("v_max_m_s", "yaw_rate_max_rad_s", "lease_s")
 _SHARE = 0.75
+_WEAKER = 0.25
 _TWO = 2
 
 
 @clause("truth.capabilities.asked", tier=Tier.TRUTH)
 def asked(bench: Bench) -> None:
-    """A robot that is asked to promise less speed, less of a turn and a shorter lease declares that and keeps it."""
+    """A robot that is asked for less speed, less of a turn, a shorter lease or other brakes declares and keeps that."""
     bench.require_hook("promising")
     bench.open_one()
     wanted = replace(bench.caps, **{name: _SHARE * getattr(bench.caps, name) for name in _NARROWER})
@@ -52,3 +53,17 @@ def asked(bench: Bench) -> None:
             f"{robots[1].id}, asked for {wanted.v_max_m_s:.2f} m/s at most, {asked_m_s:.2f} m/s: what one is asked for "
             "counts for all, or for another",
         )
+        bench.close()
+        weaker = replace(robots[1].capabilities, brake_m_s2=_WEAKER * wanted.brake_m_s2)
+        bench.opener = lambda: bench.harness.promising(weaker, _TWO)
+        *_, robot = bench.open(_TWO)
+        began, target = bench.look(robot), bench.place(robot, 0.8, radius_m=bench.near_m)
+        bench.go(robot, target)
+        bench.run(SETTLE_S)
+        way_m = began.distance_m(target.x_m, target.y_m)
+        gone_m = max(each.distance_m(began.x_m, began.y_m) for each in bench.tracks[robot.id])
+        bench.measure(
+            "weak_overshoot_m", max(gone_m - way_m, 0.0), weaker.overshoot_m, bench.still_m,
+            f"robot {robot.id}, whose brakes are weaker than those of robot {robots[0].id}, brakes as late for its "
+            "target: what one can do counts for all",
+        )  # fmt: skip

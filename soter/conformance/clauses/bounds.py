@@ -39,8 +39,10 @@ def latency(bench: Bench) -> None:
     caps, seen = bench.caps, []
     for trial in Shuttle(bench, robot).trials(bench.trials(_TRIALS), lambda goal: goal.cancel()):
         seen += [trial.start.begins_s, trial.end.begins_s]
-    cause = "latency_s is declared too small, commands wait in a queue or some are dropped, or old samples are "
-    cause += "stamped as new"
+    cause = (
+        "latency_s is declared too small, commands wait in a queue or some are dropped, or samples wait before they "
+        "are received, each for as long, or are stamped anew"
+    )
     # Nine of ten are judged sharply; of the rest one may have met a host that was busy for a moment.
     bench.measure(
         "latency_s", quantile(seen, 0.9), caps.latency_s, bench.fit_s, cause, spread=seen

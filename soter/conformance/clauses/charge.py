@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
@@ -22,6 +22,12 @@ _ASIDE_RAD = 0.15
 _AHEAD_M = 0.4
 _FLAT = 0.002
 """So little that whole per cent show nothing, which some take for unknown."""
+
+_EMPTIES_S = 30.0
+_AROUND = 0.03
+_LATE_S = 0.05
+_TWICE = 2
+_TURNS = 0.15
 
 _LAST = 1e-9
 """So little that nothing is left as soon as it moves, and a charger that nothing moves on has given none."""
@@ -123,6 +129,48 @@ def nearly_flat(bench: Bench) -> None:
         robot, f"its lease does not count: {low}", extra_s=bench.caps.lease_s, renew=False
     )  # fmt: skip
     _says_that_it_is_flat(bench)
+
+
+@clause("state.emptying", needs=("reports_battery",))
+def emptying(bench: Bench) -> None:
+    """While its battery runs down from full a robot gets going and stops as soon as ever, at every charge."""
+    bench.require_hook("charged")
+    late = _late_at(bench, 1.0, _PERCENT)
+    if not bench.caps.in_process:
+        # What the host was too busy for is in time when that charge is met again.
+        again = [_late_at(bench, min(at + _AROUND, 1.0), max(at - _AROUND, _PERCENT)) for at in late[:_TWICE]]
+        late = [at for each in again for at in each]
+    bench.require(
+        not late,
+        f"at a charge of {max(late, default=0.0):.3f} it gets going or stops late or not at all, and not so at others: "
+        "something happens as the charge falls through that, such as a warning that it waits for, or a way home",
+    )
+
+
+def _late_at(bench: Bench, full: float, least: float) -> list[float]:
+    """Start and stop a robot again and again while its battery empties; return at which charges it was late."""
+    bench.opener = lambda: bench.harness.charged(full, _EMPTIES_S)
+    robot, caps = bench.open_one(), bench.caps
+    begins_s = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s + _LATE_S
+    ends_s = begins_s + caps.v_max_m_s / caps.brake_m_s2
+    track, late = bench.tracks[robot.id], []
+    ends = cycle((bench.place(robot, 0.9), bench.place(robot, -0.9)))
+    end, until_s = next(ends), bench.now_s + _TWICE * (full - least) * _EMPTIES_S
+
+    def rests() -> bool:
+        return caps.rests(track[-1].state)
+
+    while (left := _charge(bench.look(robot).state)) > least and bench.now_s < until_s:
+        if track[-1].distance_m(end.x_m, end.y_m) < _TURNS * bench.harness.room_m:
+            end = next(ends)
+        goal = robot.goto(end, Controller.AC)
+        begins = bench.run(begins_s, lambda: not rests())
+        goal.cancel()
+        if not (bench.run(ends_s, rests) and begins):
+            late.append(left)
+            bench.run(ends_s, rests)
+    bench.close()
+    return late
 
 
 def _says_that_it_is_flat(bench: Bench) -> None:

@@ -108,7 +108,7 @@ def cancel(bench: Bench) -> None:
     """Cancelling a goal ends it as CANCELLED and stops the robot."""
     robot = bench.open_one()
     for cause in (
-        "the target did not get through",
+        "",
         "a goto to the place of one that was cancelled is taken for the same, and not sent",
     ):
         goal = bench.get_going(robot, bench.place(robot, 0.9), cause=cause)
@@ -212,7 +212,7 @@ def _aside_rad(sample: TrackSample, target: Waypoint) -> float:
 
 @clause("goal.cancel_own")
 def cancel_own(bench: Bench) -> None:
-    """cancel() of a goal that has ended touches no other goal, nor does any that of the goal right behind it."""
+    """cancel() ends its own goal, also one that has just replaced another, and none that is sent behind it."""
     robot = bench.open_one()
     first = robot.goto(bench.place(robot, 0.8), Controller.AC)
     second = bench.get_going(robot, bench.place(robot, 0.7))
@@ -223,6 +223,13 @@ def cancel_own(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, -0.7)).cancel()
     behind = robot.goto(bench.place(robot, -0.3), Controller.AC)
     bench.arrive(behind, "a goal that is sent right behind a cancel is lost: both wait, and the stop is done last")
+    bench.run(SETTLE_S)
+    bench.get_going(robot, bench.place(robot, 0.9))
+    robot.goto(bench.place(robot, 0.95), Controller.AC).cancel()
+    bench.expect_stop(
+        robot, "a cancel right behind a goto that took the place of another is lost: it names the goal that the last "
+        "sample named, or that the vehicle has taken so far",
+    )  # fmt: skip
 
 
 @clause("goal.timeout", truth=True)

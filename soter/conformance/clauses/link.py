@@ -15,6 +15,10 @@ _LOST_S = 4.0
 _PATIENCE_S = 2.0
 _SILENT_S = 2.0
 _SLACK_S = 1.0
+_TIMES = 2
+_OFF_S = 1.0
+_WAITS_S = 0.25
+_RETURNS_S = 10.0
 
 
 def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
@@ -315,3 +319,38 @@ def reorder(bench: Bench) -> None:
         bench.expect_still(robot, 1.0, "an older goto that arrived after the switch was executed: number the messages")
         robot.switch_ac_sc(Controller.AC, "conformance")
         bench.run(4 * TICK_S)
+
+
+@clause("link.returns", tier=Tier.WIRE)
+def returns(bench: Bench) -> None:
+    """A robot whose program ends and begins anew is heard again and obeys, each time, and calls wait for nothing."""
+    bench.require_hook("switchable")
+    fleet, off, on = bench.harness.switchable()
+    bench.opener = lambda: fleet
+    robot = bench.open_one()
+    bench.faulty = True
+    for number in range(1, _TIMES + 1):
+        off()
+        slowest_s, ends_s = 0.0, bench.now_s + _OFF_S
+        while bench.now_s < ends_s:
+            began_s = bench.now_s
+            robot.read_state()
+            robot.goto(bench.place(robot, 0.5), Controller.AC)
+            robot.renew_lease()
+            slowest_s = max(slowest_s, bench.now_s - began_s)
+            bench.fleet.clock.sleep_until(began_s + TICK_S)
+        bench.require(
+            slowest_s <= _WAITS_S,
+            f"while the robot's program is not there calls take up to {slowest_s:.2f} s: they wait for a connection, "
+            "and the leases of all other robots with them",
+        )
+        on()
+        bench.require(
+            bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP),
+            f"{_RETURNS_S:.0f} s after the robot's program began for the {number + 1}. time nothing is heard of it: "
+            "what hears took an error, such as a refused connection, for the end, or does not connect anew",
+        )
+        bench.go(
+            robot, bench.place(robot, 0.3 if number % 2 else -0.3),
+            cause="a robot whose program began anew is heard, and not told anything: what was open to it is dead",
+        )  # fmt: skip

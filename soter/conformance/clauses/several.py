@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
-from soter.conformance.clauses import deadman, goals, state
+from soter.conformance.clauses import deadman, goals, samples, state
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.trials import Shuttle
@@ -125,7 +125,10 @@ def cancel(bench: Bench) -> None:
         goals = [(kept, kept.goto(bench.place(kept, way), Controller.AC)) for kept in others]
         bench.get_going(stopped, bench.place(stopped, way)).cancel()
         for kept, goal in goals:
-            bench.arrive(goal, f"a cancel to robot {stopped.id} stopped robot {kept.id}: stops are broadcast")
+            bench.arrive(
+                goal, f"a cancel to robot {stopped.id} stopped robot {kept.id}: stops are broadcast, or name goals by "
+                "their ids, which count anew for each robot",
+            )  # fmt: skip
 
 
 @clause("several.charge", needs=("reports_battery",))
@@ -167,7 +170,7 @@ def second(bench: Bench) -> None:
     """What holds of the first robot holds of the second."""
     bench.judged = 2
     for check in (
-        state.start, state.frame, state.velocity, state.yaw_rate, state.age, goals.cancel, deadman.lease,
+        state.start, state.frame, state.velocity, state.yaw_rate, samples.age, goals.cancel, deadman.lease,
     ):  # fmt: skip
         check(bench)
         bench.close()
