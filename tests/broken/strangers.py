@@ -31,6 +31,7 @@ _HERE_M: Final = 0.02
 _SPIKES: Final = 3
 _STEP_M_S: Final = 0.02
 _ON_M: Final = 0.004
+_AT_ONCE_S: Final = 0.5
 _STARTS: Final = itertools.count()
 
 
@@ -215,6 +216,15 @@ def _without_spikes(robot: Any, state: RobotState) -> RobotState:
     return state._replace(heading_rad=kept[0])
 
 
+def _inherits_the_cap(robot: Any, goal: Goal) -> None:
+    sent_s, now_s, before = memory(robot, "sent", lambda: [-math.inf]), robot._world.now_s, robot._mux.command
+    if before is not None and now_s - sent_s[0] < _AT_ONCE_S and goal.target.speed_m_s is None:
+        target = goal.target._replace(speed_m_s=before.target.speed_m_s)
+        goal = Goal(robot, goal.id, target, goal.by, goal.sent_s)
+    sent_s[0] = now_s
+    robot._mux.give(goal.by, goal, now_s)
+
+
 def _in_steps(_: Any, to: Waypoint) -> Waypoint:
     cap = to.speed_m_s
     return to._replace(speed_m_s=None if cap is None else _STEP_M_S * math.ceil(cap / _STEP_M_S - 1e-9))
@@ -331,6 +341,8 @@ STRANGERS: Final[tuple[type[Broken], ...]] = (
            "at its target", _connect=with_control(_ends_its_turn)),
     sampled("WithoutSpikes", "Takes headings that leap at pi for spikes.", "goto.arrives", "next to pi",
             _without_spikes),
+    edited("InheritsTheCap", "Drives to a goal with the cap of the one right before it, if it has none.",
+           "endurance.anything", "gets nearer to its goal", _send_goto=_inherits_the_cap),
     targeted("CapsInSteps", "Rounds speed caps up to steps of 0.02 m/s.", "goto.speed_cap", "rounded up", _in_steps),
     edited("NotOnItsCharger", "Does not drive while it is being charged.", "goto.arrives", "on its charger",
            _connect=with_control(_not_on_its_charger)),
