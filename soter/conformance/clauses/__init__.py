@@ -11,6 +11,7 @@ from soter.conformance.clauses import goto as goto
 from soter.conformance.clauses import speeds as speeds
 from soter.conformance.clauses import goals as goals
 from soter.conformance.clauses import authority as authority
+from soter.conformance.clauses import programs as programs
 from soter.conformance.clauses import deadman as deadman
 from soter.conformance.clauses import clocks as clocks
 from soter.conformance.clauses import several as several

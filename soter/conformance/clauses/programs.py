@@ -1,0 +1,93 @@
+"""Programs: a robot obeys one at a time."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from threading import Event, Thread
+
+from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.track import turn
+from soter.errors import SoterError
+from soter.sdk import Controller, Robot
+
+_MANY_TIMES = 25
+_READY_S = 2.0
+
+
+@clause("authority.one_program", tier=Tier.WIRE)
+def one_program(bench: Bench) -> None:
+    """While the lease of one program lives, a second one moves nothing, and takes nothing away."""
+    bench.require_hook("second")
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.3))
+    goal = bench.go(robot, bench.place(robot, 0.6))
+    bench.run(SETTLE_S)
+    before = bench.look(robot)
+    with bench.harness.second() as fleet:
+        _intrude(bench, robot, fleet.robots[0])
+    after = bench.look(robot)
+    moved_m, turned_rad = after.distance_m(before.x_m, before.y_m), abs(turn(before.heading_rad, after.heading_rad))
+    bench.require(
+        moved_m <= bench.still_m + goal.target.radius_m and turned_rad <= bench.still_rad,
+        f"a second program moved the robot by {moved_m:.2f} m and turned it by {turned_rad:.2f} rad while the lease of "
+        "the first one lived: the vehicle must follow one program at a time, each by a name of its own",
+    )
+    bench.go(robot, bench.place(robot, 0.2), cause="a second program, which was not in charge, took the robot away")
+    bench.get_going(robot, bench.place(robot, -0.9))
+    before = bench.look(robot)
+    with bench.harness.second() as fleet:
+        # The first one has died, and the second asks for nothing yet.
+        _get_ready(bench, fleet.robots[0], renew=False)
+        bench.run(bench.orphaned_s(), renew=False)
+        bench.measure(
+            "orphan_run_m", bench.look(robot).distance_m(before.x_m, before.y_m),
+            bench.caps.v_max_m_s * (bench.orphaned_s() + bench.caps.sample_age_s), bench.still_m,
+            "what a second program says renews the lease of the first one, which is silent",
+        )  # fmt: skip
+        before = bench.look(robot)
+        bench.run(1.0, lambda: _renews(fleet.robots[0]), renew=False)
+        revived_m = bench.look(robot).distance_m(before.x_m, before.y_m)
+        bench.require(
+            revived_m <= bench.still_m,
+            f"once the second program renews its own lease the robot drives {revived_m:.2f} m to where the first one "
+            "had sent it: what one has asked for ends with it",
+        )
+
+
+def _renews(robot: Robot) -> bool:
+    with suppress(SoterError):
+        robot.renew_lease()
+    return False
+
+
+def _intrude(bench: Bench, mine: Robot, other: Robot) -> None:
+    """Let a second program do all that it can to a robot, while the first one's lease is renewed."""
+
+    def tell() -> bool:
+        with suppress(SoterError):
+            other.switch_ac_sc(Controller.AC, "a second program")
+            # More than the first one has said, so that no number is too low.
+            for _ in range(_MANY_TIMES):
+                other.goto(bench.place(mine, -0.8), Controller.AC)
+        return False
+
+    _get_ready(bench, other, renew=True)
+    bench.run(2.0, tell)
+
+
+def _get_ready(bench: Bench, other: Robot, *, renew: bool) -> None:
+    """Let a second program get ready, or try to, while the leases of the first one are renewed, or not."""
+    # That may wait, and the first one goes on meanwhile.
+    done = Event()
+
+    def get_ready() -> None:
+        with suppress(SoterError):
+            other.init(_READY_S)
+        done.set()
+
+    if bench.fleet.clock is other.clock:
+        get_ready()
+    else:
+        Thread(target=get_ready, daemon=True).start()
+    bench.run(2.5 * _READY_S, done.is_set, renew=renew)
