@@ -31,3 +31,10 @@ def kinematic(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """Five minutes on the kinematic engine, with disengagements, targets of every outcome and a fault."""
     path = tmp_path_factory.mktemp("recordings") / "kinematic.mcap"
     return Recorded(recorded(path, duration_s=300.0, seed=4, targets="hostile", fault=FAULTS), path)
+
+
+@pytest.fixture(scope="session")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """The first hundred seconds of such a run, for what is changed in copies."""
+    path = tmp_path_factory.mktemp("recordings") / "short.mcap"
+    return Recorded(recorded(path, duration_s=100.0, seed=4, targets="hostile", fault=FAULTS), path)
