@@ -32,6 +32,7 @@ _SPIKES: Final = 3
 _STEP_M_S: Final = 0.02
 _ON_M: Final = 0.004
 _AT_ONCE_S: Final = 0.5
+_CONTENT_M: Final = 0.06
 _STARTS: Final = itertools.count()
 
 
@@ -216,6 +217,12 @@ def _without_spikes(robot: Any, state: RobotState) -> RobotState:
     return state._replace(heading_rad=kept[0])
 
 
+def _content_near_it(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    goal = robot._mux.command
+    near = goal is not None and math.dist(state[1:3], goal.target[:2]) < _CONTENT_M
+    return (0.0 if near else speed), rate
+
+
 def _inherits_the_cap(robot: Any, goal: Goal) -> None:
     sent_s, now_s, before = memory(robot, "sent", lambda: [-math.inf]), robot._world.now_s, robot._mux.command
     if before is not None and now_s - sent_s[0] < _AT_ONCE_S and goal.target.speed_m_s is None:
@@ -343,6 +350,8 @@ STRANGERS: Final[tuple[type[Broken], ...]] = (
             _without_spikes),
     edited("InheritsTheCap", "Drives to a goal with the cap of the one right before it, if it has none.",
            "endurance.anything", "gets nearer to its goal", _send_goto=_inherits_the_cap),
+    edited("ContentNearIt", "Is content within 6 cm of any target.", "goto.radius", "stopped short",
+           _connect=with_control(_content_near_it)),
     targeted("CapsInSteps", "Rounds speed caps up to steps of 0.02 m/s.", "goto.speed_cap", "rounded up", _in_steps),
     edited("NotOnItsCharger", "Does not drive while it is being charged.", "goto.arrives", "on its charger",
            _connect=with_control(_not_on_its_charger)),

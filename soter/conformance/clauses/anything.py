@@ -109,7 +109,7 @@ class _Told:
                     bench.now_s - self._told_s <= bench.way_s(), f"does not arrive, {self._left_m():.2f} m are left"
                 )
                 return
-            if bench.now_s < self._over_s + SETTLE_S + self._stops_s:
+            if bench.now_s < self._over_s + self._settles_s + self._stops_s:
                 return
         elif bench.now_s < self._next_s:
             return
@@ -144,7 +144,7 @@ class _Told:
             self._judge_way(sample, since_s)
             return
         reached = goal is not None and goal.status is GoalStatus.REACHED
-        if sample.at_s < self._over_s + max(self._stops_s, SETTLE_S if reached else 0.0):
+        if sample.at_s < self._over_s + max(self._stops_s, self._settles_s if reached else 0.0):
             return
         self.judge_rest()
         if reached:
@@ -179,16 +179,23 @@ class _Told:
         if lasts_s < _GETS_ALONG_S or left_m < _HERE * bench.harness.room_m:
             return
         nearer_m = began.distance_m(target.x_m, target.y_m) - left_m
-        speed_m_s = nearer_m / lasts_s
-        least_m_s = _GETS_ALONG * min(target.speed_m_s or math.inf, caps.v_max_m_s)
+        least_m = _GETS_ALONG * min(target.speed_m_s or math.inf, caps.v_max_m_s) * lasts_s
         self._require(
-            speed_m_s >= least_m_s, f"gets nearer to its goal, {left_m:.2f} m away, by {speed_m_s:.3f} m a second"
+            nearer_m + 2.0 * bench.noise_m >= least_m,
+            f"gets nearer to its goal, {left_m:.2f} m away, by {nearer_m:.3f} m in {lasts_s:.2f} s",
         )
 
     @property
     def _wanted(self) -> bool:
         """Whether it has something to do."""
         return self._goal is not None and self._goal.active and not self._dropped
+
+    @property
+    def _settles_s(self) -> float:
+        """How long it may go on to its target, and turn to its heading, once it is within the radius."""
+        target = self._target
+        drives_s = target.radius_m / (target.speed_m_s or self._robot.capabilities.v_max_m_s)
+        return SETTLE_S + drives_s + (0.0 if target.heading_rad is None else self._turns_s)
 
     @property
     def _over_s(self) -> float:

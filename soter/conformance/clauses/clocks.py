@@ -177,7 +177,8 @@ def restart(bench: Bench) -> None:
     bench.require(
         age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
         f"{_LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
-        "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock",
+        "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock, which it "
+        "still has the name of",
     )
     rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
     bench.require(
