@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -15,9 +14,6 @@ from soter.controller import direct
 
 MAX_COORDINATE_M = 25_000.0
 """A coordinate beyond this is a mistake, not a place."""
-
-_LARGEST: Final = sys.float_info.max
-"""A whole number or a fraction can be larger, and is then none that a vehicle could be sent."""
 
 _MOVING_M_S: Final = 0.02
 _REST_M_S: Final = 1e-3
@@ -91,11 +87,11 @@ class Waypoint(NamedTuple):
         if self.heading_rad is not None and not -MAX_HEADING_RAD <= self.heading_rad <= MAX_HEADING_RAD:
             allowed = f"finite, at most +-{MAX_HEADING_RAD:g}, or None"
             raise ValueError(f"Waypoint.heading_rad is {self.heading_rad}, allowed: {allowed}")
-        if self.speed_m_s is not None and not 0.0 < self.speed_m_s <= _LARGEST:
+        if self.speed_m_s is not None and not (self.speed_m_s > 0.0 and _is_finite(self.speed_m_s)):
             raise ValueError(f"Waypoint.speed_m_s is {self.speed_m_s}, allowed: above 0, or None")
-        if not 0.0 < self.radius_m <= _LARGEST:
+        if not (self.radius_m > 0.0 and _is_finite(self.radius_m)):
             raise ValueError(f"Waypoint.radius_m is {self.radius_m}, allowed: above 0")
-        if not 0.0 < self.timeout_s <= _LARGEST:
+        if not (self.timeout_s > 0.0 and _is_finite(self.timeout_s)):
             raise ValueError(f"Waypoint.timeout_s is {self.timeout_s}, allowed: above 0")
 
     def in_floats(self) -> Waypoint:
@@ -103,6 +99,14 @@ class Waypoint(NamedTuple):
         if all(type(value) is float or value is None for value in self):
             return self
         return Waypoint(*(None if value is None else float(value) for value in self))  # type: ignore[arg-type]
+
+
+def _is_finite(value: float) -> bool:
+    """Return whether a number is one as a float, too: a limit would be infinite itself in one of 32 bits."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 class RobotState(NamedTuple):

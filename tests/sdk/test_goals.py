@@ -93,7 +93,10 @@ def test_targets_outside_every_fence_are_passed_on() -> None:
 
 @pytest.mark.parametrize(
     "target",
-    [Waypoint(1, 2, radius_m=3), Waypoint(cast(Any, Fraction(1, 2)), cast(Any, np.float32(0.25)), speed_m_s=1)],
+    [
+        Waypoint(1, 2, radius_m=3),
+        Waypoint(cast(Any, Fraction(1, 2)), cast(Any, np.float32(0.25)), speed_m_s=cast(Any, np.float32(1))),
+    ],
 )
 def test_an_adapter_is_given_floats_whatever_kind_of_number_a_target_is_of(target: Waypoint) -> None:
     robot = ready_robot()
@@ -106,6 +109,11 @@ def test_an_adapter_is_given_floats_whatever_kind_of_number_a_target_is_of(targe
 @pytest.mark.parametrize("name", ["x_m", "heading_rad", "speed_m_s", "radius_m", "timeout_s"])
 def test_whole_numbers_that_no_float_can_be_are_refused(name: str) -> None:
     refused(ready_robot(), THERE._replace(**{name: 10**400}), ValueError)
+
+
+@pytest.mark.parametrize("name", ["x_m", "heading_rad", "speed_m_s", "radius_m", "timeout_s"])
+def test_numbers_of_32_bits_that_are_infinite_are_refused(name: str) -> None:
+    refused(ready_robot(), THERE._replace(**{name: cast(Any, np.float32(math.inf))}), ValueError)
 
 
 @given(st.builds(Waypoint, *[st.floats()] * 3, st.none() | st.floats(), st.none() | st.floats(), *[st.floats()] * 2))
