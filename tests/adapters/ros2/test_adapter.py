@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
@@ -82,15 +82,20 @@ def test_two_simulators_never_share_a_domain(monkeypatch: pytest.MonkeyPatch) ->
 # --- what is refused, and how it is said -------------------------------------------------------------------
 
 
-def refusal(fleet: WireFleet[Any]) -> str:
+def refusal(fleet: WireFleet[Any], *, seeing: Sequence[str] = ()) -> str:
+    """What its first robot is refused with, once it has discovered who publishes on some topics."""
+    from soter.adapters.ros2.graph import publishers
+
+    wait_until(lambda: all(publishers(fleet.robots[0].node, topic, nameless=False) for topic in seeing))
     with pytest.raises(RobotUnavailable) as caught:
         fleet.robots[0].init(20.0)
     return str(caught.value)
 
 
 def test_what_is_missing_is_listed(simulator: Ros2Simulator, open_fleet: Open) -> None:
-    text = refusal(open_fleet(simulator, ready=False, robots={1: {"namespace": "/nobody"}}, discovery_s=3.0))
-    assert text.startswith("robot 1 at /nobody: within 3 s: ")
+    fleet = open_fleet(simulator, ready=False, robots={1: {"namespace": "/nobody"}}, discovery_s=1.0)
+    text = refusal(fleet, seeing=["/clock"])
+    assert text.startswith("robot 1 at /nobody: within 1 s: ")
     for missing in ("no node publishes odom", "no node publishes battery_state", "no node publishes soter/gate",
                     "no node subscribes to cmd_vel_sc"):  # fmt: skip
         assert missing in text
@@ -107,7 +112,8 @@ def test_a_publisher_that_does_not_match_is_named(simulator: Ros2Simulator, open
     node.create_publisher(String, "gate", COMMAND)
     node.create_publisher(Float64, "odom", COMMAND)
     topics = {"odom": "/elsewhere/odom", "gate": "/elsewhere/gate"}
-    text = refusal(open_fleet(simulator, ready=False, topics=topics, discovery_s=5.0))
+    fleet = open_fleet(simulator, ready=False, topics=topics, discovery_s=1.0)
+    text = refusal(fleet, seeing=list(topics.values()))
     assert "/elsewhere/soter publishes /elsewhere/odom as std_msgs/msg/Float64, SOTER as nav_msgs/msg/Odometry" in text
     assert "/elsewhere/soter publishes /elsewhere/gate with a quality of service that does not match: " in text
     assert "transient local" in text.lower()
