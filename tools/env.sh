@@ -57,6 +57,7 @@ if ! works "$venv/bin/python" pip; then
     python=$(find_python)
     echo "Creating $venv with $("$python" --version) ($python)"
     "$python" -m venv --clear "$venv"
+    "${pip[@]}" install --requirement=requirements/pip.txt
 fi
 if up_to_date "$@"; then
     exit 0
