@@ -125,7 +125,6 @@ def main() -> None:
             sys.exit(f"dist: {problem}")
         venv.create(scratch / "venv", with_pip=True)
         python = scratch / "venv" / "bin" / "python"
-        run(python, *PIP, "install", "-r", ROOT / "requirements" / "pip.txt", cwd=scratch)
         run(python, *PIP, "install", "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
         backends = ""
         for archive in archives:

@@ -57,7 +57,7 @@ if ! works "$venv/bin/python" pip; then
     python=$(find_python)
     echo "Creating $venv with $("$python" --version) ($python)"
     "$python" -m venv --clear "$venv"
-    "${pip[@]}" install --requirement=requirements/pip.txt
+    "${pip[@]}" install --upgrade --constraint=requirements/check.txt pip
 fi
 if up_to_date "$@"; then
     exit 0

@@ -35,10 +35,6 @@ with open("pyproject.toml", "rb") as file:
 PYTHON
 compile pybullet "$scratch/pybullet.in"
 
-# What comes with Python may be years old, and take a minute to look at all wheels of an index.
-echo pip >"$scratch/pip.in"
-compile pip "$scratch/pip.in"
-
 # The largest first, so that the others take its versions and can share an environment.
 test=(--group build --group test --group browser --group notebook)
 for extra in ompl report film mavlink foxglove zenoh sign campaign cluster notebook worlds; do test+=(--extra "$extra"); done
