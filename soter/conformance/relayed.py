@@ -124,11 +124,18 @@ class RelayedHarness(Harness):
             self.relay.cut, self.relay.delay_s, self.relay.loss = frozenset(), 0.0, 0.0
         if self.fleet is not None:
             self.fleet.close()
-        for each in (self.relay, self.witness, self.simulator):
+        if self.relay is not None:
+            self.relay.close()
+        self._end()
+        self.fleet = self.relay = None
+        self._promised = self._charge = self._order = None
+
+    def _end(self) -> None:
+        """End what is simulated, and who hears of it."""
+        for each in (self.witness, self.simulator):
             if each is not None:
                 each.close()
-        self.fleet = self.relay = self.witness = self.simulator = None
-        self._promised = self._charge = self._order = None
+        self.witness = self.simulator = None
 
     def driven(self, opener: str, argument: str, target: Waypoint) -> subprocess.Popen[bytes]:
         """Start a driver as `soter.conformance.driver.spawn` does; it is ended by `close`."""

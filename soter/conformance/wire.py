@@ -63,12 +63,12 @@ class WireHarness(RelayedHarness):
 
     def switchable(self) -> Switchable:
         """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
-        self.fleet = _open(self.backend, self._start(1).robots, None, self.asked(1))
-        return Switchable(self.fleet, lambda: self._simulated().close(), self._begin_anew)
+        robots = self._start(1).robots
+        self.fleet = _open(self.backend, robots, None, self.asked(1))
+        return Switchable(self.fleet, self._end, lambda: self._begin_anew(robots))
 
-    def _begin_anew(self) -> None:
-        before, limits = self._simulated(), self.limits
-        self._watch(Simulator(self.backend.simulated_by, WIDE_ROOMS, self.specs(1), limits, at=before.robots))
+    def _begin_anew(self, robots: Mapping[int, Any]) -> None:
+        self._watch(Simulator(self.backend.simulated_by, WIDE_ROOMS, self.specs(1), self.limits, at=robots))
 
     def _connect(self) -> Fleet:
         simulator, relay = self._simulated(), self.relay
@@ -86,8 +86,6 @@ class WireHarness(RelayedHarness):
         return simulator
 
     def _watch(self, simulator: Simulator) -> None:
-        if self.witness is not None:
-            self.witness.close()
         self.simulator = simulator
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
 

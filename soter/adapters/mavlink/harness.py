@@ -23,7 +23,7 @@ from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
-from soter.conformance.harness import LIMITS
+from soter.conformance.harness import LIMITS, Harness, Switchable
 from soter.errors import RobotUnavailable
 from soter.sdk import Fleet, Waypoint
 from soter.sdk.truth import StreamedTruth
@@ -148,13 +148,24 @@ class MavlinkHarness(RelayedHarness):
             raise RobotUnavailable(f"'{address}' cannot be listened at: {failure}") from failure
         return relay, config.model_copy(update={"connection": f"udpin:{_HOST}:{port}"})
 
+    def switchable(self) -> Switchable:
+        """Return a fleet of one fresh vehicle that no relay stands before; while it is switched it tells no truth."""
+        port = free_port()
+        self._watched(port)
+        self.fleet = self._opened(port, None, 1)
+        return Switchable(self.fleet, self._end, lambda: self._watched(port))
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
-        simulator = self._start(1, port)
-        self.witness = StreamedTruth(simulator.truth, VehicleClock())
+        simulator = self._watched(port)
         harness = f"{type(self).__module__}:{type(self).__qualname__}"
         argument = json.dumps({"harness": harness, "port": port, "truth": simulator.truth})
         return self.driven(f"{__name__}:open_given", argument, target)
+
+    def _watched(self, port: int) -> MavlinkSimulator:
+        simulator = self._start(1, port)
+        self.witness = StreamedTruth(simulator.truth, VehicleClock())
+        return simulator
 
     def _start(self, robots: int, port: int) -> MavlinkSimulator:
         rate_hz = self.options.get("stream_hz", STREAM_HZ)
@@ -162,7 +173,7 @@ class MavlinkHarness(RelayedHarness):
         self.simulator = simulator = MavlinkSimulator(describe(WIDE_ROOMS, self.specs(robots), LIMITS), port, *options)
         return simulator
 
-    def _opened(self, port: int, truth: str, robots: int) -> MavlinkFleet:
+    def _opened(self, port: int, truth: str | None, robots: int) -> MavlinkFleet:
         config = MavlinkConfig.model_validate(
             {"workspace": WIDE_ROOMS, "connection": f"udpin:127.0.0.1:{port}", "truth": truth, **self.options}
         )
@@ -174,6 +185,8 @@ class CopterHarness(MavlinkHarness):
 
     name = "mavlink (copter)"
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
+    # After a reboot it has to be made ready, armed and taken up anew, which takes longer than the kit waits.
+    switchable = Harness.switchable
 
 
 class PlainHarness(MavlinkHarness):
@@ -181,6 +194,8 @@ class PlainHarness(MavlinkHarness):
 
     name = "mavlink (plain rover)"
     simulator_options: ClassVar[tuple[str, ...]] = ("--plain",)
+    # After a reboot it has to be made ready and armed anew, which takes longer than the kit waits.
+    switchable = Harness.switchable
 
 
 class MavsdkHarness(MavlinkHarness):
@@ -195,6 +210,7 @@ class MavsdkCopterHarness(MavsdkHarness):
 
     name = "mavsdk (copter)"
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
+    switchable = Harness.switchable
 
 
 def open_given(argument: str) -> Fleet:

@@ -19,7 +19,7 @@ from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
 from soter.adapters.ros2.simulator import Ros2Simulator
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
-from soter.conformance.harness import LIMITS
+from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
@@ -98,8 +98,14 @@ class Ros2Harness(RelayedHarness):
         argument = json.dumps([simulator.domain_id, simulator.truth, simulator.namespaces])
         return self.driven(f"{__name__}:open_given", argument, target)
 
-    def _start(self, robots: int) -> Ros2Simulator:
-        self.simulator = simulator = Ros2Simulator(WIDE_ROOMS, self.specs(robots), limits=LIMITS)
+    def switchable(self) -> Switchable:
+        """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
+        first = self._start(1)
+        self.fleet = _fleet(first.domain_id, None, "", first.namespaces, self.asked(1))
+        return Switchable(self.fleet, self._end, lambda: self._start(1, first.domain_id))
+
+    def _start(self, robots: int, domain_id: int | None = None) -> Ros2Simulator:
+        self.simulator = simulator = Ros2Simulator(WIDE_ROOMS, self.specs(robots), domain_id=domain_id, limits=LIMITS)
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -110,7 +116,9 @@ def open_given(argument: str) -> Fleet:
     return _fleet(domain_id, truth, "", {int(number): name for number, name in namespaces.items()}, in_wide_rooms(1))
 
 
-def _fleet(domain_id: int, truth: str, before: str, namespaces: dict[int, str], robots: Sequence[RobotSpec]) -> Fleet:
+def _fleet(
+    domain_id: int, truth: str | None, before: str, namespaces: dict[int, str], robots: Sequence[RobotSpec]
+) -> Fleet:
     config = Ros2Config(
         workspace=WIDE_ROOMS,
         robots={robot_id: Ros2RobotOptions(namespace=before + name) for robot_id, name in namespaces.items()},

@@ -18,7 +18,7 @@ from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Listener, Voice
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
-from soter.conformance.harness import LIMITS
+from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.sdk import Fleet, Waypoint, program
 from soter.sdk.truth import StreamedTruth
@@ -93,6 +93,16 @@ class ZenohHarness(RelayedHarness):
         config = _config(self.beside(simulator.session), simulator.truth, simulator.namespaces)
         return self.driven(f"{__name__}:open_given", config.model_dump_json(exclude={"workspace", "limits"}), target)
 
+    def switchable(self) -> Switchable:
+        """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
+        simulator = self._start(1)
+        session = simulator.session
+        # A client of a router is found there; who is its own peer, where it was.
+        again = session if session.mode == "client" else SessionOptions(listen=session.connect)
+        config = _config(self.beside(session), None, simulator.namespaces)
+        self.fleet = ZenohBackend().open(config, self.asked(1))
+        return Switchable(self.fleet, self._end, lambda: self._start(1, again))
+
     def of_robots(self) -> SessionOptions:
         """Return how the simulated world is reached."""
         return SessionOptions()
@@ -113,8 +123,9 @@ class ZenohHarness(RelayedHarness):
         """Return what stands before the keys of robots on SOTER's side of the relay."""
         return ""
 
-    def _start(self, robots: int) -> ZenohSimulator:
-        self.simulator = simulator = ZenohSimulator(WIDE_ROOMS, self.specs(robots), self.of_robots(), limits=LIMITS)
+    def _start(self, robots: int, session: SessionOptions | None = None) -> ZenohSimulator:
+        session = self.of_robots() if session is None else session
+        self.simulator = simulator = ZenohSimulator(WIDE_ROOMS, self.specs(robots), session, limits=LIMITS)
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
         return simulator
 
@@ -162,6 +173,6 @@ def open_given(argument: str) -> Fleet:
     return ZenohBackend().open(config, in_wide_rooms(1))
 
 
-def _config(session: SessionOptions, truth: str, namespaces: Mapping[int, str]) -> ZenohConfig:
+def _config(session: SessionOptions, truth: str | None, namespaces: Mapping[int, str]) -> ZenohConfig:
     robots = {robot_id: ZenohRobotOptions(namespace=name) for robot_id, name in namespaces.items()}
     return ZenohConfig(workspace=WIDE_ROOMS, robots=robots, session=session, truth=truth)
