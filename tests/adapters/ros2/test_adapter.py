@@ -120,7 +120,7 @@ def test_a_publisher_that_does_not_match_is_named(simulator: Ros2Simulator, open
 
 
 def test_velocities_of_the_other_type_are_named(simulator: Ros2Simulator, open_fleet: Open) -> None:
-    text = refusal(open_fleet(simulator, ready=False, stamped=True))
+    text = refusal(open_fleet(simulator, ready=False, stamped=True), seeing=["/robot1/soter/gate"])
     assert "/robot1/soter_mux subscribes to cmd_vel_sc as geometry_msgs/msg/Twist" in text
     assert "SOTER as geometry_msgs/msg/TwistStamped" in text
 
