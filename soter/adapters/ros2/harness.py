@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from soter.adapters.ros2.backend import Ros2Backend
 from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
-from soter.adapters.ros2.simulator import Ros2Simulator
+from soter.adapters.ros2.simulator import Domain, Ros2Simulator
 from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS, Switchable
@@ -83,6 +83,10 @@ class Ros2Harness(RelayedHarness):
     limits = LIMITS
     connect_timeout_s = 20.0
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._held: Domain | None = None
+
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
         self.relay = Ros2Relay(simulator.domain_id, simulator.namespaces)
@@ -100,9 +104,15 @@ class Ros2Harness(RelayedHarness):
 
     def switchable(self) -> Switchable:
         """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
-        first = self._start(1)
-        self.fleet = _fleet(first.domain_id, None, "", first.namespaces, self.asked(1))
-        return Switchable(self.fleet, self._end, lambda: self._start(1, first.domain_id))
+        # Nobody else may get its domain while its program is not there.
+        self._held = domain = Domain()
+        self.fleet = _fleet(domain.id, None, "", self._start(1, domain.id).namespaces, self.asked(1))
+        return Switchable(self.fleet, self._end, lambda: self._start(1, domain.id))
+
+    def close(self) -> None:
+        super().close()
+        if self._held is not None:
+            self._held.close()
 
     def _start(self, robots: int, domain_id: int | None = None) -> Ros2Simulator:
         self.simulator = simulator = Ros2Simulator(WIDE_ROOMS, self.specs(robots), domain_id=domain_id, limits=LIMITS)
