@@ -110,7 +110,7 @@ def conform(
                 files.keep_up(record)
 
             record = workshop.judge(clauses, add, shown.begin)
-        print_summary(console, record, time.monotonic() - began_s)
+        print_summary(console, record, time.monotonic() - began_s, shown.load)
         written = files.finish(record)
         if stop.received is not None:
             raise typer.Exit(128 + stop.received)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Collection, Mapping
 from typing import Final
 
@@ -21,16 +22,24 @@ from soter.conformance.measured import measured_of
 from soter.conformance.record import NOT_DECLARED, overall
 
 WIDTH: Final = 34
+_BUSY: Final = 2.0
+"""Programs that run or wait to, for each core of the host, from which on what is late may be the host's doing."""
+
 _STYLES: Final = {"PASS": "green", "FAIL": "bold red", "NOT TESTED": "yellow"}
 
 
 class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
-    """Shows outcomes as they come: a line each, and below them, on a terminal, what is being tried."""
+    """Shows outcomes as they come: a line each, and below them, on a terminal, what is being tried.
+
+    Attributes:
+        load: programs that ran or waited to for each core of the host as a clause failed, at most.
+    """
 
     def __init__(self, console: Console, total: int) -> None:
         self._console: Final = console
         self._total: Final = total
         self._done = 0
+        self.load = 0.0
         self._status: Final = Status("", console=console) if is_live(console) else None
 
     def __enter__(self) -> Outcomes:
@@ -50,6 +59,8 @@ class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
     def add(self, outcome: Outcome) -> None:
         """Print one outcome."""
         self._done += 1
+        if outcome.verdict is Verdict.FAIL:
+            self.load = max(self.load, os.getloadavg()[0] / (os.cpu_count() or 1))
         self._console.print(_line(outcome), soft_wrap=True)
 
 
@@ -121,8 +132,15 @@ def print_list(console: Console, clauses: list[Clause]) -> None:
         console.print(f"{each.id:<{WIDTH}}{each.tier.value:<6}{each.contract}{extra}", soft_wrap=True)
 
 
-def print_summary(console: Console, record: Record, host_s: float) -> None:
-    """Print what was measured beside what was promised, what was not tested, and the verdict."""
+def print_summary(console: Console, record: Record, host_s: float, load: float = 0.0) -> None:
+    """Print what was measured beside what was promised, what was not tested, and the verdict.
+
+    Args:
+        console: where to.
+        record: of the clauses.
+        host_s: how long it took.
+        load: see `Outcomes`.
+    """
     _print_promises(console, record)
     counts = ", ".join(f"{record.count(each)} {each.value}" for each in Verdict)
     console.print(
@@ -140,6 +158,12 @@ def print_summary(console: Console, record: Record, host_s: float) -> None:
         console.print(f"  {what}: {reason} ({len(outcomes)} clause{'s' * (len(outcomes) > 1)})", soft_wrap=True)
         for each in outcomes if as_far and not reason.startswith(NOT_DECLARED) else ():
             console.print(f"    not shown: {each.clause.contract} ({each.clause.id})", soft_wrap=True)
+    if load >= _BUSY and not in_process:
+        console.print(
+            f"  the host was busy, with {load:.1f} programs a core, as clauses failed: what was late may have been its "
+            "doing, not the adapter's; try again with --jobs 1, and nothing beside it",
+            soft_wrap=True,
+        )
     console.print(Text(record.overall.value, "bold red" if record.overall is Overall.FAILS else "bold green"))
 
 

@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from soter.cli import app
-from soter.cli.conform_output import Files, print_summary
+from soter.cli.conform_output import Files, Outcomes, print_summary
 from soter.cli.console import make_console
 from soter.cli.outputs import Output, StandardOutput
 from soter.conformance import CLAUSES, Outcome, Overall, Record, Tier, Verdict, find_harness, judge, select
@@ -82,6 +82,22 @@ def test_it_says_what_was_not_tested_and_which_of_that_may_not_be_left_out() -> 
     assert captured.get().endswith(
         "\n  not tested, and may not be left out: hook not given: delay (1 clause)\nDOES NOT CONFORM\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("verdict", "load", "said"), [(Verdict.FAIL, 14.0, True), (Verdict.FAIL, 1.0, False), (Verdict.PASS, 14.0, False)]
+)
+def test_it_says_that_the_host_was_busy_as_clauses_failed(
+    verdict: Verdict, load: float, said: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0))
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    outcomes = [Outcome(CLAUSES["bounds.latency"], verdict, "late", (), 0.0)]
+    console = make_console(stderr=False)
+    with console.capture() as captured, Outcomes(console, 1) as shown:
+        shown.add(outcomes[0])
+        print_summary(console, make_record("mine", None, outcomes, complete=True), 0.0, shown.load)
+    assert ("the host was busy, with 7.0 programs a core" in captured.get()) is said
 
 
 def test_a_figure_shows_beside_its_bound() -> None:
