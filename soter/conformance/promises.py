@@ -38,7 +38,8 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ("bounds.braking",),
         (
             "median of 6 stops on its way forwards and of 6 backwards, each from its own first deceleration on; 10 % "
-            "too weak fails in process, 20 % on a wire; 4 from half the speed, four times less sharply"
+            "too weak fails in process, 20 % on a wire; 4 from half the speed, four times less sharply, and in process "
+            "the weakest of 6 while it steers"
         ),
     ),
     "body_radius_m": (
@@ -86,7 +87,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "overshoot_m": (
         ("bounds.overshoot",),
-        "the farthest of eight legs, most of them through the whole room, and of one backwards",
+        "the farthest of eight legs, most through the whole room, of one backwards, and of one with a wide radius",
     ),
     "position_noise_m": (
         ("truth.bounds.noise", "bounds.rest", "endurance.minute"),

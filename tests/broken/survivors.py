@@ -98,6 +98,11 @@ SURVIVORS: Final = (
         "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",
     ),
     Survivor(
+        "Plans legs that are longer than the kit's rooms, such as by places between that are rounded.",
+        "The kit drives 2 m in a go, towards places that lie 5 m away at most.",
+        "It leaves the straight segment by more than tube_m, towards what that keeps clear of. Measure a long leg.",
+    ),
+    Survivor(
         "Stands still for 0.3 s twice a minute where it hears samples on a wire.",
         "Ages are judged for 8 s, and for a minute by their median: a host that is busy does the same.",
         "The sample at a tick is older than promised: that sends the robot to its safe controller, and is counted.",

@@ -18,6 +18,7 @@ from soter.sdk import Controller, Robot, Waypoint
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2))
 _CORNERS, _CORNERS_IN_PROCESS = 5, 11
 _CORNERS_AT = 0.8
+_WIDE = 0.3
 _THROUGH = ((0.85, 0.1), (-0.85, -0.1))
 _TRIALS = 16
 _WAKES, _WAKES_IN_PROCESS = 200, 1000
@@ -220,6 +221,13 @@ def long_tube(bench: Bench) -> None:
 def overshoot(bench: Bench) -> None:
     """The robot runs no more than overshoot_m beyond its target."""
     legs = _legs(bench, _THROUGH)
+    robot = bench.fleet.robots[-1]
+    began, began_s = bench.look(robot), bench.now_s
+    # What ends a goal from afar does not say where to stop.
+    wide = bench.place(robot, 0.0, radius_m=_WIDE * bench.harness.room_m / 2.0)
+    bench.go(robot, wide)
+    bench.run(SETTLE_S)
+    legs.append((began, wide, bench.since(robot, began_s)))
     furthest = max((0.0, *(beyond for leg in legs for beyond, _ in _along_and_across(*leg))))
     bench.measure(
         "overshoot_m", furthest, bench.caps.overshoot_m, _off_m(bench),

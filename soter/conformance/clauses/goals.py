@@ -234,7 +234,7 @@ def cancel_own(bench: Bench) -> None:
 
 @clause("goal.timeout", truth=True)
 def timeout(bench: Bench) -> None:
-    """At its time-out a goal is TIMED_OUT, in fleet time, and the robot stops."""
+    """At its time-out a goal is TIMED_OUT, in fleet time, and the robot stops; it stops no goal that came after."""
     robot = bench.open_one()
     timeout_s = 0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s
     goal = robot.goto(bench.place(robot, 0.9, timeout_s=timeout_s), Controller.AC)
@@ -251,6 +251,10 @@ def timeout(bench: Bench) -> None:
     )
     bench.require(called_s - sent_s >= timeout_s - 1e-6, "it timed out early: host time instead of fleet time")
     bench.expect_stop(robot, "a goal that timed out is not stopped on the vehicle")
+    robot.goto(bench.place(robot, -0.9, timeout_s=timeout_s), Controller.AC)
+    bench.run(timeout_s / 2.0)
+    goal = robot.goto(bench.place(robot, -0.8), Controller.AC)
+    bench.arrive(goal, "the time-out of the goal that it took the place of has stopped it")
 
 
 @clause("goal.written_in_read_state")

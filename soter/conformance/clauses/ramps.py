@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
-from soter.conformance.track import CRUISE_S, Ramp, fit_start, quantile
+from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop, quantile
 from soter.conformance.trials import Shuttle, measure_braking, share_off
 from soter.errors import Unsupported
 from soter.sdk import Controller, Robot
@@ -17,6 +17,9 @@ _STOPS = 12
 _REVERSALS = 3
 _SLOW_STOPS = 4
 _BLUR = 4.0
+_ASIDE = 0.12
+_STEERS_S = 0.3
+_STEERS_RAD_S = 0.25
 
 
 @clause("bounds.braking", truth=True)
@@ -29,6 +32,33 @@ def braking(bench: Bench) -> None:
     slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
     # From half the speed there is a quarter of the way to see it by.
     measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
+    if bench.caps.in_process:
+        _in_curves(bench, robot)
+
+
+def _in_curves(bench: Bench, robot: Robot) -> None:
+    """See a robot brake while it steers."""
+    seen = []
+    for left in (_ASIDE, -_ASIDE) * bench.trials(_REVERSALS):
+        bench.go(robot, bench.place(robot, -0.7))
+        bench.run(SETTLE_S)
+        bench.get_going(robot, bench.place(robot, 0.8))
+        bench.run(2.0 * CRUISE_S)
+        goal = robot.goto(bench.place(robot, 0.8, left), Controller.AC)
+        bench.run(_STEERS_S, lambda: abs(bench.tracks[robot.id][-1].yaw_rate_rad_s) > _STEERS_RAD_S)
+        called_s = bench.now_s
+        goal.cancel()
+        bench.run(SETTLE_S)
+        end = fit_stop(bench.tracks[robot.id], called_s)
+        if end is not None:
+            seen.append(end.rate_m_s2)
+    if seen:
+        brake = bench.caps.brake_m_s2
+        bench.measure(
+            "curve_brake_m_s2", min(seen), brake, _BLUR * share_off(bench, brake, at_least=True) * brake,
+            "while it steers it brakes more weakly than straight ahead, as if both shared what its wheels can do",
+            at_least=True, spread=seen,
+        )  # fmt: skip
 
 
 @clause("bounds.acceleration", truth=True, needs=("accel_m_s2",))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
@@ -10,10 +11,12 @@ from soter.conformance.clause import clause
 from soter.conformance.clauses import deadman, goals, samples, state
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
+from soter.conformance.track import TrackSample
 from soter.conformance.trials import Shuttle
 from soter.sdk import Controller, GoalStatus
 
 _SLOWLY = 0.5
+_FAST = 0.7
 _TRIALS = 3
 _SAME = 2e-3
 _TWO = 2
@@ -235,16 +238,33 @@ def both(bench: Bench) -> None:
 
 @clause("several.close")
 def close(bench: Bench) -> None:
-    """Closing one robot leaves the others working."""
+    """Closing one robot leaves the others working, and their leases ending."""
     first, second = bench.open(2)
     first.close(5.0)
-    goal = second.goto(bench.place(second, 0.5), Controller.AC)
+    del bench.tracks[first.id]
     clock = bench.fleet.clock
-    end_s = clock.now() + bench.way_s()
-    while goal.active and clock.now() < end_s:
-        clock.sleep_until(clock.now() + 0.05)
-        second.read_state()
-        second.renew_lease()
+
+    def drive(seconds: float, until: Callable[[], bool] = lambda: False, *, renew: bool = True) -> TrackSample:
+        ends_s = clock.now() + seconds
+        while not until() and clock.now() < ends_s:
+            clock.sleep_until(clock.now() + TICK_S)
+            bench.look(second)
+            if renew:
+                second.renew_lease()
+        return bench.look(second)
+
+    goal = second.goto(bench.place(second, 0.5), Controller.AC)
+    drive(bench.way_s(), lambda: not goal.active)
     bench.require_status(
         goal, GoalStatus.REACHED, "close() of one robot closed what the others share; that is Fleet._close()"
+    )
+    drive(SETTLE_S)
+    second.goto(bench.place(second, -0.85), Controller.AC)
+    drive(bench.way_s(), lambda: bench.tracks[second.id][-1].speed_m_s > _FAST * bench.caps.v_max_m_s)
+    at = drive(bench.orphaned_s() + bench.caps.sample_age_s, renew=False)
+    moved_m = drive(1.0, renew=False).distance_m(at.x_m, at.y_m)
+    bench.require(
+        moved_m <= bench.still_m,
+        f"after another robot was closed it drives on without renewals, by {moved_m:.2f} m in a second: what watches "
+        "the leases of all ended with the one",
     )
