@@ -98,6 +98,30 @@ SURVIVORS: Final = (
         "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",
     ),
     Survivor(
+        "Knows goals by their numbers alone, in a robot that was left on between two programs.",
+        "Robots are fresh for every fleet; the second program of `authority.one_program` does not drive.",
+        "The first goal of the next program is driven to the place of the last one's goal of that number, a way that "
+        "nobody has judged; the goal ends as TIMED_OUT. Number sessions, too, and start robots anew.",
+    ),
+    Survivor(
+        "Overlooks a clock of the vehicle that is set back by less than a second.",
+        "`deadman.clock_back` and `deadman.clock_steps` set it by 30 s.",
+        "Samples seem older by as much, so that the robot stays its safe controller's until the offset is learned "
+        "anew, and a renewal that was late by less counts. Rename the clock at any step.",
+    ),
+    Survivor(
+        "Looks at its lease where it talks, and not where it drives, behind a wire.",
+        "`process.hung` stops SOTER; the programs of robots are not stopped for a moment.",
+        "While the talking stands still, for a log or a busy host, the robot goes on as it did, lease or not. Ask when "
+        "the lease ends in the loop that drives.",
+    ),
+    Survivor(
+        "Waits the longer to connect anew, the longer a robot was away.",
+        "`link.returns` has it away for a second, and waits for ten.",
+        "A robot that was away for a minute is heard up to a minute after it is back, and stands until then. Try to "
+        "connect at least once a second.",
+    ),
+    Survivor(
         "Plans legs that are longer than the kit's rooms, such as by places between that are rounded.",
         "The kit drives 2 m in a go, towards places that lie 5 m away at most.",
         "It leaves the straight segment by more than tube_m, towards what that keeps clear of. Measure a long leg.",
