@@ -104,12 +104,6 @@ SURVIVORS: Final = (
         "nobody has judged; the goal ends as TIMED_OUT. Number sessions, too, and start robots anew.",
     ),
     Survivor(
-        "Overlooks a clock of the vehicle that is set back by less than a second.",
-        "`deadman.clock_back` and `deadman.clock_steps` set it by 30 s.",
-        "Samples seem older by as much, so that the robot stays its safe controller's until the offset is learned "
-        "anew, and a renewal that was late by less counts. Rename the clock at any step.",
-    ),
-    Survivor(
         "Looks at its lease where it talks, and not where it drives, behind a wire.",
         "`process.hung` stops SOTER; the programs of robots are not stopped for a moment.",
         "While the talking stands still, for a log or a busy host, the robot goes on as it did, lease or not. Ask when "
