@@ -7,12 +7,10 @@ from typing import Any, Final
 
 from soter.sdk import Goal
 from soter_sim import LIMITS
+from tests.broken.afterwards import State
 from tests.broken.edits import edited
 from tests.broken.in_process import Broken
 from tests.broken.parts import braking_at, memory, with_control
-
-State = tuple[float, ...]
-"""What a control is called with: now_s, x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s."""
 
 _WIDE_M: Final = 0.25
 _STEERS_RAD_S: Final = 0.25

@@ -18,6 +18,7 @@ _REVERSALS = 3
 _SLOW_STOPS = 4
 _BLUR = 4.0
 _ASIDE = 0.12
+_EVEN = 0.7
 _STEERS_S = 0.3
 _STEERS_RAD_S = 0.25
 
@@ -45,12 +46,14 @@ def _in_curves(bench: Bench, robot: Robot) -> None:
         bench.get_going(robot, bench.place(robot, 0.8))
         bench.run(2.0 * CRUISE_S)
         goal = robot.goto(bench.place(robot, 0.8, left), Controller.AC)
-        bench.run(_STEERS_S, lambda: abs(bench.tracks[robot.id][-1].yaw_rate_rad_s) > _STEERS_RAD_S)
+        steers = bench.run(_STEERS_S, lambda: abs(bench.tracks[robot.id][-1].yaw_rate_rad_s) > _STEERS_RAD_S)
+        # A robot that comes to rest before it turns has no curves.
+        steers = steers and bench.tracks[robot.id][-1].speed_m_s > _EVEN * bench.caps.v_max_m_s
         called_s = bench.now_s
         goal.cancel()
         bench.run(SETTLE_S)
         end = fit_stop(bench.tracks[robot.id], called_s)
-        if end is not None:
+        if steers and end is not None:
             seen.append(end.rate_m_s2)
     if seen:
         brake = bench.caps.brake_m_s2

@@ -260,7 +260,12 @@ def close(bench: Bench) -> None:
     )
     drive(SETTLE_S)
     second.goto(bench.place(second, -0.85), Controller.AC)
-    drive(bench.way_s(), lambda: bench.tracks[second.id][-1].speed_m_s > _FAST * bench.caps.v_max_m_s)
+    fast_m_s = _FAST * bench.caps.v_max_m_s
+    drive(bench.way_s(), lambda: bench.tracks[second.id][-1].speed_m_s > fast_m_s)
+    bench.require(
+        bench.tracks[second.id][-1].speed_m_s > fast_m_s,
+        f"after another robot was closed its second goal does not bring it to {fast_m_s:.2f} m/s",
+    )
     at = drive(bench.orphaned_s() + bench.caps.sample_age_s, renew=False)
     moved_m = drive(1.0, renew=False).distance_m(at.x_m, at.y_m)
     bench.require(
