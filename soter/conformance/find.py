@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from soter.conformance.given import Given, GivenHarness
-from soter.conformance.harness import FOR_EVER_S, LIMITS, Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, LEG_M, LIMITS, Harness, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
@@ -31,6 +31,7 @@ def open_floor() -> Workspace:
 class InProcessHarness(Harness):
     """Opens robots of a backend that lives in this process, on an open floor."""
 
+    leg_m = LEG_M
     side_by_side = True
     charges_at_start = True
     contacts = True

@@ -89,6 +89,7 @@ class GivenHarness(RelayedHarness):
 
     charges_at_start = False
     contacts = False
+    leg_m = 0.0
     starts_robots = False
     robots_most = 1
     clause_limit_s = _CLAUSE_S

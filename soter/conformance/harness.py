@@ -14,7 +14,9 @@ from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
-EXTRA_HOOKS: Final = ("second", "step_clock", "restart", "promising", "charged", "choosing", "switchable")
+EXTRA_HOOKS: Final = (
+    "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall",
+)  # fmt: skip
 """More of them, for what not every harness can do; an adapter may conform without."""
 
 
@@ -23,6 +25,9 @@ LOW_CHARGE: Final = 0.1
 
 _IDLE_S: Final = 2400.0
 """How long a full battery of theirs lasts at rest: what that takes shows within half a minute."""
+
+LEG_M: Final = 8.0
+"""How long a leg the kit's own simulated robots are driven on open ground."""
 
 FOR_EVER_S: Final = 1e6
 """How long it takes to empty, or to charge, a battery whose charge is to stay."""
@@ -79,6 +84,8 @@ class Harness(ABC):
         name: what reports call the adapter.
         room_m: the side of the free square around every robot's start pose, in which the kit may drive it; at least
             2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
+        leg_m: how far a robot may be driven to the west of its start, within 0.1 rad of the frame's negative x axis; 0
+            where there is no room for a long leg.
         charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.
         contacts: whether the robots are simulated, so that they may be driven into each other, and truth counts that.
         robots_most: how many robots `open` can give; clauses that need more are not tested. Best as many as are to
@@ -97,6 +104,7 @@ class Harness(ABC):
 
     name: str
     room_m: float = 2.0
+    leg_m: float = 0.0
     charges_at_start: bool = False
     contacts: bool = False
     robots_most: int = 2
@@ -211,6 +219,13 @@ class Harness(ABC):
 
     def switchable(self) -> Switchable:
         """Return a fleet of one fresh robot that nothing stands between, and what switches its program off and on."""
+        raise NotImplementedError
+
+    def stall(self, robot_id: int, seconds: float) -> None:
+        """Let what hears and talks for a robot stand still for so long from now, as on a busy host; return at once.
+
+        The robot itself goes on, by what it was told before.
+        """
         raise NotImplementedError
 
     # --- for the kit ------------------------------------------------------------------------------------------

@@ -171,6 +171,11 @@ class Judging:
         """How far the moment of a sample may be off: on a wire clocks are learned, and the truth is read in between."""
         return 0.0 if self.caps.in_process else READ_S
 
+    @property
+    def off_m(self) -> float:
+        """How far a place that was seen may be off because the measurement is."""
+        return 1e-4 + 2.0 * self.noise_m + self.caps.v_max_m_s * self.read_s
+
     def fastest(self, robot: Robot) -> tuple[Fastest, float]:
         """Return the top speed and turn rates seen of a robot, and the share by which they may be off."""
         if not self.truth or self.caps.in_process:

@@ -79,10 +79,11 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ),
     ),
     "tube_m": (
-        ("bounds.tube", "bounds.long_tube"),
+        ("bounds.tube", "bounds.long_tube", "truth.bounds.leg"),
         (
-            "the widest of six legs to all sides, 12 by truth in process, of one backwards, and of two towards "
-            "targets several metres away; 10 % too wide fails where the place is known to a tenth"
+            "the widest of six legs to all sides, 12 by truth in process, of one backwards, of two towards "
+            "targets several metres away, and of legs of 8 m where there is room; 10 % too wide fails where the place "
+            "is known to a tenth"
         ),
     ),
     "overshoot_m": (

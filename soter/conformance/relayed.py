@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 from collections.abc import Sequence
 from typing import Final, Protocol
 
 from soter.conformance import driver
-from soter.conformance.harness import FOR_EVER_S, Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, LEG_M, Harness, specs_at
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
 
@@ -79,6 +80,7 @@ class RelayedHarness(Harness):
     What is simulated is `specs`; what the adapter is asked for is `asked`.
     """
 
+    leg_m = LEG_M
     charges_at_start = True
     contacts = True
     robots_most = len(WIDE_ROOMS.robots)
@@ -93,6 +95,7 @@ class RelayedHarness(Harness):
         self._charge: float | None = None
         self._lasts_s = FOR_EVER_S
         self._order: Sequence[int] | None = None
+        self._stalls: list[subprocess.Popen[bytes]] = []
 
     def specs(self, robots: int) -> list[RobotSpec]:
         """Return the first robots of `WIDE_ROOMS`, with what the last of them is asked to promise, and their charge."""
@@ -120,6 +123,9 @@ class RelayedHarness(Harness):
             process.kill()
             process.wait()
         self._drivers.clear()
+        for stall in self._stalls:
+            stall.wait()
+        self._stalls.clear()
         if self.relay is not None:
             self.relay.cut, self.relay.delay_s, self.relay.loss = frozenset(), 0.0, 0.0
         if self.fleet is not None:
@@ -142,6 +148,14 @@ class RelayedHarness(Harness):
         process = driver.spawn(opener, argument, target)
         self._drivers.append(process)
         return process
+
+    def stopped(self, process: subprocess.Popen[bytes], seconds: float) -> None:
+        """Let a process of the robots' stand still for so long from now; return at once."""
+        process.send_signal(signal.SIGSTOP)
+        # By a process of its own, so that it goes on whatever becomes of this one.
+        self._stalls.append(
+            subprocess.Popen(["/bin/sh", "-c", f"sleep {seconds}; kill -CONT {process.pid}"], start_new_session=True)
+        )
 
     def cut(self, robot_id: int) -> None:
         self._link().cut |= {robot_id}

@@ -61,6 +61,10 @@ class WireHarness(RelayedHarness):
         """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
         self._simulated().restart(robot_id)
 
+    def stall(self, robot_id: int, seconds: float) -> None:
+        """Let the robots' program stand still; their world is lived through when it goes on."""
+        self.stopped(self._simulated().process, seconds)
+
     def switchable(self) -> Switchable:
         """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
         robots = self._start(1).robots

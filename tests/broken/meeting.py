@@ -1,19 +1,26 @@
-"""Adapters that go wrong where two things meet: a wide radius, a curve, a goal in another's place, a robot closed."""
+"""Adapters that go wrong where two things meet, or one thing meets more time or room than is usual."""
 
 from __future__ import annotations
 
 import math
 from typing import Any, Final
 
-from soter.sdk import Goal
+from soter.sdk import Goal, RobotState, Waypoint
 from soter_sim import LIMITS
 from tests.broken.afterwards import State
-from tests.broken.edits import edited
+from tests.broken.edits import driven, edited, wired
 from tests.broken.in_process import Broken
+from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import braking_at, memory, with_control
+from tests.conformance.wire import Intent, Vehicle
 
 _WIDE_M: Final = 0.25
 _STEERS_RAD_S: Final = 0.25
+_FAR_M: Final = 6.0
+_WINDOW_M: Final = 5.0
+_CELL_M: Final = 0.1
+_FIRST_WAIT_S: Final = 0.05
+_LONGEST_WAIT_S: Final = 60.0
 
 
 def _flies_by(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
@@ -63,6 +70,60 @@ def _ends_the_watch(robot: Any, timeout_s: float) -> None:
     vars(robot._world)["watch ended"] = True
 
 
+def _plans_in_cells(robot: Any, timeout_s: float) -> Any:
+    """Drive to what is far away by a place in between, in the middle of a cell of a map."""
+    found, vehicle = Broken._connect(robot, timeout_s), robot._vehicle
+    between: dict[int, Waypoint | None] = {}
+
+    def control(now_s: float, x_m: float, y_m: float, *turned: float) -> tuple[float, float]:
+        goal = vehicle.mux.passing(now_s)
+        if goal is None:
+            return vehicle._drive.command(x_m, y_m, *turned, None)  # type: ignore[no-any-return]
+        dx, dy = goal.target.x_m - x_m, goal.target.y_m - y_m
+        if goal.id not in between:
+            share = _WINDOW_M / math.hypot(dx, dy) if math.hypot(dx, dy) > _FAR_M else 0.0
+            x, y = (round((at + share * on) / _CELL_M) * _CELL_M for at, on in ((x_m, dx), (y_m, dy)))
+            between[goal.id] = goal.target._replace(x_m=x, y_m=y) if share else None
+        by = between[goal.id]
+        if by is not None and math.hypot(by.x_m - x_m, by.y_m - y_m) <= _CELL_M:
+            by = between[goal.id] = None
+        return vehicle._drive.command(x_m, y_m, *turned, by or goal.target)  # type: ignore[no-any-return]
+
+    robot._world.set_control(robot.id, control)
+    return found
+
+
+def _by_number(self: Any, intent: Intent, clock_s: float) -> None:
+    """Take a goal for a new one where its number is another than that of the one before."""
+    known = memory(self, "known", lambda: [None])
+    if intent.goal is not None:
+        if known[0] is None or known[0].id != intent.goal.id:
+            known[0] = intent.goal
+        intent = intent._replace(goal=known[0])
+    Vehicle.take(self, intent, clock_s)
+
+
+def _asks_while_it_talks(self: Any, clock_s: float) -> Goal | None:
+    asked = memory(self, "asked", lambda: [None])
+    if self.talks():
+        asked[0] = self.mux.passing(clock_s)
+    return asked[0]  # type: ignore[no-any-return]
+
+
+def _backs_off(self: Any) -> list[RobotState]:
+    """Wait twice as long after each try to connect, up to a minute."""
+    waits, now_s = memory(self, "waits", lambda: [_FIRST_WAIT_S, 0.0]), self.clock.now()
+    if now_s < waits[1]:
+        return []
+    try:
+        found = self.up.receive(now_s)
+    except ConnectionError:
+        waits[:] = min(2.0 * waits[0], _LONGEST_WAIT_S), now_s + waits[0]
+        return []
+    waits[0] = _FIRST_WAIT_S
+    return found  # type: ignore[no-any-return]
+
+
 MEETING: Final[tuple[type[Broken], ...]] = (
     edited("FliesBy", "Drives through targets of a wide radius at full speed, and brakes behind them.",
            "bounds.overshoot", "too late", _connect=with_control(_flies_by)),
@@ -73,4 +134,15 @@ MEETING: Final[tuple[type[Broken], ...]] = (
            _connect=with_control(_timers_end)),
     edited("WatchesNoMore", "Watches no lease any more once one robot of several was closed.", "several.close",
            "ended with the one", _connect=with_control(_unwatched), _disconnect=_ends_the_watch),
+    edited("PlansInCells", "Drives to what is more than 6 m away by a place in between, which lies on a grid of 0.1 m.",
+           "truth.bounds.leg", "places between", _connect=_plans_in_cells),
+)  # fmt: skip
+
+MEETING_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    driven("KnowsGoalsByNumber", "Takes a goal of the next program for that of the one before that has its number.",
+           "authority.next_program", "numbers alone", take=_by_number),
+    driven("AsksWhileItTalks", "Asks whether its lease lives where it hears and talks, and not where it drives.",
+           "deadman.stalled", "lease or not", passing=_asks_while_it_talks),
+    wired("BacksOff", "Waits twice as long after each try to connect again, up to a minute.", "link.returns",
+          "the longer it takes|nothing is heard", received=_backs_off),
 )  # fmt: skip

@@ -98,27 +98,9 @@ SURVIVORS: Final = (
         "Fence and boxes are nearer there than believed by as much. Measure places where the robots will drive.",
     ),
     Survivor(
-        "Knows goals by their numbers alone, in a robot that was left on between two programs.",
-        "Robots are fresh for every fleet; the second program of `authority.one_program` does not drive.",
-        "The first goal of the next program is driven to the place of the last one's goal of that number, a way that "
-        "nobody has judged; the goal ends as TIMED_OUT. Number sessions, too, and start robots anew.",
-    ),
-    Survivor(
-        "Looks at its lease where it talks, and not where it drives, behind a wire.",
-        "`process.hung` stops SOTER; the programs of robots are not stopped for a moment.",
-        "While the talking stands still, for a log or a busy host, the robot goes on as it did, lease or not. Ask when "
-        "the lease ends in the loop that drives.",
-    ),
-    Survivor(
-        "Waits the longer to connect anew, the longer a robot was away.",
-        "`link.returns` has it away for a second, and waits for ten.",
-        "A robot that was away for a minute is heard up to a minute after it is back, and stands until then. Try to "
-        "connect at least once a second.",
-    ),
-    Survivor(
-        "Plans legs that are longer than the kit's rooms, such as by places between that are rounded.",
-        "The kit drives 2 m in a go, towards places that lie 5 m away at most.",
-        "It leaves the straight segment by more than tube_m, towards what that keeps clear of. Measure a long leg.",
+        "Leaves the straight segment on legs of more than 8 m.",
+        "`truth.bounds.leg` drives 8 m, four times in process and twice on a wire.",
+        "It leaves the segment by more than tube_m, towards what that keeps clear of. Give the harness a longer leg_m.",
     ),
     Survivor(
         "Stands still for 0.3 s twice a minute where it hears samples on a wire.",
@@ -148,11 +130,12 @@ SURVIVORS: Final = (
         "is decided by a wrong place. Let one of the harness's rooms lie across both axes.",
     ),
     Survivor(
-        "Follows two programs, opens robots that nobody asked for, or keeps its lease over a restart or a step of its "
-        "clock, behind a harness without the hooks `second`, `choosing`, `restart` and `step_clock`.",
-        "The clauses `authority.one_program`, `several.chosen`, `deadman.restart` and `deadman.clock_back` are NOT "
-        "TESTED then.",
-        "A second program drives the robot, one that is not of the mission is armed, or a dead program's target lives "
-        "on. Give the hooks.",
+        "Follows two programs, or takes the goals of one for those of the other; opens robots that nobody asked for; "
+        "or keeps its lease over a restart, a step of its clock or a moment in which it hears nothing, behind a "
+        "harness without the hooks `second`, `choosing`, `restart`, `step_clock` and `stall`.",
+        "The clauses `authority.one_program`, `authority.next_program`, `several.chosen`, `deadman.restart`, "
+        "`deadman.clock_back` and `deadman.stalled` are NOT TESTED then.",
+        "A second program drives the robot, or one drives to where another has sent it; a robot that is not of the "
+        "mission is armed; or a dead program's target lives on. Give the hooks.",
     ),
 )  # fmt: skip

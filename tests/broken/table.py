@@ -16,7 +16,7 @@ from tests.broken.drivers import DRIVERS, DRIVERS_ON_WIRE
 from tests.broken.duties import DUTIES
 from tests.broken.goals import TARGETS
 from tests.broken.habits import HABITS, HABITS_ON_WIRE
-from tests.broken.meeting import MEETING
+from tests.broken.meeting import MEETING, MEETING_ON_WIRE
 from tests.broken.passing import PASSING
 from tests.broken.promised import PROMISES
 from tests.broken.samples import SAMPLES
@@ -44,6 +44,7 @@ BROKEN: Final[tuple[Kind, ...]] = (
     *DRIVERS, *HABITS, *WAYS, *CROWD, *PASSING, *AFTERWARDS, *STRANGERS, *MEETING,
     *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE,
     *HABITS_ON_WIRE, *WAYS_ON_WIRE, *CROWD_ON_WIRE, *AFTERWARDS_ON_WIRE, *STRANGERS_ON_WIRE,
+    *MEETING_ON_WIRE,
 )  # fmt: skip
 
 

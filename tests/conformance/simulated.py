@@ -8,7 +8,7 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
-from soter.conformance.harness import FOR_EVER_S, specs_at
+from soter.conformance.harness import FOR_EVER_S, LEG_M, specs_at
 from soter.conformance.harness import LIMITS as JUDGED_BY
 from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits
 from soter_sim import World
@@ -31,6 +31,7 @@ class SimulatedFleet(Fleet):
 class SimulatedHarness(Harness):
     """Opens robots of any class that lives in a simulated world in this process."""
 
+    leg_m = LEG_M
     charges_at_start = True
     contacts = True
     robots_most = 3

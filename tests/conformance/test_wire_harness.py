@@ -74,3 +74,16 @@ def test_a_robot_whose_program_is_switched_off_and_on_is_at_the_same_address(har
             on()
             assert drive_until(fleet, lambda: robot.read_state().link is Link.UP, 10.0)
             assert harness.observe(robot.id)[:2] == (robot.spec.x_m, robot.spec.y_m)
+
+
+def test_a_robot_whose_program_stands_still_is_not_heard_until_it_goes_on(harness: ZmqHarness) -> None:
+    with harness.open(1) as fleet:
+        robot = fleet.robots[0]
+        robot.init(10.0)
+        began_s = fleet.clock.now()
+        harness.stall(robot.id, 1.5)
+        assert drive_until(fleet, lambda: robot.read_state().link is not Link.UP, 1.5)
+        assert drive_until(fleet, lambda: robot.read_state().link is Link.UP, 10.0)
+        assert fleet.clock.now() - began_s >= 1.5
+        # It is no matter for the end that somebody stands still.
+        harness.stall(robot.id, 0.3)

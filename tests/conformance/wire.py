@@ -14,7 +14,7 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
-from soter.conformance.harness import FOR_EVER_S, Switchable
+from soter.conformance.harness import FOR_EVER_S, LEG_M, Switchable
 from soter.conformance.harness import LIMITS as JUDGED_BY
 from soter.errors import RobotUnavailable
 from soter.onboard.drive import Drive, DriveLimits
@@ -129,7 +129,7 @@ class Vehicle:
         if spec.promised is not None:
             self.lease_s = spec.promised.lease_s  # type: ignore[misc]
         self.drive = Drive(built(spec, self.limits), world.period_s)
-        self.periods = 0
+        self.periods, self.stalls_until_s = 0, 0.0
         self.begin()
         world.set_control(spec.id, self.control)
 
@@ -142,14 +142,21 @@ class Vehicle:
         self.offset_s = -self.world.now_s
         self.begin()
 
+    def talks(self) -> bool:
+        """Whether what hears and talks for it goes on, and does not stand still for a moment."""
+        return self.world.now_s >= self.stalls_until_s
+
+    def passing(self, clock_s: float) -> Goal | None:
+        return self.mux.passing(clock_s)
+
     def control(self, now_s: float, x: float, y: float, heading: float, v: float, rate: float) -> tuple[float, float]:
-        clock_s = now_s + self.offset_s
-        for channel in self.down:
+        clock_s, talks = now_s + self.offset_s, self.talks()
+        for channel in self.down if talks else ():
             for intent in channel.receive(now_s):
                 self.take(intent, clock_s)
-        goal = self.mux.passing(clock_s)
+        goal = self.passing(clock_s)
         self.periods += 1
-        if self.periods % SAMPLE_PERIODS == 0:
+        if talks and self.periods % SAMPLE_PERIODS == 0:
             for line in self.up:
                 line.send(now_s, self.sample(clock_s, x, y, heading, rate))
         return self.drive.command(x, y, heading, v, rate, None if goal is None else goal.target)
@@ -301,6 +308,7 @@ class WireFleet(Fleet):
 class WireHarness(Harness):
     """Opens robots of any class behind a link, with every fault of link and vehicle."""
 
+    leg_m = LEG_M
     charges_at_start = True
     contacts = True
     robots_most = 3
@@ -364,6 +372,10 @@ class WireHarness(Harness):
 
     def restart(self, robot_id: int) -> None:
         self.vehicles[robot_id].restart()
+
+    def stall(self, robot_id: int, seconds: float) -> None:
+        vehicle = self.vehicles[robot_id]
+        vehicle.stalls_until_s = vehicle.world.now_s + seconds
 
     def cut(self, robot_id: int) -> None:
         self.vehicles[robot_id].faults.cut = True

@@ -155,6 +155,11 @@ class MavlinkHarness(RelayedHarness):
         self.fleet = self._opened(port, None, 1)
         return Switchable(self.fleet, self._end, lambda: self._watched(port))
 
+    def stall(self, robot_id: int, seconds: float) -> None:
+        """Let the vehicles' program stand still; their world is lived through when it goes on."""
+        assert isinstance(self.simulator, MavlinkSimulator)
+        self.stopped(self.simulator.process, seconds)
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
         simulator = self._watched(port)

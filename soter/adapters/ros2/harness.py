@@ -97,6 +97,11 @@ class Ros2Harness(RelayedHarness):
     def second(self) -> Fleet:
         return _fleet(*self._seen_by_soter, self.asked(len(self._seen_by_soter[-1])))
 
+    def stall(self, robot_id: int, seconds: float) -> None:
+        """Let a robot's mux stand still; its base goes on."""
+        assert isinstance(self.simulator, Ros2Simulator)
+        self.stopped(self.simulator.muxes[robot_id], seconds)
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
         argument = json.dumps([simulator.domain_id, simulator.truth, simulator.namespaces])

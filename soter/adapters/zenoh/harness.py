@@ -88,6 +88,11 @@ class ZenohHarness(RelayedHarness):
     def second(self) -> Fleet:
         return ZenohBackend().open(self._seen_by_soter, self.asked(len(self._seen_by_soter.robots)))
 
+    def stall(self, robot_id: int, seconds: float) -> None:
+        """Let a robot's mux stand still; its base goes on."""
+        assert isinstance(self.simulator, ZenohSimulator)
+        self.stopped(self.simulator.muxes[robot_id], seconds)
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)
         config = _config(self.beside(simulator.session), simulator.truth, simulator.namespaces)

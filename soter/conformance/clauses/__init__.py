@@ -17,6 +17,7 @@ from soter.conformance.clauses import clocks as clocks
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import crowd as crowd
 from soter.conformance.clauses import bounds as bounds
+from soter.conformance.clauses import legs as legs
 from soter.conformance.clauses import ramps as ramps
 from soter.conformance.clauses import contact as contact
 from soter.conformance.clauses import asked as asked

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.judging import FIT_S, STILL_M, STILL_RAD
-from soter.conformance.track import TrackSample, fit_stop, quantile, turn
+from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import Shuttle
-from soter.errors import Unsupported
-from soter.sdk import Controller, Robot, Waypoint
+from soter.sdk import Controller
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2))
 _CORNERS, _CORNERS_IN_PROCESS = 5, 11
@@ -121,170 +118,6 @@ def clock(bench: Bench) -> None:
     )  # fmt: skip
 
 
-def _legs(
-    bench: Bench, more: Sequence[tuple[float, float]] = ()
-) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
-    """Drive legs from rest to rest; return where each began, its target, and what was seen of it.
-
-    They are those of a star, which leads across the room and to all sides alike.
-    """
-    robot = bench.open_one()
-    legs = []
-    corners = _CORNERS_IN_PROCESS if bench.caps.in_process and bench.truth and not more else _CORNERS
-    angles = [2.0 * math.pi * (corners // 2) * number / corners for number in range(corners + 1)]
-    star = [(_CORNERS_AT * math.cos(angle), _CORNERS_AT * math.sin(angle)) for angle in angles]
-    for ahead, left in (*more, *star)[: bench.trials(len(more) + len(star))]:
-        began, began_s = bench.look(robot), bench.now_s
-        target = bench.place(robot, ahead, left, radius_m=bench.near_m)
-        bench.go(robot, target)
-        bench.run(1.0)
-        legs.append((began, target, bench.since(robot, began_s)))
-    if bench.caps.reverses:
-        began, began_s = bench.look(robot), bench.now_s
-        back_m = _BACK * bench.harness.room_m / 2.0
-        target = Waypoint(
-            began.x_m - back_m * math.cos(began.heading_rad), began.y_m - back_m * math.sin(began.heading_rad),
-            heading_rad=began.heading_rad, radius_m=0.05,
-        )  # fmt: skip
-        with suppress(Unsupported):
-            bench.go(robot, target)
-            bench.run(1.0)
-            legs.append((began, target, bench.since(robot, began_s)))
-    return legs
-
-
-def _off_m(bench: Bench) -> float:
-    """Return how far a place that was seen may be off because the measurement is."""
-    return 1e-4 + 2.0 * bench.noise_m + bench.caps.v_max_m_s * bench.read_s
-
-
-def _along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSample]) -> list[tuple[float, float]]:
-    """Return how far beyond the target, and how far beside the straight segment to it, a robot was."""
-    dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
-    length = math.hypot(dx, dy)
-    off = [(each.x_m - began.x_m, each.y_m - began.y_m) for each in seen]
-    return [((x_m * dx + y_m * dy) / length - length, (y_m * dx - x_m * dy) / length) for x_m, y_m in off]
-
-
-@clause("bounds.tube", truth=True)
-def tube(bench: Bench) -> None:
-    """The robot stays within tube_m of the straight segment to its target."""
-    widest = max((0.0, *(abs(across) for leg in _legs(bench) for _, across in _along_and_across(*leg))))
-    bench.measure(
-        "tube_m", widest, bench.caps.tube_m, _off_m(bench),
-        "the vehicle drives a curve (it turns while it drives, or is pulled off), is sent beside its target, such as "
-        "to a rounded one, or tube_m is declared too small",
-    )  # fmt: skip
-
-
-@clause("bounds.long_tube", truth=True)
-def long_tube(bench: Bench) -> None:
-    """The robot stays within tube_m of the straight segment also where its target is several metres away."""
-    robot = bench.open_one()
-    widest, ends = 0.0, []
-    for ahead in (-1.0, 1.0)[: bench.trials(2)]:
-        bench.go(robot, bench.place(robot, -_FAR_FROM * ahead))
-        bench.run(SETTLE_S)
-        began, began_s = bench.look(robot), bench.now_s
-        # Through the whole room, towards what lies far beyond it.
-        target = bench.place(robot, _FAR_TO * ahead)
-        goal = robot.goto(target, Controller.AC)
-        most_m = 2.0 * _FAR_FROM * bench.harness.room_m / 2.0
-
-        def through(began: TrackSample = began, began_s: float = began_s, most_m: float = most_m) -> bool:
-            gone_m = bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m)
-            return gone_m > most_m or bench.stands(robot, began_s)
-
-        bench.run(bench.way_s(), through, closely=True)
-        called_s = bench.now_s
-        goal.cancel()
-        bench.require(
-            bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m) > most_m,
-            f"towards a target {_FAR_TO * bench.harness.room_m / 2.0:.0f} m away it stopped short",
-        )
-        beside = _along_and_across(began, target, bench.since(robot, began_s))
-        widest = max((widest, *(abs(across) for _, across in beside)))
-        bench.run(SETTLE_S, closely=True)
-        ends.append(fit_stop(bench.tracks[robot.id], called_s))
-    bench.measure(
-        "long_stop_s", min((end.begins_s for end in ends if end), default=0.0), bench.caps.latency_s, bench.fit_s,
-        "after a way of seconds a stop is later than after a short one: something adds up while it drives",
-    )  # fmt: skip
-    bench.measure(
-        "long_tube_m", widest, bench.caps.tube_m, _off_m(bench),
-        "on its way to a target far away the vehicle drives beside the straight segment: it steers by less the farther "
-        "that is, or plans another way",
-    )  # fmt: skip
-
-
-@clause("bounds.overshoot", truth=True)
-def overshoot(bench: Bench) -> None:
-    """The robot runs no more than overshoot_m beyond its target."""
-    legs = _legs(bench, _THROUGH)
-    robot = bench.fleet.robots[-1]
-    began, began_s = bench.look(robot), bench.now_s
-    # What ends a goal from afar does not say where to stop.
-    wide = bench.place(robot, 0.0, radius_m=_WIDE * bench.harness.room_m / 2.0)
-    bench.go(robot, wide)
-    bench.run(SETTLE_S)
-    legs.append((began, wide, bench.since(robot, began_s)))
-    furthest = max((0.0, *(beyond for leg in legs for beyond, _ in _along_and_across(*leg))))
-    bench.measure(
-        "overshoot_m", furthest, bench.caps.overshoot_m, _off_m(bench),
-        "it brakes too late for its target, is sent to a place beyond it, such as a rounded one, or overshoot_m is "
-        "declared too small",
-    )  # fmt: skip
-
-
-@clause("bounds.pivot", truth=True, needs=("pivots_first",))
-def pivot(bench: Bench) -> None:
-    """Where declared, the robot turns in place before it drives."""
-    robot = bench.open_one()
-    for ahead, left in ((-0.4, 0.5), (0.3, -0.4))[: bench.trials(2)]:
-        began, began_s = bench.look(robot), bench.now_s
-        target = bench.place(robot, ahead, left)
-        bench.go(robot, target)
-        course = math.atan2(target.y_m - began.y_m, target.x_m - began.x_m)
-        strayed = 0.0
-        for sample in bench.since(robot, began_s):
-            off = abs(turn(course, sample.heading_rad))
-            if bench.caps.reverses:
-                off = min(off, math.pi - off)
-            if off > 0.3:
-                strayed = max(strayed, sample.distance_m(began.x_m, began.y_m))
-        bench.measure(
-            "pivot_m", strayed, bench.caps.tube_m, _off_m(bench),
-            "it drives off before it has turned, or turns about another point than its place; declare "
-            "pivots_first=False",
-        )  # fmt: skip
-        bench.run(SETTLE_S)
-    _no_curve(bench, robot)
-
-
-def _no_curve(bench: Bench, robot: Robot) -> None:
-    """See a robot on its way come to rest and turn in place for a target that lies a little to the side."""
-    caps = bench.caps
-    bench.go(robot, bench.place(robot, -0.7))
-    bench.get_going(robot, bench.place(robot, 0.9), closely=True)
-    at, called_s = bench.look(robot), bench.now_s
-    bearing_rad = at.heading_rad + _ASIDE_RAD
-    target = Waypoint(at.x_m + _ASIDE_M * math.cos(bearing_rad), at.y_m + _ASIDE_M * math.sin(bearing_rad))
-    bench.go(robot, target)
-    rests_s = called_s + caps.latency_s + caps.jitter_s + 2 * TICK_S + caps.v_max_m_s / caps.brake_m_s2
-    turning = [
-        each
-        for each in bench.since(robot, rests_s)
-        if abs(turn(math.atan2(target.y_m - each.y_m, target.x_m - each.x_m), each.heading_rad)) > _OFF_RAD
-        and each.distance_m(target.x_m, target.y_m) > 2.0 * target.radius_m
-    ]
-    curved_m = max((each.distance_m(turning[0].x_m, turning[0].y_m) for each in turning), default=0.0)
-    bench.measure(
-        "curve_m", curved_m, caps.tube_m, _off_m(bench),
-        "a goal that replaces another on the way is driven to in a curve, without a stop and a turn; declare "
-        "pivots_first=False",
-    )  # fmt: skip
-
-
 def turns_at_least(bench: Bench) -> float:
     """Return the turn rate that a robot is to come to: a wire's vehicle may be slow in getting there."""
     return (_TURNS_IN_PROCESS if bench.caps.in_process else _TURNS) * bench.caps.yaw_rate_max_rad_s
@@ -332,7 +165,7 @@ def noise(bench: Bench) -> None:
         cause, spread=off_m,
     )  # fmt: skip
     bench.measure(
-        "position_noise_rare_m", max(off_m), caps.position_noise_m + caps.v_max_m_s * late_s, _off_m(bench), cause
+        "position_noise_rare_m", max(off_m), caps.position_noise_m + caps.v_max_m_s * late_s, bench.off_m, cause
     )
     bench.measure(
         "heading_noise_rad", quantile(off_rad, share),

@@ -27,6 +27,7 @@ _STAYS_S = 70.0
 
 _SLOW = 0.25
 _LEFT_S = 0.2
+_STALL_SHARE = 0.3
 _WAYS: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
     ("a cancel", lambda _, goal: goal.cancel(), True),
     ("a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance"), True),
@@ -232,6 +233,25 @@ def late(bench: Bench) -> None:
         f"every renewal arrives {late_s:.2f} s late, and the robot still drives, {slipped:.3f} m within a second: its "
         "lease counts from when a renewal arrives; send with it when it was made, by the vehicle's clock",
     )
+
+
+@clause("deadman.stalled", tier=Tier.WIRE)
+def stalled(bench: Bench) -> None:
+    """When its lease ends a robot stops also while what hears and talks for it stands still."""
+    bench.require_hook("stall")
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, -0.8))
+    bench.get_going(robot, bench.place(robot, 0.9))
+    stands_s = bench.orphaned_s() + _STALL_SHARE * bench.harness.room_m / bench.caps.v_max_m_s
+    before, bench.faulty = bench.true_place(robot), True
+    bench.harness.stall(robot.id, stands_s)
+    bench.run(stands_s + 1.0, renew=False)
+    bench.measure(
+        "stalled_run_m", math.dist(before, bench.true_place(robot)),
+        bench.caps.v_max_m_s * (bench.orphaned_s() + bench.caps.sample_age_s), bench.still_m,
+        f"while what hears and talks for the robot stood still for {stands_s:.1f} s it drove on, lease or not: ask in "
+        "the loop that drives whether the lease lives",
+    )  # fmt: skip
 
 
 @clause("deadman.turning", needs=("pivots_first",))

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from statistics import median
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
-from soter.errors import RobotUnavailable
+from soter.errors import RobotUnavailable, Uncontrolled
 from soter.sdk import Controller, GoalStatus, Link, Robot
 
 _LOST_S = 4.0
 _PATIENCE_S = 2.0
 _SILENT_S = 2.0
 _SLACK_S = 1.0
-_TIMES = 2
-_OFF_S = 1.0
+# So far apart that who doubles his waits is looking elsewhere at the end of one of them.
+_OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
 _RETURNS_S = 10.0
+_LATER_S = 3.0
 
 
 def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
@@ -328,15 +330,16 @@ def returns(bench: Bench) -> None:
     fleet, off, on = bench.harness.switchable()
     bench.opener = lambda: fleet
     robot = bench.open_one()
-    bench.faulty = True
-    for number in range(1, _TIMES + 1):
+    bench.faulty, returns_s = True, []
+    for number, off_s in enumerate(_OFF_S, start=1):
         off()
-        slowest_s, ends_s = 0.0, bench.now_s + _OFF_S
+        slowest_s, ends_s = 0.0, bench.now_s + off_s
         while bench.now_s < ends_s:
             began_s = bench.now_s
             robot.read_state()
             robot.goto(bench.place(robot, 0.5), Controller.AC)
-            robot.renew_lease()
+            with suppress(Uncontrolled):
+                robot.renew_lease()
             slowest_s = max(slowest_s, bench.now_s - began_s)
             bench.fleet.clock.sleep_until(began_s + TICK_S)
         bench.require(
@@ -345,8 +348,11 @@ def returns(bench: Bench) -> None:
             "and the leases of all other robots with them",
         )
         on()
+        began_s = bench.now_s
+        back = bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP)
+        returns_s.append(bench.now_s - began_s)
         bench.require(
-            bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP),
+            back,
             f"{_RETURNS_S:.0f} s after the robot's program began for the {number + 1}. time nothing is heard of it: "
             "what hears took an error, such as a refused connection, for the end, or does not connect anew",
         )
@@ -354,3 +360,8 @@ def returns(bench: Bench) -> None:
             robot, bench.place(robot, 0.3 if number % 2 else -0.3),
             cause="a robot whose program began anew is heard, and not told anything: what was open to it is dead",
         )  # fmt: skip
+    bench.measure(
+        "returns_s", max(returns_s[1:]), min(returns_s) + _LATER_S, 2 * TICK_S, spread=returns_s,
+        cause="the longer a robot was away, the longer it takes to be heard again: who waits twice as long after each "
+        "try to connect looks for it seldom in the end",
+    )  # fmt: skip

@@ -55,6 +55,23 @@ def one_program(bench: Bench) -> None:
         )
 
 
+@clause("authority.next_program", tier=Tier.WIRE)
+def next_program(bench: Bench) -> None:
+    """A robot that another program has left on does what the next one asks for, though both count their goals alike."""
+    bench.require_hook("second")
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.5))
+    bench.run(bench.orphaned_s(), renew=False)
+    bench.opener = bench.harness.second
+    robot = bench.open_one()
+    # Its first goal, as that of the program before was.
+    bench.arrive(
+        robot.goto(bench.place(robot, -0.3, 0.5), Controller.AC),
+        "it is taken for the first goal of the program before, to where that had sent the robot: goals are known by "
+        "their numbers alone, and every program begins with 1",
+    )
+
+
 def _renews(robot: Robot) -> bool:
     with suppress(SoterError):
         robot.renew_lease()
