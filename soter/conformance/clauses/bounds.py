@@ -13,21 +13,11 @@ from soter.conformance.trials import Shuttle
 from soter.sdk import Controller
 
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2))
-_CORNERS, _CORNERS_IN_PROCESS = 5, 11
-_CORNERS_AT = 0.8
-_WIDE = 0.3
-_THROUGH = ((0.85, 0.1), (-0.85, -0.1))
 _TRIALS = 16
 _WAKES, _WAKES_IN_PROCESS = 200, 1000
 _RESTS_S = 8.0
 _BUSY_S = 0.02
 _TURNS, _TURNS_IN_PROCESS = 0.6, 0.95
-_ASIDE_RAD = 0.7
-_ASIDE_M = 0.6
-_OFF_RAD = 0.15
-_BACK = 0.4
-_FAR_FROM = 0.8
-_FAR_TO = 4.0
 
 
 @clause("bounds.latency", truth=True)
