@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from typing import Final
+from operator import attrgetter
+from typing import Final, NoReturn
 
 from soter.conformance.always import Always
 from soter.conformance.diagnosis import explain
@@ -31,6 +33,7 @@ _READS: Final = 5
 _NEAR_M: Final = 0.05
 _MAY_BE: Final = 0.2
 _ENDS: Final = 4.0
+_AT_S: Final = attrgetter("at_s")
 
 
 class Judging:
@@ -108,7 +111,8 @@ class Judging:
 
     def since(self, robot: Robot, at_s: float) -> list[TrackSample]:
         """Return what was seen of a robot from a moment on."""
-        return [sample for sample in self.tracks[robot.id] if sample.at_s >= at_s - ROUNDING]
+        track = self.tracks[robot.id]
+        return track[bisect_left(track, at_s - ROUNDING, key=_AT_S) :]
 
     @property
     def _slow_m_s(self) -> float:
@@ -207,10 +211,14 @@ class Judging:
         """Return how far a target is from where a robot started."""
         return math.hypot(target.x_m - robot.spec.x_m, target.y_m - robot.spec.y_m)
 
+    def fail(self, message: str) -> NoReturn:
+        """Fail the clause with a message; what the kit knows of the samples comes before it."""
+        raise Failed(f"{explain(self)}{message}")
+
     def require(self, holds: bool, message: str) -> None:
-        """Fail the clause with a message unless something holds; what the kit knows of the samples comes before it."""
+        """Fail the clause with a message unless something holds."""
         if not holds:
-            raise Failed(f"{explain(self)}{message}")
+            self.fail(message)
 
     def require_hook(self, hook: str) -> None:
         """Leave the clause untried where the harness does not give an optional hook."""

@@ -101,8 +101,10 @@ class Graph:
     def close(self) -> None:
         """End everything: the executor, its thread, the nodes, the context. Idempotent."""
         self._closed = True
-        self._executor.shutdown()
+        # First its thread, which takes what is shut down under it for a message that it could not take.
+        self._executor.wake()
         self._thread.join(_END_TIMEOUT_S)
+        self._executor.shutdown()
         while self._nodes:
             self._nodes.pop().destroy_node()
         self._context.try_shutdown()
@@ -113,7 +115,7 @@ class Graph:
     def _run(self) -> None:
         while not self._closed and self._context.ok():
             try:
-                self._executor.spin()
+                self._executor.spin_once()
             except ExternalShutdownException:
                 return
             except Exception:
@@ -121,8 +123,6 @@ class Graph:
                 self.failed += 1
                 if self.failed == 1:
                     logger.exception("dropped a message that could not be taken")
-            else:
-                return
 
 
 def heard_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:

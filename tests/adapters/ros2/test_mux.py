@@ -142,3 +142,18 @@ def test_what_one_callback_cannot_take_deafens_no_other(graph: Graph, caplog: py
     assert wait_for(repeated, 10.0)
     assert graph.failed >= 2
     assert caplog.text.count("dropped a message that could not be taken") == 1
+
+
+def test_a_graphs_thread_is_gone_before_what_it_runs_is_shut_down(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    graph.node("/somebody")
+    shut_down, running = graph._executor.shutdown, list[bool]()
+
+    def note() -> None:
+        running.append(graph._thread.is_alive())
+        shut_down()
+
+    monkeypatch.setattr(graph._executor, "shutdown", note)
+    graph.close()
+    assert running == [False]
