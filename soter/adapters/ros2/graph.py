@@ -100,9 +100,12 @@ class Graph:
 
     def close(self) -> None:
         """End everything: the executor, its thread, the nodes, the context. Idempotent."""
+        if self._closed:
+            return
         self._closed = True
-        # First its thread, which takes what is shut down under it for a message that it could not take.
-        self._executor.wake()
+        # First its thread, which takes what is shut down under it for a message that it could not take; for one more
+        # thing to do it wakes up.
+        self._executor.create_task(lambda: None)
         self._thread.join(_END_TIMEOUT_S)
         self._executor.shutdown()
         while self._nodes:
