@@ -19,6 +19,10 @@ _STEERS_RAD_S: Final = 0.25
 _FAR_M: Final = 6.0
 _WINDOW_M: Final = 5.0
 _CELL_M: Final = 0.1
+_SEES_M: Final = 0.8
+_LANE_M: Final = 0.35
+_SWERVE_RAD_S: Final = 1.0
+_SAME_M: Final = 0.25
 _FIRST_WAIT_S: Final = 0.05
 _LONGEST_WAIT_S: Final = 60.0
 
@@ -93,6 +97,27 @@ def _plans_in_cells(robot: Any, timeout_s: float) -> Any:
     return found
 
 
+def _swerves(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Round whoever is ahead, as a vehicle with an eye of its own does."""
+    x_m, y_m, heading_rad = state[1:4]
+    for other in range(len(robot._world.bodies.x)):
+        dx, dy = robot._world.bodies.x[other] - x_m, robot._world.bodies.y[other] - y_m
+        ahead_m = dx * math.cos(heading_rad) + dy * math.sin(heading_rad)
+        aside_m = dy * math.cos(heading_rad) - dx * math.sin(heading_rad)
+        if other != robot._index and 0.0 < ahead_m < _SEES_M and abs(aside_m) < _LANE_M and speed > 0.0:
+            return speed, -_SWERVE_RAD_S if aside_m >= 0.0 else _SWERVE_RAD_S
+    return speed, rate
+
+
+def _waits_for_its_place(robot: Any, goal: Goal) -> None:
+    """Keep places for one robot at a time, as a manager of many does."""
+    kept: dict[int, Waypoint] = vars(robot._world).setdefault("kept places", {})
+    there = (each for robot_id, each in kept.items() if robot_id != robot.id)
+    if not any(math.dist(each[:2], goal.target[:2]) < _SAME_M for each in there):
+        kept[robot.id] = goal.target
+        Broken._send_goto(robot, goal)
+
+
 def _by_number(self: Any, intent: Intent, clock_s: float) -> None:
     """Take a goal for a new one where its number is another than that of the one before."""
     known = memory(self, "known", lambda: [None])
@@ -134,6 +159,10 @@ MEETING: Final[tuple[type[Broken], ...]] = (
            _connect=with_control(_timers_end)),
     edited("WatchesNoMore", "Watches no lease any more once one robot of several was closed.", "several.close",
            "ended with the one", _connect=with_control(_unwatched), _disconnect=_ends_the_watch),
+    edited("Swerves", "Swerves round other robots by itself.", "truth.bounds.body", "an avoidance of its own",
+           _connect=with_control(_swerves)),
+    edited("KeepsPlaces", "Sends no robot to where another one was sent.", "truth.bounds.body", "one robot at a time",
+           _send_goto=_waits_for_its_place),
     edited("PlansInCells", "Drives to what is more than 6 m away by a place in between, which lies on a grid of 0.1 m.",
            "truth.bounds.leg", "places between", _connect=_plans_in_cells),
 )  # fmt: skip

@@ -62,7 +62,7 @@ def _legs(
     return legs
 
 
-def _along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSample]) -> list[tuple[float, float]]:
+def along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSample]) -> list[tuple[float, float]]:
     """Return how far beyond the target, and how far beside the straight segment to it, a robot was."""
     dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
     length = math.hypot(dx, dy)
@@ -73,7 +73,7 @@ def _along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSamp
 @clause("bounds.tube", truth=True)
 def tube(bench: Bench) -> None:
     """The robot stays within tube_m of the straight segment to its target."""
-    widest = max((0.0, *(abs(across) for leg in _legs(bench) for _, across in _along_and_across(*leg))))
+    widest = max((0.0, *(abs(across) for leg in _legs(bench) for _, across in along_and_across(*leg))))
     bench.measure(
         "tube_m", widest, bench.caps.tube_m, bench.off_m,
         "the vehicle drives a curve (it turns while it drives, or is pulled off), is sent beside its target, such as "
@@ -106,7 +106,7 @@ def long_tube(bench: Bench) -> None:
             bench.tracks[robot.id][-1].distance_m(began.x_m, began.y_m) > most_m,
             f"towards a target {_FAR_TO * bench.harness.room_m / 2.0:.0f} m away it stopped short",
         )
-        beside = _along_and_across(began, target, bench.since(robot, began_s))
+        beside = along_and_across(began, target, bench.since(robot, began_s))
         widest = max((widest, *(abs(across) for _, across in beside)))
         bench.run(SETTLE_S, closely=True)
         ends.append(fit_stop(bench.tracks[robot.id], called_s))
@@ -145,7 +145,7 @@ def leg(bench: Bench) -> None:
         goal = robot.goto(target._replace(timeout_s=lasts_s), Controller.AC)
         bench.run(lasts_s, lambda goal=goal, since_s=began_s: not goal.active or bench.stands(robot, since_s))  # type: ignore[misc]
         bench.require_status(goal, GoalStatus.REACHED, f"a leg of {way_m:g} m is not driven to its end")
-        beside = _along_and_across(began, target, bench.since(robot, began_s))
+        beside = along_and_across(began, target, bench.since(robot, began_s))
         widest.append(max(abs(across) for _, across in beside))
         bench.run(SETTLE_S)
     bench.measure(
@@ -166,7 +166,7 @@ def overshoot(bench: Bench) -> None:
     bench.go(robot, wide)
     bench.run(SETTLE_S)
     legs.append((began, wide, bench.since(robot, began_s)))
-    furthest = max((0.0, *(beyond for leg in legs for beyond, _ in _along_and_across(*leg))))
+    furthest = max((0.0, *(beyond for leg in legs for beyond, _ in along_and_across(*leg))))
     bench.measure(
         "overshoot_m", furthest, bench.caps.overshoot_m, bench.off_m,
         "it brakes too late for its target, is sent to a place beyond it, such as a rounded one, or overshoot_m is "

@@ -20,7 +20,7 @@ _SLACK_S = 1.0
 _OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
 _RETURNS_S = 10.0
-_LATER_S = 3.0
+_LATER_S = 5.0
 
 
 def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
