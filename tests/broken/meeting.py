@@ -8,7 +8,7 @@ from typing import Any, Final
 from soter.sdk import Goal, RobotState, Waypoint
 from soter_sim import LIMITS
 from tests.broken.afterwards import State
-from tests.broken.edits import driven, edited, wired
+from tests.broken.edits import driven, edited, sampled, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import braking_at, memory, with_control
@@ -23,6 +23,10 @@ _SEES_M: Final = 0.8
 _LANE_M: Final = 0.35
 _SWERVE_RAD_S: Final = 1.0
 _SAME_M: Final = 0.25
+_CREEPS_M_S: Final = 0.01
+_LIFT: Final = 0.15
+_LIFTS_S: Final = 20.0
+_AT_CHARGER_M: Final = 0.2
 _FIRST_WAIT_S: Final = 0.05
 _LONGEST_WAIT_S: Final = 60.0
 
@@ -118,6 +122,23 @@ def _waits_for_its_place(robot: Any, goal: Goal) -> None:
         Broken._send_goto(robot, goal)
 
 
+def _turns_as_it_subtracts(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Turn by the difference of two headings as they are."""
+    goal = robot._mux.command
+    if goal is None or speed != 0.0 or abs(state[4]) > _CREEPS_M_S or rate == 0.0:
+        return speed, rate
+    bearing_rad = math.atan2(goal.target.y_m - state[2], goal.target.x_m - state[1])
+    return speed, math.copysign(rate, bearing_rad - math.remainder(state[3], math.tau))
+
+
+def _by_voltage(robot: Any, state: RobotState) -> RobotState:
+    """Read the charge from a voltage, which a charger lifts, and lets go of slowly."""
+    lift, here_m = memory(robot, "lift", lambda: [0.0, 0.0]), math.dist(state[3:5], (robot.spec.x_m, robot.spec.y_m))
+    share = 1.0 - math.exp(-(state.stamp_s - lift[1]) / _LIFTS_S)
+    lift[:] = lift[0] + ((_LIFT if here_m < _AT_CHARGER_M else 0.0) - lift[0]) * share, state.stamp_s
+    return state if state.battery is None else state._replace(battery=min(1.0, state.battery + lift[0]))
+
+
 def _by_number(self: Any, intent: Intent, clock_s: float) -> None:
     """Take a goal for a new one where its number is another than that of the one before."""
     known = memory(self, "known", lambda: [None])
@@ -163,6 +184,10 @@ MEETING: Final[tuple[type[Broken], ...]] = (
            _connect=with_control(_swerves)),
     edited("KeepsPlaces", "Sends no robot to where another one was sent.", "truth.bounds.body", "one robot at a time",
            _send_goto=_waits_for_its_place),
+    edited("TurnsAsItSubtracts", "Turns the long way round where the short one leads across west.", "bounds.pivot",
+           "long way round", _connect=with_control(_turns_as_it_subtracts)),
+    sampled("ReadsVoltage", "Takes the voltage for the charge, which a charger lifts within a minute.",
+            "truth.state.charge", "a voltage", _by_voltage),
     edited("PlansInCells", "Drives to what is more than 6 m away by a place in between, which lies on a grid of 0.1 m.",
            "truth.bounds.leg", "places between", _connect=_plans_in_cells),
 )  # fmt: skip

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
@@ -22,6 +23,9 @@ _THROUGH = ((0.85, 0.1), (-0.85, -0.1))
 _ASIDE_RAD = 0.7
 _ASIDE_M = 0.6
 _OFF_RAD = 0.15
+_ACROSS_RAD = 0.6
+_ACROSS_AT = 0.5
+_STEERS_RAD = 0.3
 _BACK = 0.4
 _FAR_FROM = 0.8
 _FAR_TO = 4.0
@@ -197,6 +201,29 @@ def pivot(bench: Bench) -> None:
         )  # fmt: skip
         bench.run(SETTLE_S)
     _no_curve(bench, robot)
+    for across_rad in (math.pi, 0.0)[: bench.trials(2)]:
+        _the_short_way(bench, robot, across_rad)
+
+
+def _the_short_way(bench: Bench, robot: Robot, across_rad: float) -> None:
+    """See a robot turn across a direction, such as that in which headings begin anew, and not all the way round."""
+    bench.go(robot, bench.place(robot, 0.0))
+    for aside_rad in (-_ACROSS_RAD, _ACROSS_RAD):
+        bench.run(SETTLE_S)
+        began, began_s = bench.look(robot), bench.now_s
+        bearing_rad, way_m = across_rad + aside_rad, _ACROSS_AT * bench.harness.room_m / 2.0
+        x_m, y_m = began.x_m + way_m * math.cos(bearing_rad), began.y_m + way_m * math.sin(bearing_rad)
+        bench.go(robot, Waypoint(x_m, y_m, radius_m=bench.near_m))
+        seen = [began, *bench.since(robot, began_s)]
+        turned_rad = sum(abs(turn(a.heading_rad, b.heading_rad)) for a, b in pairwise(seen))
+        short_rad = abs(turn(began.heading_rad, bearing_rad))
+        if bench.caps.reverses:
+            short_rad = max(short_rad, math.pi - short_rad)
+        bench.measure(
+            "turned_rad", turned_rad, short_rad + _STEERS_RAD + 2.0 * bench.noise_rad * len(seen), _OFF_RAD,
+            f"for a turn of {short_rad:.2f} rad, across {across_rad:.2f}, it turns the long way round: the difference "
+            "of two headings is to be wrapped",
+        )  # fmt: skip
 
 
 def _no_curve(bench: Bench, robot: Robot) -> None:
