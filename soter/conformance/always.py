@@ -21,7 +21,9 @@ _LATE_S: Final = 0.1
 _LATE_M: Final = 0.01
 _SEAM_RAD: Final = 0.5
 
+_BAD_LINK: Final = "while the link is bad"
 _TOO_FAST: Final = {
+    _BAD_LINK: "speeds are made of two places and the time that should lie between them, whatever was lost or late",
     "": "it keeps what it promises in most that it does, and not in what it was driven for here: a limit that does not "
     "count for this controller, direction or kind of goal",
 }
@@ -60,10 +62,12 @@ class Always:
     def note(self, bench: Judging, robot: Robot, state: RobotState) -> None:
         """Look at a sample that was read just now."""
         caps = robot.capabilities
+        link = {_BAD_LINK} if bench.faulty else set[str]()
         noise_m_s = 0.002 + (caps.speed_noise_m_s or 0.02 * caps.v_max_m_s)
-        self._keep("v_max_m_s", math.hypot(state.vx_m_s, state.vy_m_s), _FASTER * caps.v_max_m_s + noise_m_s, robot)
+        speed_m_s = math.hypot(state.vx_m_s, state.vy_m_s)
+        self._keep("v_max_m_s", speed_m_s, _FASTER * caps.v_max_m_s + noise_m_s, robot, link)
         rate_rad_s = caps.yaw_rate_max_rad_s
-        self._keep("yaw_rate_max_rad_s", abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S, robot)
+        self._keep("yaw_rate_max_rad_s", abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S, robot, link)
         truth = bench.fleet.truth
         if truth is None:
             return

@@ -12,7 +12,7 @@ from tests.broken.edits import driven, edited, sampled, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import braking_at, memory, with_control
-from tests.conformance.wire import Intent, Vehicle
+from tests.conformance.wire import PERIOD_S, SAMPLE_PERIODS, Intent, Vehicle, WireRobot
 
 _WIDE_M: Final = 0.25
 _STEERS_RAD_S: Final = 0.25
@@ -27,6 +27,7 @@ _CREEPS_M_S: Final = 0.01
 _LIFT: Final = 0.15
 _LIFTS_S: Final = 20.0
 _AT_CHARGER_M: Final = 0.2
+_APART_S: Final = PERIOD_S * SAMPLE_PERIODS
 _FIRST_WAIT_S: Final = 0.05
 _LONGEST_WAIT_S: Final = 60.0
 
@@ -170,6 +171,17 @@ def _backs_off(self: Any) -> list[RobotState]:
     return found  # type: ignore[no-any-return]
 
 
+def _over_the_period(self: Any) -> list[RobotState]:
+    """Take speeds as ways over the time that should lie between two samples, whatever was lost between them."""
+    last, found = memory(self, "last", lambda: [None]), []
+    for sample in WireRobot.received(self):
+        before = last[0] or sample
+        vx_m_s, vy_m_s = ((here - there) / _APART_S for here, there in zip(sample[3:5], before[3:5], strict=True))
+        found.append(sample._replace(vx_m_s=vx_m_s, vy_m_s=vy_m_s))
+        last[0] = sample
+    return found
+
+
 MEETING: Final[tuple[type[Broken], ...]] = (
     edited("FliesBy", "Drives through targets of a wide radius at full speed, and brakes behind them.",
            "bounds.overshoot", "too late", _connect=with_control(_flies_by)),
@@ -197,6 +209,8 @@ MEETING_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            "authority.next_program", "numbers alone", take=_by_number),
     driven("AsksWhileItTalks", "Asks whether its lease lives where it hears and talks, and not where it drives.",
            "deadman.stalled", "lease or not", passing=_asks_while_it_talks),
+    wired("SpeedsOverThePeriod", "Takes speeds from two places and the time that should lie between them.", "link.loss",
+          "two places", received=_over_the_period),
     wired("BacksOff", "Waits twice as long after each try to connect again, up to a minute.", "link.returns",
           "the longer it takes|nothing is heard", received=_backs_off),
 )  # fmt: skip

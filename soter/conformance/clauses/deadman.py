@@ -89,8 +89,8 @@ def lease(bench: Bench) -> None:
     ]  # fmt: skip
     seen = [trial.end.begins_s for trial in stops]
     cause = (
-        "the vehicle's lease is longer than lease_s, is counted from something later than the renewal, or grows where "
-        f"it is renewed twice at once{_RENEWED}"
+        "the vehicle's lease is longer than lease_s, is counted from something later than the renewal, grows where it "
+        f"is renewed twice at once, or ends no motion backwards{_RENEWED}"
     )
     # Each trial falls into the vehicle's period somewhere, which sets two such means apart.
     phase_s = 0.0 if caps.in_process else caps.setpoint_period_s * 0.9 / math.sqrt(many)
