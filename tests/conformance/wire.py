@@ -374,8 +374,7 @@ class WireHarness(Harness):
         self.vehicles[robot_id].restart()
 
     def stall(self, robot_id: int, seconds: float) -> None:
-        vehicle = self.vehicles[robot_id]
-        vehicle.stalls_until_s = vehicle.world.now_s + seconds
+        self.vehicles[robot_id].stalls_until_s = self.clock.now() + seconds
 
     def cut(self, robot_id: int) -> None:
         self.vehicles[robot_id].faults.cut = True

@@ -42,10 +42,11 @@ def body(bench: Bench) -> None:
         return [math.dist(at[1:3], bench.true_pose(robot.id)[:2]) for robot, at in began.items()]
 
     bench.run(bench.way_s(), lambda: min(gone_m()) > _SETS_OUT_M)
+    least_m, slower = min(zip(gone_m(), [robot.id for robot in began], strict=True))
     bench.require(
-        min(gone_m()) > _SETS_OUT_M,
-        f"of two robots that are sent to one place, {middle.x_m:.2f}, {middle.y_m:.2f}, one has gone "
-        f"{min(gone_m()):.2f} m: places are kept for one robot at a time, or goals are known by their places",
+        least_m > _SETS_OUT_M,
+        f"of two robots that are sent to one place, ({middle.x_m:.2f}, {middle.y_m:.2f}), robot {slower} has gone "
+        f"{least_m:.2f} m: places are kept for one robot at a time, or goals are known by their places",
     )
     for each in goals:
         each.cancel()
