@@ -169,6 +169,7 @@ def run(
             happens = None
         if now_s > happened_s and abs(v_m_s) > MOVES_M_S:
             rest_s = now_s - happened_s
+    assert vehicles.processes.keys() <= vehicles.seen.keys(), "a vehicle told the witness no SIM_STATE"
     way_m = math.dist(at, vehicles.seen[1][:2])
     result = json.loads(file.read_text()) if file.exists() else {}
     said = ("ac_share", "longest_stall_s", "longest_without_ac_s", "violations", "min_margin", "uncontrolled")
