@@ -87,7 +87,11 @@ def test_what_another_ground_station_takes_is_nobodys(
 
 
 def test_a_rover_without_gps_is_stopped_before_its_own_fail_safe_acts(rovers: Autopilots, tmp_path: Path) -> None:
-    ended = run(ROVER, rovers, tmp_path, 40.0, lambda _: rovers.set(1, "SIM_GPS_DISABLE", 1.0))
+    def switch_off(_process: object) -> None:
+        rovers.set(1, "SIM_GPS_DISABLE", 1.0)
+        rovers.set(1, "SIM_GPS1_ENABLE", 0.0)  # its name from 4.7 on
+
+    ended = run(ROVER, rovers, tmp_path, 40.0, switch_off)
     assert (ended.code, ended.result["violations"]) == (3, RULES)
     assert "its GPS has" in ended.result["uncontrolled"]["1"]["cause"]
     # A second and a little until it is seen, and the way to stop.
