@@ -215,6 +215,8 @@ class Autopilots:
             except OSError:
                 return
             for message in parser.parse_buffer(data) or ():
+                if message.get_srcSystem() != robot_id:
+                    continue  # ArduPilot passes on what ground stations send it, heartbeats too
                 if message.get_type() == "SIM_STATE":
                     self.seen[robot_id] = self._pose(message)
                 elif message.get_type() == "HEARTBEAT":
