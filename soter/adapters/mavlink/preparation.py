@@ -50,9 +50,10 @@ _SLOW_STREAMS: Final = (
 _SLOW_HZ: Final = 4.0
 _GPS_HZ: Final = 10.0
 _STEERING: Final = {
-    "SERVO1_FUNCTION": (26.0, "it steers with its wheels, and cannot turn in place"),
-    "WP_PIVOT_ANGLE": (0.0, "it does not turn in place"),
+    "SERVO1_FUNCTION": (26.0, 26.0, "it steers with its wheels, and cannot turn in place"),
+    "WP_PIVOT_ANGLE": (0.0, 5.0, "it does not turn in place"),
 }
+"""Values from one to another that are refused. ArduRover takes a pivot angle of 5 degrees or less for none."""
 _PX4_EKF: Final = mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 _REPORT_HZ: Final = 20.0
 
@@ -223,10 +224,11 @@ class Preparation:
         """Refuse a rover that steers with its wheels or does not pivot: safe controllers turn in place."""
         if self._vehicle.kind != ARDUROVER:
             return
-        for name, (refused, why) in _STEERING.items():
-            if (yield from self._parameter(name)) == refused:
+        for name, (from_, to, why) in _STEERING.items():
+            value = yield from self._parameter(name)
+            if value is not None and from_ <= value <= to:
                 raise RobotUnavailable(
-                    f"its {name} is {refused:g}: {why}; safe controllers turn in place, and it would drive a curve "
+                    f"its {name} is {value:g}: {why}; safe controllers turn in place, and it would drive a curve "
                     "where nothing was looked at; allowed: skid steering that pivots, such as SERVO1_FUNCTION 73, "
                     "SERVO3_FUNCTION 74 and WP_PIVOT_ANGLE 60"
                 )

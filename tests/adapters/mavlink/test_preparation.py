@@ -97,7 +97,9 @@ def test_a_vehicle_that_may_not_brake_as_promised_is_refused_before_it_is_armed(
     assert not puppet.armed
 
 
-@pytest.mark.parametrize(("name", "value"), [("SERVO1_FUNCTION", 26.0), ("WP_PIVOT_ANGLE", 0.0)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("SERVO1_FUNCTION", 26.0), ("WP_PIVOT_ANGLE", 0.0), ("WP_PIVOT_ANGLE", 5.0)]
+)
 def test_a_rover_that_cannot_turn_in_place_is_refused_before_it_is_armed(
     puppet: Puppet, name: str, value: float
 ) -> None:
