@@ -112,6 +112,28 @@ def test_a_rover_that_another_ground_station_sends_elsewhere_is_nobodys_as_long_
     assert ended.result["uncontrolled"]["1"]["lasted_s"] < 6.0
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "before", "says"),
+    [
+        ("WP_PIVOT_ANGLE", 0.0, 60.0, "its WP_PIVOT_ANGLE is 0: it does not turn in place"),
+        ("ATC_DECEL_MAX", 0.3, 3.0, "its ATC_DECEL_MAX is 0.3"),
+    ],
+    ids=["pivot", "brake"],
+)
+def test_a_rover_whose_parameters_another_ground_station_sets_is_nobodys_as_long_as_they_break_its_promise(
+    rovers: Autopilots, tmp_path: Path, name: str, value: float, before: float, says: str
+) -> None:
+    def change(_process: object) -> None:
+        rovers.set(1, name, value)
+        time.sleep(5.0)
+        rovers.set(1, name, before)
+
+    ended = run(ROVER, rovers, tmp_path, 40.0, change)
+    assert (ended.code, ended.result["violations"]) == (3, RULES)
+    assert says in ended.result["uncontrolled"]["1"]["cause"]
+    assert 4.0 < ended.result["uncontrolled"]["1"]["lasted_s"] < 8.0
+
+
 def test_a_rover_that_is_started_anew_is_made_ready_again(rovers: Autopilots, tmp_path: Path) -> None:
     def restart(_process: object) -> None:
         rovers.kill(1)

@@ -78,7 +78,7 @@ def put_up(
     """
     for name, (bits, why) in (_PX4 if vehicle.kind.is_px4 else _ARDUPILOT).items():
         value = yield from parameter(name)
-        if value is not None and not int(value) & bits:
+        if value is not None and not (math.isfinite(value) and int(value) & bits):
             raise RobotUnavailable(f"its {name} is {value:g}: {why}, or upload_fence = false")
     held = yield from lists.download(FENCE)
     if not _same(held, items):

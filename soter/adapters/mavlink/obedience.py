@@ -1,8 +1,8 @@
 """Whether a vehicle does what it is told, and knows where it is: what it says of itself, looked at in every tick.
 
 Nothing is believed because it was sent. A vehicle obeys while it is armed, in the mode that takes targets, no fail-safe
-of its own acts, and where it goes is a place that it was sent. It knows where it is while its EKF says so, and its GPS,
-where it had one, finds places.
+of its own acts, where it goes is a place that it was sent, and its parameters allow what is promised. It knows where it
+is while its EKF says so, and its GPS, where it had one, finds places.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.frames import ArduPilotSphere, GeoPoint
+from soter.adapters.mavlink.parameters import JudgedParameters
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 
@@ -49,9 +50,11 @@ class Obedience:
         disobeys: what it does instead of driving where it is told; empty while it obeys.
     """
 
-    def __init__(self, vehicle: Vehicle, setpoints: Setpoints) -> None:
+    def __init__(self, vehicle: Vehicle, setpoints: Setpoints, judged: JudgedParameters) -> None:
         self._vehicle: Final = vehicle
         self._setpoints: Final = setpoints
+        self._judged: Final = judged
+        self._gated = False
         self.origin: GeoPoint | None = None
         self.astray = self.disobeys = ""
         self._had_fix = False
@@ -61,9 +64,16 @@ class Obedience:
         self._led = ""
         self._by_itself = False
 
-    def begin(self, origin: GeoPoint | None) -> None:
-        """Begin anew with a vehicle that is ready."""
-        self.origin, self._looked_s, self._led_s = origin, self._vehicle.now_s, -math.inf
+    def begin(self, origin: GeoPoint, *, gated: bool) -> None:
+        """Begin anew with a vehicle that is ready.
+
+        Args:
+            origin: where its EKF has its origin.
+            gated: whether the vehicle itself enforces who is in charge: then nobody else leads it or sets parameters.
+        """
+        self._gated = gated
+        self.origin = None if gated or self._vehicle.kind.is_px4 else origin
+        self._looked_s, self._led_s = self._vehicle.now_s, -math.inf
         gps = self._vehicle.inbox.latest.get("GPS_RAW_INT")
         self._had_fix = gps is not None and gps.message.fix_type >= _FIX
         self._fix, self._fix_s, self._failed_s = None, 0.0, -math.inf
@@ -101,7 +111,9 @@ class Obedience:
             return "it is disarmed"
         if failsafe:
             return "its own fail-safe acts"
-        return self._led_elsewhere()
+        if not self._gated:
+            self._judged.ask_again()
+        return self._led_elsewhere() or ("" if self._gated else self._judged.why_refused())
 
     def _led_elsewhere(self) -> str:
         """Return who else sends it somewhere: for a second from when it last said that it goes there."""

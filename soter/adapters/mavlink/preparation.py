@@ -7,7 +7,7 @@ Nothing is believed because it was sent or accepted: every step ends with what t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -17,10 +17,11 @@ from soter.adapters.mavlink.fence import fence_items, put_up
 from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.item_lists import ItemLists
 from soter.adapters.mavlink.options import MavlinkConfig
+from soter.adapters.mavlink.parameters import JudgedParameters
 from soter.adapters.mavlink.places import judge_places
 from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle, place_of
+from soter.adapters.mavlink.vehicle import Vehicle, place_of
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Controller
 
@@ -49,11 +50,6 @@ _SLOW_STREAMS: Final = (
 )  # fmt: skip
 _SLOW_HZ: Final = 4.0
 _GPS_HZ: Final = 10.0
-_STEERING: Final = {
-    "SERVO1_FUNCTION": (26.0, 26.0, "it steers with its wheels, and cannot turn in place"),
-    "WP_PIVOT_ANGLE": (0.0, 5.0, "it does not turn in place"),
-}
-"""Values from one to another that are refused. ArduRover takes a pivot angle of 5 degrees or less for none."""
 _PX4_EKF: Final = mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 _REPORT_HZ: Final = 20.0
 
@@ -79,6 +75,7 @@ class Preparation:
         setpoints: Setpoints,
         config: MavlinkConfig,
         promised: Capabilities,
+        judged: JudgedParameters,
     ) -> None:
         self._vehicle: Final = vehicle
         self._time_sync: Final = time_sync
@@ -88,6 +85,7 @@ class Preparation:
         self._fenced = -1
         self._config: Final = config
         self._promised: Final = promised
+        self._judged: Final = judged
         self._lease_ms: Final = round(promised.lease_s * 1e3)
         self._steps: Iterator[str] = iter(())
         self._since_s = self._asked_s = self._kept_s = -math.inf
@@ -103,6 +101,7 @@ class Preparation:
     def begin(self) -> None:
         """Begin, or begin anew: nothing that the vehicle said up to now counts."""
         self._since_s = self._vehicle.now_s
+        self._vehicle.parameters.clear()
         self._authority.begin()
         # What it does to get ready is asked for by the keeper itself.
         self._named = KEEPER
@@ -183,8 +182,7 @@ class Preparation:
         yield from self._mode(kind.guided)
         yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
         if not self.gated:
-            yield from self._judge_steering()
-            yield from self._judge_brakes()
+            yield from self._judge_parameters()
             if not kind.is_px4:
                 # Where it goes, whoever sent it there.
                 yield from self._granted("POSITION_TARGET_GLOBAL_INT", mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
@@ -205,42 +203,28 @@ class Preparation:
             self._named = SENDERS[Controller.SC]
             yield from self._until(lambda: self._authority.reported() == self._named, "it to obey the safe controller")
 
-    def _judge_brakes(self) -> Iterator[str]:
-        """Refuse a vehicle that limits its own braking to less than is promised; who does not say is not judged."""
-        vehicle, promised_m_s2 = self._vehicle, self._promised.brake_m_s2
-        for name in vehicle.kind.brakes:
-            most_m_s2 = yield from self._parameter(name)
-            if most_m_s2 is None:
-                return
-            if most_m_s2 > 0.0:
-                if most_m_s2 < promised_m_s2:
-                    raise RobotUnavailable(
-                        f"its {name} is {most_m_s2:g}, and promise.brake_m_s2 is {promised_m_s2:g}; allowed: a promise "
-                        "of at most that, or a larger parameter where the vehicle brakes so hard"
-                    )
-                return
-
-    def _judge_steering(self) -> Iterator[str]:
-        """Refuse a rover that steers with its wheels or does not pivot: safe controllers turn in place."""
-        if self._vehicle.kind != ARDUROVER:
-            return
-        for name, (from_, to, why) in _STEERING.items():
-            value = yield from self._parameter(name)
-            if value is not None and from_ <= value <= to:
-                raise RobotUnavailable(
-                    f"its {name} is {value:g}: {why}; safe controllers turn in place, and it would drive a curve "
-                    "where nothing was looked at; allowed: skid steering that pivots, such as SERVO1_FUNCTION 73, "
-                    "SERVO3_FUNCTION 74 and WP_PIVOT_ANGLE 60"
-                )
+    def _judge_parameters(self) -> Iterator[str]:
+        """Refuse a vehicle whose own parameters do not allow what is promised."""
+        yield from self._told(self._judged.names)
+        if why := self._judged.why_refused():
+            raise RobotUnavailable(why)
 
     def _parameter(self, name: str) -> Generator[str, None, float | None]:
         """Ask for a parameter; return it, or None where the vehicle does not say."""
-        vehicle, asked_s, value = self._vehicle, self._vehicle.now_s, None
-        vehicle.ask_parameter(KEEPER, name)
-        while value is None and vehicle.now_s - asked_s < _ANSWER_S:
-            yield f"an answer to what it is asked for ({name})"
-            value = vehicle.parameter(name, asked_s)
-        return value
+        yield from self._told((name,))
+        return self._vehicle.parameters.get(name)
+
+    def _told(self, names: Sequence[str]) -> Iterator[str]:
+        """Ask for parameters; wait until it has told them all, or for some time."""
+        vehicle, until_s = self._vehicle, self._vehicle.now_s + _ANSWER_S
+        for name in names:
+            vehicle.parameters.pop(name, None)
+        self._asked_s = -math.inf
+        while (missing := [name for name in names if name not in vehicle.parameters]) and vehicle.now_s < until_s:
+            if self._due():
+                for name in missing:
+                    vehicle.ask_parameter(KEEPER, name)
+            yield f"an answer to what it is asked for ({', '.join(missing)})"
 
     def _fly(self) -> Iterator[str]:
         height_m, is_px4 = self._config.height_m, self._vehicle.kind.is_px4
@@ -344,7 +328,7 @@ class Preparation:
             self.gated = True
             # Taking off is motion on a lease like any other.
             self._keep_alive = self._name
-            lease_ms = self._vehicle.parameter(LEASE_PARAMETER, self._since_s)
+            lease_ms = self._vehicle.parameters.get(LEASE_PARAMETER)
             return self._authority.reported() == KEEPER and lease_ms == self._lease_ms
         self.gated = supported
         return supported is False

@@ -24,6 +24,7 @@ from soter.adapters.mavlink.legs import TargetLeg, reach_m
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.obedience import Obedience
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
+from soter.adapters.mavlink.parameters import JudgedParameters
 from soter.adapters.mavlink.preparation import Preparation
 from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
@@ -72,13 +73,14 @@ class MavlinkRobot(Robot):
         self._time_sync: Final = TimeSync(spec.id, clock, self._vehicle.inbox)
         self._authority: Final = Authority(self._vehicle)
         self._setpoints: Final = Setpoints(self._vehicle, self.declared.v_max_m_s)
+        judged = JudgedParameters(self._vehicle, self.declared)
         self._preparation: Final = Preparation(
-            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared
+            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared, judged
         )
         self._sampler: Final = Sampler(
             spec.id, self._vehicle.inbox, self._time_sync, ChargeFilter(spec.drive_s, *volts), self._reported
         )
-        self._obedience: Final = Obedience(self._vehicle, self._setpoints)
+        self._obedience: Final = Obedience(self._vehicle, self._setpoints, judged)
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
         self._refusal = ""
@@ -246,7 +248,7 @@ class MavlinkRobot(Robot):
         self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
         self._gated = preparation.gated is True
-        self._obedience.begin(None if self._gated or kind.is_px4 else preparation.origin)
+        self._obedience.begin(preparation.origin, gated=self._gated)
         logger.info(
             "robot %d: a %s is ready; %s", self.id, kind.name,
             "it enforces who is in charge" if self._gated else "its autopilot has no gate, the adapter stands in",

@@ -148,7 +148,11 @@ class Ack(NamedTuple):
 
 
 class Vehicle:
-    """One vehicle. The receiving thread calls the hooks; all else belongs to the supervisor's thread."""
+    """One vehicle. The receiving thread calls the hooks; all else belongs to the supervisor's thread.
+
+    Attributes:
+        parameters: by name, the values that it has told last of those that it was asked for or told to set.
+    """
 
     def __init__(self, link: MavlinkLink, system: int) -> None:
         self.link: Final = link
@@ -157,7 +161,10 @@ class Vehicle:
         self._acks: Final[dict[int, Ack]] = {}
         self._said: Final[deque[tuple[float, str]]] = deque(maxlen=_SAID_KEPT)
         self._kind: VehicleKind | None = None
+        self.parameters: Final[dict[str, float]] = {}
+        self._wanted: Final[set[str]] = set()
         self.inbox.hooks["COMMAND_ACK"] = self._hear_ack
+        self.inbox.hooks["PARAM_VALUE"] = self._hear_parameter
         self.inbox.hooks["STATUSTEXT"] = self._hear_text
 
     # --- the receiving thread ------------------------------------------------------------------------------
@@ -166,6 +173,12 @@ class Vehicle:
         # Others may talk to it over the same link.
         if message.target_system in (_EVERYBODY, self.link.system):
             self._acks[message.command] = Ack(message.result, received_s)
+
+    def _hear_parameter(self, message: Any, _received_s: float) -> None:
+        # Who reads all of them for somebody else tells more than a thousand.
+        name = message.param_id.rstrip("\0")
+        if name in self._wanted:
+            self.parameters[name] = message.param_value
 
     def _hear_text(self, message: Any, received_s: float) -> None:
         if message.severity <= _WORST_SEVERITY:
@@ -231,11 +244,6 @@ class Vehicle:
         ack = self._acks.get(command)
         return ack if ack is not None and ack.received_s >= since_s else None
 
-    def parameter(self, name: str, since_s: float) -> float | None:
-        """Return a parameter's value if the vehicle has told it since a steady time, as the last one, else None."""
-        said = self.heard_since("PARAM_VALUE", since_s)
-        return said.param_value if said is not None and said.param_id.rstrip("\0") == name else None
-
     def complaints(self, since_s: float) -> str:
         """Return what the autopilot has complained of since a steady time, each thing once; empty for nothing."""
         return "; ".join(dict.fromkeys(text for at_s, text in tuple(self._said) if at_s >= since_s))
@@ -264,12 +272,14 @@ class Vehicle:
 
     def ask_parameter(self, component: int, name: str) -> None:
         """Ask for a parameter's value."""
+        self._wanted.add(name)
         self.send(component, "PARAM_REQUEST_READ", {
             "target_system": self.system, "target_component": AUTOPILOT, "param_id": name, "param_index": -1,
         })  # fmt: skip
 
     def set_parameter(self, component: int, name: str, value: int) -> None:
         """Set a parameter that is a whole number."""
+        self._wanted.add(name)
         self.send(component, "PARAM_SET", {
             "target_system": self.system, "target_component": AUTOPILOT, "param_id": name,
             "param_value": float(value), "param_type": mav.MAV_PARAM_TYPE_INT32,

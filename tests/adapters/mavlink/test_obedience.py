@@ -95,6 +95,49 @@ def test_one_that_others_disarm_is_left_alone_and_said_to_be(puppet: Puppet) -> 
     assert not puppet.commands(mav.MAV_CMD_COMPONENT_ARM_DISARM)
 
 
+JUDGED = {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, "ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 2.0}
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["told", "asked"])
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("WP_PIVOT_ANGLE", 0.0, "its WP_PIVOT_ANGLE is 0: it does not turn in place"),
+        ("ATC_ACCEL_MAX", 0.5, "its ATC_ACCEL_MAX is 0.5, and promise.brake_m_s2 is 1;"),
+        ("ATC_DECEL_MAX", 0.1, "its ATC_DECEL_MAX is 0.1, and promise.brake_m_s2 is 1;"),
+    ],
+)
+def test_one_whose_parameters_somebody_sets_so_that_it_cannot_keep_its_promise_is_nobodys_until_they_allow_it(
+    puppet: Puppet, name: str, value: float, says: str, told: bool
+) -> None:
+    puppet.gate = False
+    puppet.parameters |= JUDGED
+    robot = ready(puppet)
+    robot.goto(FAR, SC)
+    assert tick(puppet, robot, 2) == []
+    puppet.parameters[name] = value
+    if told:
+        puppet.say("PARAM_VALUE", param_id=name, param_value=value)
+        (why,) = tick(puppet, robot)
+        assert why.startswith(says)
+    else:
+        # What it said of it was lost on the way: within as many seconds as there are such parameters.
+        assert tick(puppet, robot, 82)[-1].startswith(says)
+    assert puppet.targets()[-1][1]["type_mask"] == STANDS
+    puppet.parameters[name] = JUDGED[name]
+    tick(puppet, robot, 82)
+    assert tick(puppet, robot) == []
+    assert puppet.targets()[-1][1]["type_mask"] != STANDS
+
+
+def test_what_it_says_of_parameters_that_were_not_asked_for_is_not_kept(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    before = dict(robot._vehicle.parameters)
+    puppet.say("PARAM_VALUE", param_id="SCHED_LOOP_RATE", param_value=50.0)
+    assert robot._vehicle.parameters == before
+
+
 def test_what_a_fail_safe_took_is_taken_back_once_its_cause_is_gone(puppet: Puppet) -> None:
     puppet.gate = False
     robot = ready(puppet)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -79,6 +81,7 @@ def test_rest_is_what_the_promised_noise_of_the_speed_allows(puppet: Puppet) -> 
     [
         ({"ATC_DECEL_MAX": 0.5, "ATC_ACCEL_MAX": 2.0}, "its ATC_DECEL_MAX is 0.5, and promise.brake_m_s2 is 1;"),
         ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.9}, "its ATC_ACCEL_MAX is 0.9"),
+        ({"ATC_DECEL_MAX": math.nan}, "its ATC_DECEL_MAX is nan"),
         ({"ATC_DECEL_MAX": 1.0}, ""),
         ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.0}, ""),
     ],
@@ -98,7 +101,8 @@ def test_a_vehicle_that_may_not_brake_as_promised_is_refused_before_it_is_armed(
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("SERVO1_FUNCTION", 26.0), ("WP_PIVOT_ANGLE", 0.0), ("WP_PIVOT_ANGLE", 5.0)]
+    ("name", "value"),
+    [("SERVO1_FUNCTION", 26.0), ("WP_PIVOT_ANGLE", 0.0), ("WP_PIVOT_ANGLE", 5.0), ("WP_PIVOT_ANGLE", math.nan)],
 )
 def test_a_rover_that_cannot_turn_in_place_is_refused_before_it_is_armed(
     puppet: Puppet, name: str, value: float
