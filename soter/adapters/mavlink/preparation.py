@@ -39,10 +39,10 @@ _REST_RAD_S: Final = 0.02
 _HEIGHT_M: Final = 0.25
 
 STREAMS: Final = {
-    "LOCAL_POSITION_NED": mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
     "ATTITUDE": mav.MAVLINK_MSG_ID_ATTITUDE,
+    "LOCAL_POSITION_NED": mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
 }
-"""What samples are made of."""
+"""What samples are made of. Of its position ArduPilot says nothing before it knows it, which takes most of a minute."""
 
 _SLOW_STREAMS: Final = (
     mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,

@@ -61,7 +61,8 @@ class TimeSync:
         self.reboots = 0
         self.two = False
         inbox.hooks["TIMESYNC"] = self._hear
-        inbox.hooks["LOCAL_POSITION_NED"] = self._hear_sample
+        # Attitudes come long before positions: the clock is known when the first position comes.
+        inbox.hooks["ATTITUDE"] = inbox.hooks["LOCAL_POSITION_NED"] = self._hear_sample
 
     @property
     def settled(self) -> bool:

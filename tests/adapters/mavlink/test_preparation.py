@@ -36,7 +36,7 @@ def test_a_rate_that_is_denied_is_lowered(puppet: Puppet) -> None:
 def test_a_rate_below_what_is_promised_is_refused(puppet: Puppet) -> None:
     puppet.most_hz = 30.0
     with pytest.raises(
-        RobotUnavailable, match=r"LOCAL_POSITION_NED 50 times a second \(DENIED\); set a lower stream_hz"
+        RobotUnavailable, match=r"ATTITUDE 50 times a second \(DENIED\); set a lower stream_hz"
     ):
         robot_of(puppet).init(20.0)
 
@@ -131,7 +131,7 @@ def test_what_was_refused_once_is_not_taken_for_ready_the_next_time(puppet: Pupp
     robot = ready(puppet)
     puppet.reboot()
     puppet.most_hz = 10.0
-    assert "does not send LOCAL_POSITION_NED" in tick(puppet, robot, 50)[-1]
+    assert "does not send ATTITUDE" in tick(puppet, robot, 50)[-1]
     assert not puppet.armed
 
 

@@ -27,9 +27,9 @@ class Rig:
     def vehicle_s(self) -> float:
         return (self.time.now_s - self.booted_s) * self.rate
 
-    def sample(self) -> None:
+    def sample(self, message: str = "LOCAL_POSITION_NED") -> None:
         """Let the vehicle send a sample, which arrives at once."""
-        self.inbox.put("LOCAL_POSITION_NED", SimpleNamespace(time_boot_ms=round(self.vehicle_s * 1e3)), self.time())
+        self.inbox.put(message, SimpleNamespace(time_boot_ms=round(self.vehicle_s * 1e3)), self.time())
 
     def ask(self, there_s: float = 0.001, back_s: float = 0.001) -> None:
         """Ask for the time; the answer arrives."""
@@ -65,6 +65,16 @@ def test_the_clock_is_known_within_half_a_round_trip(rate: float) -> None:
         rig.sample()
         rig.ask(there_s=0.0, back_s=0.3)
     assert abs(rig.off_s) <= 0.01 * rate
+
+
+def test_the_clock_is_known_before_the_vehicle_knows_where_it_is() -> None:
+    rig = Rig()
+    for _ in range(6):
+        rig.sample("ATTITUDE")
+        rig.ask()
+        rig.time.now_s += 0.05
+    assert rig.sync.settled
+    assert abs(rig.off_s) <= 0.0011
 
 
 def test_an_answer_that_comes_at_once_is_an_answer_whatever_marks_it_as_ours(monkeypatch: pytest.MonkeyPatch) -> None:
