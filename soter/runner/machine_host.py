@@ -114,7 +114,7 @@ class MachineHost:
             robot_id: RobotKit(
                 robot_id, port, {other: peer for other, peer in everybody.items() if other != robot_id},
                 self._submit, self._subscribe, seed, scene.rooms[robot_id].disc_m, self._mission.target_timeout_s,
-                scene.rooms[robot_id].arrival_m,
+                scene.rooms[robot_id].arrival_m, scene.capabilities[robot_id],
             )
             for robot_id, port in ports.items()
         }  # fmt: skip

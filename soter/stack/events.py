@@ -153,6 +153,11 @@ class TargetTimeout(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class LookAbout(Event):
+    """A robot agent's own timer: are there robots that it is about to meet?"""
+
+
+@dataclass(frozen=True, slots=True)
 class TryAgain(Event):
     """A robot agent's own timer, after a plan that came to nothing."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from soter.machine import Event, MachineRef
 from soter.rta import Port
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import Capabilities, RobotState, Waypoint
 from soter.stack.planners import PlanRequest
 
 RobotPort = Port[Waypoint, RobotState]
@@ -28,6 +28,7 @@ class RobotKit:
         disc_m: distance that plans keep from robots that stand in the way.
         target_timeout_s: time with the AC in control after which a target is given up.
         arrival_radius_m: how near is reached.
+        promised: what the robot promises.
     """
 
     robot_id: int
@@ -39,3 +40,4 @@ class RobotKit:
     disc_m: float
     target_timeout_s: float
     arrival_radius_m: float
+    promised: Capabilities

@@ -8,6 +8,7 @@ from functools import partial
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.sdk import GoalStatus, Waypoint
 from soter.stack import events
+from soter.stack.encounters import stands
 from soter.stack.kit import RobotKit
 from soter.stack.planners import PlanRequest
 
@@ -58,7 +59,7 @@ def _is_of(goal_id: int, ended: events.GoalEnded) -> bool:
 
 
 PEER_NEAR_M = 1.5
-"""Peers without control within this distance are planned around, or 1 m beyond what plans keep from them."""
+"""Peers that stand within this distance are planned around, or 1 m beyond what plans keep from them."""
 
 
 class MotionPlanner(Machine):
@@ -102,8 +103,8 @@ class MotionPlanner(Machine):
         discs = tuple(
             (peer.state.x_m, peer.state.y_m, self.kit.disc_m)
             for peer in self.kit.peers.values()
-            if not peer.engaged
-            and peer.state is not None
+            if peer.state is not None
+            and stands(self.kit, peer)
             and math.hypot(peer.state.x_m - start[0], peer.state.y_m - start[1])
             < max(PEER_NEAR_M, self.kit.disc_m + 1.0)
         )

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import Final
 
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay, Timer
+from soter.sdk import RobotState, Waypoint
 from soter.stack import events
+from soter.stack.encounters import Duty, duty, has_to_wait
 from soter.stack.kit import RobotKit
 from soter.stack.motion_planner import MotionPlanner
 
 RETRY_S: Final = 1.0
+LOOK_S: Final = 0.25
+SET_OFF_S: Final = 0.5
+"""A robot that has just set off has no velocity yet that says where it goes."""
+
 REQUESTS_PER_ROBOT: Final = 1_000_000
 """Keeps the numbers of all robots' requests apart."""
 
@@ -39,9 +46,34 @@ class RobotAgent(Machine):
         self.timeout_s = self.left_s = 0.0
         self.tries = 0
         self.running_since_s = 0.0
+        self.waits = False
         self.timer: Timer | None = None
         self.motion_planner = self.create(MotionPlanner, self.kit, name=f"MotionPlanner {self.kit.robot_id}")
+        self.after(LOOK_S, events.LookAbout())
         return Goto(self.Idle)
+
+    @Idle.on(events.LookAbout)
+    def _look_idly(self, e: events.LookAbout) -> Next:
+        self.after(LOOK_S, e)
+        return Stay()
+
+    @Visiting.on(events.LookAbout)
+    def _look(self, e: events.LookAbout) -> Next:
+        self.after(LOOK_S, e)
+        own = self.kit.port.state
+        # Without its timer it does not drive.
+        if self.timer is None or own is None:
+            return Stay()
+        if self.waits:
+            if not has_to_wait(self.kit, own):
+                self._go()
+            return Stay()
+        owed = duty(self.kit, own) if self.now() - self.running_since_s > SET_OFF_S else Duty.NONE
+        if owed is Duty.WAIT:
+            self._wait(own)
+        elif owed is Duty.GO_ROUND:
+            self._go()
+        return Stay()
 
     @Idle.on(events.RobotJoined)
     @Visiting.on(events.RobotJoined)
@@ -83,6 +115,7 @@ class RobotAgent(Machine):
     def _lost(self, e: events.Disengaged) -> Next:
         self.engaged = False
         self._stop_clock()
+        self.waits = False
         self.send(self.motion_planner, events.AbandonPath(self.request_id))
         if e.module in UNSAFE_MODULES:
             return self._end(events.TargetOutcome.UNSAFE, e.module, e.cause)
@@ -113,8 +146,17 @@ class RobotAgent(Machine):
         self.send(self.motion_planner, events.AbandonPath(self.request_id))
         return self._end(events.TargetOutcome.TIMED_OUT)
 
+    def _wait(self, own: RobotState) -> None:
+        """Stand until the others are past, as soon as braking allows. The target's time goes on."""
+        self.waits = True
+        self.send(self.motion_planner, events.AbandonPath(self.request_id))
+        braking_s = hypot(own.vx_m_s, own.vy_m_s) / (2.0 * self.kit.promised.brake_m_s2)
+        x_m, y_m = own.x_m + braking_s * own.vx_m_s, own.y_m + braking_s * own.vy_m_s
+        self.kit.port.goto(Waypoint(x_m, y_m, radius_m=self.kit.arrival_radius_m))
+
     def _go(self) -> None:
         self._stop_clock()
+        self.waits = False
         self.request_id += 1
         self.running_since_s = self.now()
         self.timer = self.after(self.left_s, events.TargetTimeout(self.target.target_id))

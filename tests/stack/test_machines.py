@@ -15,7 +15,7 @@ from soter.stack.events import TRIES, Disengaged, GoalEnded, PathPlanned, Place,
 from soter.stack.kit import RobotKit
 from soter.stack.planners import PlanRequest
 from soter.stack.robot_agent import RETRY_S
-from tests.sdk.fake import STATE
+from tests.sdk.fake import CAPABILITIES, STATE
 
 TIMEOUT_S = 120.0
 PATH = ((1.0, 0.0), (2.0, 0.0), (3.0, 0.0))
@@ -47,6 +47,7 @@ class Mission:
             robot_id: RobotKit(
                 robot_id, port, {other: peer for other, peer in self.ports.items() if other != robot_id},
                 lambda request, to: self.requests.append((request, to)), self.subscribe, 5, 0.5, TIMEOUT_S, 0.1,
+                CAPABILITIES,
             )
             for robot_id, port in self.ports.items()
         }  # fmt: skip
@@ -278,6 +279,7 @@ def test_robots_without_control_nearby_are_planned_around() -> None:
     mission.ports[3].state = STATE._replace(robot_id=3, x_m=40.0)
     mission.engage(1)
     assert mission.requests[0][0].discs == ((2.0, 0.0, 0.5),)
+    mission.ports[1].state = STATE._replace(robot_id=1, x_m=1.0, vy_m_s=0.2)
     mission.engage(2)
     assert mission.requests[1][0].discs == (), "robot 1 has control and moves on"
 

@@ -15,6 +15,7 @@ from soter.stack.remote import (
     RemoteTasks,
     RemoteVisit,
 )
+from tests.sdk.fake import CAPABILITIES
 from tests.stack.test_machines import Mission
 
 PLACE = (1.0, 2.0)
@@ -94,7 +95,7 @@ class Robots(Mission):
         kits = {
             robot_id: RobotKit(
                 robot_id, port, {}, lambda request, to: self.requests.append((request, to)), self.subscribe, 5, 0.5,
-                120.0, 0.1,
+                120.0, 0.1, CAPABILITIES,
             )
             for robot_id, port in self.ports.items()
         }  # fmt: skip
@@ -164,7 +165,7 @@ def test_a_task_planner_treats_robots_here_and_elsewhere_alike() -> None:
     here, told = Mission(1), list[Event]()
     runtime = here.runtime
     port = here.ports[1]
-    kit = RobotKit(1, port, {}, lambda request, to: None, here.subscribe, 5, 0.5, 120.0, 0.1)
+    kit = RobotKit(1, port, {}, lambda request, to: None, here.subscribe, 5, 0.5, 120.0, 0.1, CAPABILITIES)
     given: list[tuple[int, int, tuple[float, float]]] = []
     tasks = Tasks(
         {1: kit, 2: RemoteKit(2, told.append, lambda robot_id, machine: None)}, lambda robot_id: PLACE,

@@ -1,0 +1,71 @@
+"""Who makes way when two robots are about to meet, so that the collision module need not take both. Untrusted.
+
+Two whose ways cross lose their ACs in the same moment, and go on some seconds later as they did before. Of two that are
+on their way, the one with the higher id waits until the other is past; one that stands is driven round.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+from math import hypot, inf, sqrt
+from typing import Final
+
+from soter.sdk import RobotState
+from soter.stack.kit import RobotKit, RobotPort
+
+AHEAD_S: Final = 2.0
+"""Encounters that are farther away in time may never come, since nobody knows the others' paths."""
+
+_TOUCHES: Final = 0.95
+"""Of the distance that plans keep: who passes at just that, as planned, meets nobody."""
+
+
+class Duty(Enum):
+    """What a robot on its way owes the others."""
+
+    NONE = auto()
+    WAIT = auto()
+    GO_ROUND = auto()
+
+
+def stands(kit: RobotKit, peer: RobotPort) -> bool:
+    """Return whether a peer is in the way for as long as one can tell: it stands, or its AC has no control."""
+    state = peer.state
+    if state is None:
+        return False
+    return not peer.engaged or hypot(state.vx_m_s, state.vy_m_s) < kit.promised.moving_m_s
+
+
+def duty(kit: RobotKit, own: RobotState) -> Duty:
+    """Return what a robot that goes on as it does now owes those whom it would meet."""
+    apart_m = _TOUCHES * kit.disc_m
+    met = {robot_id: peer for robot_id, peer in kit.peers.items() if _meets_s(own, peer.state, apart_m) < AHEAD_S}
+    if any(robot_id < kit.robot_id and not stands(kit, peer) for robot_id, peer in met.items()):
+        return Duty.WAIT
+    return Duty.GO_ROUND if any(stands(kit, peer) for peer in met.values()) else Duty.NONE
+
+
+def has_to_wait(kit: RobotKit, own: RobotState) -> bool:
+    """Return whether somebody still comes towards a robot that waits."""
+    return any(_comes(kit, own, peer) for peer in kit.peers.values())
+
+
+def _comes(kit: RobotKit, own: RobotState, peer: RobotPort) -> bool:
+    state = peer.state
+    if state is None or stands(kit, peer):
+        return False
+    x_m, y_m = state.x_m - own.x_m, state.y_m - own.y_m
+    return hypot(x_m, y_m) < 2.0 * kit.disc_m and x_m * state.vx_m_s + y_m * state.vy_m_s < 0.0
+
+
+def _meets_s(own: RobotState, other: RobotState | None, apart_m: float) -> float:
+    """Return in how many seconds two that keep their velocities are so near that both are taken; infinite for never."""
+    if other is None:
+        return inf
+    x_m, y_m = other.x_m - own.x_m, other.y_m - own.y_m
+    vx_m_s, vy_m_s = other.vx_m_s - own.vx_m_s, other.vy_m_s - own.vy_m_s
+    # |(x, y) + t v| = apart, the earlier time of both.
+    a, b, c = vx_m_s**2 + vy_m_s**2, x_m * vx_m_s + y_m * vy_m_s, x_m**2 + y_m**2 - apart_m**2
+    if b >= 0.0 or b * b < a * c:
+        return inf
+    return max((-b - sqrt(b * b - a * c)) / a, 0.0)
