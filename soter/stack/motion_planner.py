@@ -8,7 +8,7 @@ from functools import partial
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.sdk import GoalStatus, Waypoint
 from soter.stack import events
-from soter.stack.encounters import stands
+from soter.stack.encounters import AHEAD_S, stands
 from soter.stack.kit import RobotKit
 from soter.stack.planners import PlanRequest
 
@@ -59,7 +59,7 @@ def _is_of(goal_id: int, ended: events.GoalEnded) -> bool:
 
 
 PEER_NEAR_M = 1.5
-"""Peers that stand within this distance are planned around, or 1 m beyond what plans keep from them."""
+"""Peers that stand within this distance are planned around, or within what the robot looks ahead for."""
 
 
 class MotionPlanner(Machine):
@@ -106,7 +106,7 @@ class MotionPlanner(Machine):
             if peer.state is not None
             and stands(self.kit, peer)
             and math.hypot(peer.state.x_m - start[0], peer.state.y_m - start[1])
-            < max(PEER_NEAR_M, self.kit.disc_m + 1.0)
+            < max(PEER_NEAR_M, self.kit.disc_m + AHEAD_S * self.kit.promised.v_max_m_s)
         )
         self.kit.submit(PlanRequest(e.request_id, self.kit.robot_id, start, e.place, discs, self.kit.seed), self.ref)
         return Stay()

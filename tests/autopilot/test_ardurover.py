@@ -115,7 +115,7 @@ def test_a_rover_that_another_ground_station_sends_elsewhere_is_nobodys_as_long_
 @pytest.mark.parametrize(
     ("name", "value", "before", "says"),
     [
-        ("WP_PIVOT_ANGLE", 0.0, 60.0, "its WP_PIVOT_ANGLE is 0: it does not turn in place"),
+        ("WP_PIVOT_ANGLE", 0.0, 20.0, "its WP_PIVOT_ANGLE is 0: it does not turn in place"),
         ("ATC_DECEL_MAX", 0.3, 3.0, "its ATC_DECEL_MAX is 0.3"),
     ],
     ids=["pivot", "brake"],

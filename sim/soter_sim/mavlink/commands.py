@@ -191,10 +191,16 @@ def _take_off(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     return ACCEPTED
 
 
+_SLOWEST_M_S: Final = 0.05
+"""Of ArduRover; told less it goes on as fast as before."""
+
+
 def _change_speed(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     speed_m_s = command.params[1]
     if not isfinite(speed_m_s) or speed_m_s == 0.0:
         return DENIED
+    if not autopilot.kind.flies and 0.0 < speed_m_s < _SLOWEST_M_S:
+        return FAILED
     # -1 is no change, -2 the usual speed.
     if speed_m_s != -1.0:
         autopilot.set_speed(speed_m_s if speed_m_s > 0.0 else None)

@@ -29,6 +29,9 @@ _KEPT: Final = 64
 _SWINGS: Final = 0.08
 """How far an autopilot without a clamp swings beyond the speed that it is asked for, as part of its top speed."""
 
+_SLOWEST_M_S: Final = 0.05
+"""ArduRover refuses to go slower, and then goes on as fast as it was told before."""
+
 
 class Setpoints:
     """Sends targets to one vehicle."""
@@ -88,7 +91,7 @@ class Setpoints:
     def cap_speed(self, speed_m_s: float | None) -> None:
         """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
         most_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
-        asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, 0.5 * most_m_s)
+        asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, 0.5 * most_m_s, _SLOWEST_M_S)
         self._insist(mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, asked_m_s, -1.0)
 
     def drive_backwards(self, backwards: bool) -> None:

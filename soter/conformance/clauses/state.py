@@ -22,6 +22,9 @@ _FRAME_CAUSE = (
 _HEADING_RAD = 0.15
 _STRAIGHT_RAD = 0.02
 _CLEAR = 10.0
+_COURSE_M = 0.1
+"""A course over less is that of what places are rounded to: autopilots tell them to a centimetre, the true ones too."""
+
 _MANY_SAMPLES = 1500
 _MANY_S = 12.0
 _VELOCITY = 0.05
@@ -145,14 +148,17 @@ def heading(bench: Bench) -> None:
         len(legs) >= 3, "the robot never drove straight on at half its top speed: v_max_m_s is declared too high"
     )
     # A course is seen over a way that is much longer than the places at its ends may be off.
-    least_m, may_be_rad = _CLEAR * bench.noise_m, _HEADING_RAD + 2.0 / _CLEAR + bench.noise_rad
-    for first, second in _far_enough(legs, least_m):
+    least_m = max(_COURSE_M, _CLEAR * bench.noise_m)
+    may_be_rad = _HEADING_RAD + 2.0 * bench.noise_m / least_m + bench.noise_rad
+    courses = [*_far_enough(legs, least_m)]
+    bench.require(bool(courses) or least_m > _COURSE_M, f"the robot never drove straight on for {least_m:g} m")
+    for first, second in courses:
         course = math.atan2(second.y_m - first.y_m, second.x_m - first.x_m)
         off = abs(turn(course, second.heading_rad))
         if bench.caps.reverses:
             off = min(off, math.pi - off)
         bench.require(
-            off <= (may_be_rad if least_m else _HEADING_RAD),
+            off <= may_be_rad,
             f"the robot drove towards {course:.2f} rad with a heading of {second.heading_rad:.2f}: sign of the yaw, "
             "degrees, or a compass heading",
         )

@@ -35,9 +35,7 @@ def test_a_rate_that_is_denied_is_lowered(puppet: Puppet) -> None:
 
 def test_a_rate_below_what_is_promised_is_refused(puppet: Puppet) -> None:
     puppet.most_hz = 30.0
-    with pytest.raises(
-        RobotUnavailable, match=r"ATTITUDE 50 times a second \(DENIED\); set a lower stream_hz"
-    ):
+    with pytest.raises(RobotUnavailable, match=r"ATTITUDE 50 times a second \(DENIED\); set a lower stream_hz"):
         robot_of(puppet).init(20.0)
 
 

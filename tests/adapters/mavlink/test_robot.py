@@ -142,6 +142,14 @@ def test_without_a_gate_a_speed_cap_is_asked_for_once(puppet: Puppet) -> None:
     assert len(caps) <= 2
 
 
+def test_a_cap_that_a_rover_would_refuse_is_asked_for_as_the_least_that_it_takes(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    robot.goto(FAR._replace(speed_m_s=0.003), SC)
+    tick(puppet, robot, 4)
+    assert puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)[-1]["param2"] == 0.05
+
+
 def test_what_it_lacks_it_refuses_without_a_gate(puppet: Puppet) -> None:
     puppet.gate = False
     robot = ready(puppet)

@@ -132,6 +132,10 @@ def test_speed_is_changed_for_the_leg_under_way_too() -> None:
         assert rig.speed() == pytest.approx(0.22)
         for bad in (math.nan, math.inf, 0.0):
             assert rig.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, bad) == DENIED
+        # As ArduRover: too slow for it, and nothing changes.
+        assert rig.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 0.04) == FAILED
+        rig.run(1.0)
+        assert rig.speed() == pytest.approx(0.22)
 
 
 def test_a_rover_backs_to_places_until_its_mode_changes() -> None:
