@@ -16,6 +16,7 @@ from soter.stack.kit import RobotKit, RobotPort
 AHEAD_S: Final = 2.0
 """Encounters that are farther away in time may never come, since nobody knows the others' paths."""
 
+_TURNS_RAD_S: Final = 0.1
 _TOUCHES: Final = 0.95
 """Of the distance that plans keep: who passes at just that, as planned, meets nobody."""
 
@@ -29,11 +30,15 @@ class Duty(Enum):
 
 
 def stands(kit: RobotKit, peer: RobotPort) -> bool:
-    """Return whether a peer is in the way for as long as one can tell: it stands, or its AC has no control."""
+    """Return whether a peer is in the way for as long as one can tell: it stands, or its AC has no control.
+
+    One that turns in place is about to set out. Two that turned back because of each other met again on the other side.
+    """
     state = peer.state
     if state is None:
         return False
-    return not peer.engaged or hypot(state.vx_m_s, state.vy_m_s) < kit.promised.moving_m_s
+    moves = hypot(state.vx_m_s, state.vy_m_s) >= kit.promised.moving_m_s or abs(state.yaw_rate_rad_s) > _TURNS_RAD_S
+    return not (peer.engaged and moves)
 
 
 def duty(kit: RobotKit, own: RobotState) -> Duty:

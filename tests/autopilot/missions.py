@@ -71,14 +71,14 @@ class Example:
         unheard_s = sum(promise[name] for name in ("lease_s", "latency_s", "setpoint_period_s", "jitter_s"))
         return float(v_m_s * unheard_s + v_m_s**2 / (2.0 * brake_m_s2) + promise["overshoot_m"])
 
-    def start(self, program: str, folder: Path) -> Autopilots:
-        """Start its vehicles."""
+    def start(self, program: str, folder: Path, robots: int | None = None) -> Autopilots:
+        """Start its vehicles, or the first of them: one that is not driven would stand in the way of the others."""
         mission = self.mission
         workspace = mission.read_workspace()
         lines = [line.split() for line in (EXAMPLES / self.folder / f"{self.folder}.parm").read_text().splitlines()]
         return Autopilots(
             Path(program), folder, workspace,
-            [RobotSpec(place.id, place.x_m, place.y_m, 0.3 * place.id) for place in workspace.robots],
+            [RobotSpec(place.id, place.x_m, place.y_m, 0.3 * place.id) for place in workspace.robots[:robots]],
             model=self.model,
             parameters=self.parameters | {line[0]: float(line[1]) for line in lines if line and line[0] != "#"},
             limits=RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m),

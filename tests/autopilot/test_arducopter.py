@@ -29,9 +29,10 @@ def copters(tmp_path: Path) -> Iterator[Autopilots]:
 
 
 @pytest.mark.parametrize("robots", [1, 2])
-def test_copters_with_hostile_targets_break_no_rule(copters: Autopilots, tmp_path: Path, robots: int) -> None:
+def test_copters_with_hostile_targets_break_no_rule(tmp_path: Path, robots: int) -> None:
     duration_s = float(os.environ.get("AUTOPILOT_S", "180"))
-    ended = run(COPTER, copters, tmp_path, duration_s, options=["--robots", str(robots)])
+    with COPTER.start(PROGRAM, tmp_path / "vehicles", robots) as copters:
+        ended = run(COPTER, copters, tmp_path, duration_s, options=["--robots", str(robots)])
     result, v_max_m_s = ended.result, COPTER.promise["v_max_m_s"]
     assert (ended.code, result["violations"], result["uncontrolled"]) == (0, RULES, {})
     assert result["ac_share"] >= 0.8

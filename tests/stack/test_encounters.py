@@ -55,9 +55,11 @@ def owed(own: RobotState, *others: RobotState, engaged: bool = True) -> Duty:
         (at(1, 0.7, 0.0), Duty.GO_ROUND),
         (at(3, 0.7, 0.0), Duty.GO_ROUND),
         (at(3, 0.7, 0.49), Duty.NONE),
+        (at(1, 0.7, 0.0)._replace(yaw_rate_rad_s=-1.0), Duty.WAIT),
+        (at(3, 0.7, 0.0)._replace(yaw_rate_rad_s=1.0), Duty.NONE),
     ],
     ids=["head on", "crossing", "of a higher id", "ahead and as fast", "behind", "far", "past it", "stands",
-         "stands, of a higher id", "stands beside the way"],
+         "stands, of a higher id", "stands beside the way", "turns", "turns, of a higher id"],
 )  # fmt: skip
 def test_what_a_robot_owes_another(other: RobotState, expected: Duty) -> None:
     assert owed(at(2, 0.0, 0.0, 0.2), other) is expected
