@@ -22,7 +22,7 @@ _FRAME_CAUSE = (
 _HEADING_RAD = 0.15
 _STRAIGHT_RAD = 0.02
 _CLEAR = 10.0
-_COURSE_M = 0.1
+_COURSE_M = 0.2
 """A course over less is that of what places are rounded to: autopilots tell them to a centimetre, the true ones too."""
 
 _MANY_SAMPLES = 1500
@@ -154,12 +154,14 @@ def heading(bench: Bench) -> None:
     bench.require(bool(courses) or least_m > _COURSE_M, f"the robot never drove straight on for {least_m:g} m")
     for first, second in courses:
         course = math.atan2(second.y_m - first.y_m, second.x_m - first.x_m)
-        off = abs(turn(course, second.heading_rad))
+        # Of a bend its chord points along the middle.
+        heading_rad = first.heading_rad + 0.5 * turn(first.heading_rad, second.heading_rad)
+        off = abs(turn(course, heading_rad))
         if bench.caps.reverses:
             off = min(off, math.pi - off)
         bench.require(
             off <= may_be_rad,
-            f"the robot drove towards {course:.2f} rad with a heading of {second.heading_rad:.2f}: sign of the yaw, "
+            f"the robot drove towards {course:.2f} rad with a heading of {heading_rad:.2f}: sign of the yaw, "
             "degrees, or a compass heading",
         )
 
