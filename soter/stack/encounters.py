@@ -10,7 +10,7 @@ from enum import Enum, auto
 from math import hypot, inf, sqrt
 from typing import Final
 
-from soter.sdk import RobotState
+from soter.sdk import Link, RobotState
 from soter.stack.kit import RobotKit, RobotPort
 
 AHEAD_S: Final = 2.0
@@ -30,7 +30,7 @@ class Duty(Enum):
 
 
 def stands(kit: RobotKit, peer: RobotPort) -> bool:
-    """Return whether a peer is in the way for as long as one can tell: it stands, or its AC has no control.
+    """Return whether a peer is in the way for as long as one can tell: it stands, is not heard, or its AC has no control.
 
     One that turns in place is about to set out. Two that turned back because of each other met again on the other side.
     """
@@ -38,7 +38,7 @@ def stands(kit: RobotKit, peer: RobotPort) -> bool:
     if state is None:
         return False
     moves = hypot(state.vx_m_s, state.vy_m_s) >= kit.promised.moving_m_s or abs(state.yaw_rate_rad_s) > _TURNS_RAD_S
-    return not (peer.engaged and moves)
+    return not (peer.engaged and state.link is Link.UP and moves)
 
 
 def duty(kit: RobotKit, own: RobotState) -> Duty:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from soter.config import load_mission
 from soter.rta import GoalReport, Port
 from soter.runner import run_mission
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import Link, RobotState, Waypoint
 from soter.stack.encounters import AHEAD_S, Duty, duty, has_to_wait
 from soter.stack.kit import RobotKit
 from soter.stack.robot_agent import LOOK_S, SET_OFF_S
@@ -67,6 +67,12 @@ def test_what_a_robot_owes_another(other: RobotState, expected: Duty) -> None:
 
 def test_one_whose_ac_has_no_control_is_driven_round_however_it_moves() -> None:
     assert owed(at(2, 0.0, 0.0, 0.2), at(1, 0.8, 0.0, -0.2), engaged=False) is Duty.GO_ROUND
+
+
+def test_one_that_is_not_heard_any_more_is_waited_for_by_nobody() -> None:
+    own, gone = at(2, 0.0, 0.0, 0.2), at(1, 0.8, 0.0, -0.2)._replace(link=Link.DOWN)
+    assert owed(own, gone) is Duty.GO_ROUND
+    assert not has_to_wait(kit_of(own, gone), own)
 
 
 def test_one_that_has_not_been_heard_is_nobody() -> None:
