@@ -30,7 +30,7 @@ class Duty(Enum):
 
 
 def stands(kit: RobotKit, peer: RobotPort) -> bool:
-    """Return whether a peer is in the way for as long as one can tell: it stands, is not heard, or its AC has no control.
+    """Return whether a peer is in the way: it stands, is not heard, or its AC has no control, for who knows how long.
 
     One that turns in place is about to set out. Two that turned back because of each other met again on the other side.
     """
