@@ -38,9 +38,10 @@ def test_missions_load_with_their_workspace(path: Path) -> None:
         assert place.charger.distance_m(place.x_m, place.y_m) < 0.0
 
 
-def test_surveillance_spells_out_the_defaults() -> None:
+def test_surveillance_spells_out_the_defaults_but_for_how_near_to_boxes_it_plans() -> None:
     mission = load_mission(EXAMPLES / "surveillance.toml")
-    plain = MissionFile(workspace=mission.workspace, seed=mission.seed)
+    nearer = {"ompl-bitstar": {"clearance_m": mission.rta.obstacle.phi_safer_m}}
+    plain = MissionFile(workspace=mission.workspace, seed=mission.seed, planners=nearer)
     assert mission.model_dump(exclude={"battery", "targets"}) == plain.model_dump(exclude={"battery", "targets"})
     assert mission.battery == plain.battery
 
