@@ -70,7 +70,10 @@ def _meets_s(own: RobotState, other: RobotState | None, apart_m: float) -> float
     x_m, y_m = other.x_m - own.x_m, other.y_m - own.y_m
     vx_m_s, vy_m_s = other.vx_m_s - own.vx_m_s, other.vy_m_s - own.vy_m_s
     # |(x, y) + t v| = apart, the earlier time of both.
-    a, b, c = vx_m_s**2 + vy_m_s**2, x_m * vx_m_s + y_m * vy_m_s, x_m**2 + y_m**2 - apart_m**2
-    if b >= 0.0 or b * b < a * c:
+    # Products, since powers raise where they overflow.
+    a, b = vx_m_s * vx_m_s + vy_m_s * vy_m_s, x_m * vx_m_s + y_m * vy_m_s
+    c = x_m * x_m + y_m * y_m - apart_m * apart_m
+    # Written so that NaN, of what a peer says of itself, is no encounter.
+    if not (b < 0.0 and b * b >= a * c):
         return inf
     return max((-b - sqrt(b * b - a * c)) / a, 0.0)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from soter.cli import app
 from soter.record.reader import Recording
 from tests.record.conftest import Recorded
-from tests.record.helpers import SURVEILLANCE, rewrite
+from tests.record.helpers import SURVEILLANCE, recorded, rewrite
 
 QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "20")
 
@@ -117,18 +117,20 @@ def test_replay_names_what_differs(kinematic: Recorded, tmp_path: Path) -> None:
     assert said["flaws"][0]["robot_id"] == 1
 
 
-def test_replay_answers_what_if(kinematic: Recorded) -> None:
-    done = ran("replay", kinematic.path, "--set", "rta.collision.delta_s=0.4")
+def test_replay_answers_what_if(tmp_path: Path) -> None:
+    # A mission's own robots make way for each other, and are seldom taken.
+    path = tmp_path / "run.mcap"
+    recorded(path, duration_s=100.0, ac="adversary:pincer", targets="hostile")
+    done = ran("replay", path, "--set", "rta.collision.delta_s=0.4")
     assert done.exit_code == 0
     for words in ("A run would be refused: module 'collision' is ill-formed (P3)", " drives, ", "Open loop",
                   "disengagements by collision: "):  # fmt: skip
         assert words in done.stdout
-    said = json.loads(ran("replay", kinematic.path, "--set", "rta.collision.delta_s=0.4", "--json").stdout)
+    said = json.loads(ran("replay", path, "--set", "rta.collision.delta_s=0.4", "--json").stdout)
     assert said["settings"] == {"rta.collision.delta_s": 0.4}
     assert said["before"]["collision"] > 0
     assert said["after"]["collision"] > 0
-    # What looks less often takes robots sooner; whether it also gives one back sooner is this run's affair.
-    assert "collision" in {spell["replayed"] for spell in said["spells"]}
+    assert {spell["replayed"] for spell in said["spells"]} >= {"AC", "collision"}
 
 
 def test_replay_of_a_recording_with_gaps_settles_nothing(kinematic: Recorded, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from soter.rta import GoalReport, Port
 from soter.runner import run_mission
 from soter.sdk import Link, RobotState, Waypoint
 from soter.stack.encounters import AHEAD_S, Duty, duty, has_to_wait
+from soter.stack.events import TargetOutcome
 from soter.stack.kit import RobotKit
 from soter.stack.robot_agent import LOOK_S, SET_OFF_S
 from tests.sdk.fake import CAPABILITIES, STATE
@@ -151,7 +152,13 @@ def test_who_waits_is_still_taken_by_a_module_and_its_target_still_runs_out_of_t
     assert mission.answer().robot_id == 2
     other = waiting()
     other.run(TIMEOUT_S + 1.0)
-    assert [outcome.name for outcome in other.outcomes()].count("TIMED_OUT") >= 1
+    assert (2, TargetOutcome.TIMED_OUT) in [(robot_id, outcome) for robot_id, _, outcome in other.ended]
+
+
+def test_what_no_robot_can_say_of_itself_is_no_encounter_and_fails_nobody() -> None:
+    own = at(2, 0.0, 0.0, 0.2)
+    for far_m, v_m_s in ((1e300, -1e300), (1.0, -1e300), (1e300, 0.0)):
+        assert owed(own, at(1, far_m, far_m, v_m_s, v_m_s)) in Duty
 
 
 def test_two_in_a_small_room_are_seldom_taken_because_of_each_other() -> None:

@@ -51,14 +51,16 @@ class JudgedParameters:
 
     def _steers_wrongly(self) -> str:
         """Refuse a rover that steers with its wheels or does not pivot: safe controllers turn in place."""
+        if self._vehicle.kind != ARDUROVER:
+            return ""
         for name, (from_, to, why) in _STEERING.items():
-            value = self._vehicle.parameters.get(name) if name in self.names else None
+            value = self._vehicle.parameters.get(name)
             # Written so that NaN is refused.
             if value is not None and not (value < from_ or value > to):
                 return (
                     f"its {name} is {value:g}: {why}; safe controllers turn in place, and it would drive a curve "
                     "where nothing was looked at; allowed: skid steering that pivots, such as SERVO1_FUNCTION 73, "
-                    "SERVO3_FUNCTION 74 and WP_PIVOT_ANGLE 60"
+                    "SERVO3_FUNCTION 74 and WP_PIVOT_ANGLE 20"
                 )
         return ""
 

@@ -152,31 +152,31 @@ def heading(bench: Bench) -> None:
     may_be_rad = _HEADING_RAD + 2.0 * bench.noise_m / least_m + bench.noise_rad
     courses = [*_far_enough(legs, least_m)]
     bench.require(bool(courses) or least_m > _COURSE_M, f"the robot never drove straight on for {least_m:g} m")
-    for first, second in courses:
-        course = math.atan2(second.y_m - first.y_m, second.x_m - first.x_m)
-        # Of a bend its chord points along the middle.
-        heading_rad = first.heading_rad + 0.5 * turn(first.heading_rad, second.heading_rad)
-        off = abs(turn(course, heading_rad))
-        if bench.caps.reverses:
-            off = min(off, math.pi - off)
-        bench.require(
-            off <= may_be_rad,
-            f"the robot drove towards {course:.2f} rad with a heading of {heading_rad:.2f}: sign of the yaw, "
-            "degrees, or a compass heading",
-        )
+    for way in courses:
+        first, last = way[0], way[-1]
+        course = math.atan2(last.y_m - first.y_m, last.x_m - first.x_m)
+        # Headings at the ends of a bend are off its chord by half of it.
+        bend_rad = 0.5 * abs(turn(first.heading_rad, last.heading_rad))
+        for sample in way:
+            off = abs(turn(course, sample.heading_rad))
+            if bench.caps.reverses:
+                off = min(off, math.pi - off)
+            bench.require(
+                off <= may_be_rad + bend_rad,
+                f"the robot drove towards {course:.2f} rad with a heading of {sample.heading_rad:.2f}: sign of the "
+                "yaw, degrees, or a compass heading",
+            )
 
 
-def _far_enough(
-    legs: list[tuple[TrackSample, TrackSample]], least_m: float
-) -> Iterator[tuple[TrackSample, TrackSample]]:
-    """Yield the ends of straight ways that are at least so long."""
+def _far_enough(legs: list[tuple[TrackSample, TrackSample]], least_m: float) -> Iterator[list[TrackSample]]:
+    """Yield the samples of straight ways that are at least so long, from end to end."""
     for stretch in _stretches(legs):
-        first = None
+        way: list[TrackSample] = []
         for here, there in stretch:
-            first = first or here
-            if there.distance_m(first.x_m, first.y_m) >= least_m:
-                yield first, there
-                first = None
+            way = [*(way or [here]), there]
+            if there.distance_m(way[0].x_m, way[0].y_m) >= least_m:
+                yield way
+                way = []
 
 
 @clause("state.velocity")
