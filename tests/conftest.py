@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import signal
 from collections.abc import Iterator
@@ -48,6 +49,11 @@ def pytest_report_header() -> str:
     """One line on what will be skipped."""
     states = (f"{name} {'installed' if is_installed(name) else 'missing'}" for name in OPTIONAL_LIBRARIES)
     return "optional libraries: " + ", ".join(states)
+
+
+def pytest_collection_finish() -> None:
+    """What is collected stays until the end: the garbage collector need not go through it again and again."""
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"soter": ROOT / "soter", "soter_sim": ROOT / "sim" / "soter_sim"}
 PIP = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+INSTALL = (*PIP, "install", "--no-compile")
 # What the lines `pip install -e ".[...]"` of the pages install and is small; `make install-check` has pip resolve all.
 EXTRAS = ("foxglove", "sign", "zenoh")
 SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".urdf", ".xml"}
@@ -81,7 +82,7 @@ def tag_problem(tags: list[str], version: str) -> str | None:
 
 def smoke(python: Path, archive: Path, scratch: Path) -> str:
     """Installs an archive, uses it without extras, and takes it away again; returns what its backends say."""
-    run(python, *PIP, "install", "--no-deps", archive, cwd=scratch)
+    run(python, *INSTALL, "--no-deps", archive, cwd=scratch)
     run(python, *PIP, "check", cwd=scratch)
     run(python, "-W", "error", "-c", "import soter, soter_sim; [getattr(soter, n) for n in soter.__all__]", cwd=scratch)
     soter = python.with_name("soter")
@@ -101,7 +102,7 @@ def smoke(python: Path, archive: Path, scratch: Path) -> str:
 def extras(python: Path, wheel: Path, scratch: Path) -> None:
     """Installs a wheel with the extras that are small, and imports all that they are there for."""
     locked = ROOT / "requirements" / "check.txt"
-    run(python, *PIP, "install", "--constraint", locked, f"{wheel}[{','.join(EXTRAS)}]", cwd=scratch)
+    run(python, *INSTALL, "--constraint", locked, f"{wheel}[{','.join(EXTRAS)}]", cwd=scratch)
     run(python, *PIP, "check", cwd=scratch)
     brought = f"[import_module(name) for name, extra in INSTALL_HINTS.items() if extra in {EXTRAS}]"
     run(
@@ -125,7 +126,7 @@ def main() -> None:
             sys.exit(f"dist: {problem}")
         venv.create(scratch / "venv", with_pip=True)
         python = scratch / "venv" / "bin" / "python"
-        run(python, *PIP, "install", "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
+        run(python, *INSTALL, "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
         backends = ""
         for archive in archives:
             backends = smoke(python, archive, scratch)

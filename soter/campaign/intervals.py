@@ -1,14 +1,27 @@
-"""Exact intervals, and the evidence of a stopping rule. From scipy, which has the special functions."""
+"""Exact intervals, and the evidence of a stopping rule. From scipy, which has the special functions.
+
+Quantiles are those functions and not `scipy.stats`, whose import alone takes every process a second.
+"""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
-from statistics import fmean
+from statistics import fmean, stdev
 from typing import Final
 
-from scipy.special import betainc, betaln, gammainc, gammaln
-from scipy.stats import beta, binom, chi2, sem, t
+from scipy.special import (
+    bdtr,
+    betainc,
+    betaincinv,
+    betaln,
+    gammainc,
+    gammainccinv,
+    gammaincinv,
+    gammaln,
+    stdtrit,
+)
 
 LEVEL: Final = 0.95
 """How often an interval holds the true value, at least."""
@@ -25,19 +38,19 @@ def poisson(count: int, exposure: float) -> tuple[float, float]:
     """
     if exposure <= 0.0:
         return 0.0, math.inf
-    low = float(chi2.ppf(_TAIL, 2 * count)) / 2.0 if count else 0.0
-    return low / exposure, float(chi2.isf(_TAIL, 2 * (count + 1))) / 2.0 / exposure
+    low = float(gammaincinv(count, _TAIL)) if count else 0.0
+    return low / exposure, float(gammainccinv(count + 1, _TAIL)) / exposure
 
 
 def poisson_most(count: int, exposure: float) -> float:
     """Return the exact upper bound of a rate: for no event in T hours at 95 %, about 3/T."""
-    return float(chi2.ppf(LEVEL, 2 * (count + 1))) / 2.0 / exposure if exposure > 0.0 else math.inf
+    return float(gammaincinv(count + 1, LEVEL)) / exposure if exposure > 0.0 else math.inf
 
 
 def proportion(count: int, of: int) -> tuple[float, float]:
     """Return the exact two-sided interval of a share (Clopper and Pearson 1934)."""
-    low = float(beta.ppf(_TAIL, count, of - count + 1)) if count else 0.0
-    high = float(beta.isf(_TAIL, count + 1, of - count)) if count < of else 1.0
+    low = float(betaincinv(count, of - count + 1, _TAIL)) if count else 0.0
+    high = float(betaincinv(count + 1, of - count, 1.0 - _TAIL)) if count < of else 1.0
     return low, high
 
 
@@ -49,9 +62,7 @@ def median(values: Sequence[float]) -> tuple[float, float, float] | None:
     """
     ordered, count = sorted(values), len(values)
     # The largest k with P(fewer than k on one side) <= tail.
-    inside = int(binom.ppf(_TAIL, count, 0.5)) if count else 0
-    while inside > 0 and binom.cdf(inside - 1, count, 0.5) > _TAIL:
-        inside -= 1
+    inside = bisect_right(range(count), _TAIL, key=lambda fewer: float(bdtr(fewer, count, 0.5)))
     if not inside:
         return None
     middle = (ordered[(count - 1) // 2] + ordered[count // 2]) / 2.0
@@ -67,7 +78,8 @@ def positive_mean(values: Sequence[float]) -> tuple[float, float, float]:
     middle = fmean(values)
     if middle == 0.0:
         return 0.0, 0.0, math.inf
-    factor = math.exp(float(t.isf(_TAIL, len(values) - 1) * sem(values)) / middle)
+    error = stdev(values) / math.sqrt(len(values))
+    factor = math.exp(float(stdtrit(len(values) - 1, 1.0 - _TAIL)) * error / middle)
     return middle, middle / factor, middle * factor
 
 
