@@ -18,8 +18,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"soter": ROOT / "soter", "soter_sim": ROOT / "sim" / "soter_sim"}
-PIP = ("-m", "pip", "--quiet", "--disable-pip-version-check")
-INSTALL = (*PIP, "install", "--no-compile")
 # What the lines `pip install -e ".[...]"` of the pages install and is small; `make install-check` has pip resolve all.
 EXTRAS = ("foxglove", "sign", "zenoh")
 SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".urdf", ".xml"}
@@ -34,6 +32,16 @@ def run(*command: str | Path, cwd: Path) -> str:
         shown = " ".join(str(part) for part in command)
         sys.exit(f"dist: `{shown}` failed with {done.returncode}:\n{done.stdout}{done.stderr}")
     return done.stdout
+
+
+def pip(python: Path, *arguments: str | Path, cwd: Path) -> None:
+    """Has this environment's pip work on that of another Python, which need not have one."""
+    run(sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "--python", python, *arguments, cwd=cwd)
+
+
+def install(python: Path, *what: str | Path, cwd: Path) -> None:
+    """Installs what is named. Of hundreds of modules few are imported here: the others need not be compiled."""
+    pip(python, "install", "--no-compile", *what, cwd=cwd)
 
 
 def packaged_files() -> set[str]:
@@ -82,8 +90,8 @@ def tag_problem(tags: list[str], version: str) -> str | None:
 
 def smoke(python: Path, archive: Path, scratch: Path) -> str:
     """Installs an archive, uses it without extras, and takes it away again; returns what its backends say."""
-    run(python, *INSTALL, "--no-deps", archive, cwd=scratch)
-    run(python, *PIP, "check", cwd=scratch)
+    install(python, "--no-deps", archive, cwd=scratch)
+    pip(python, "check", cwd=scratch)
     run(python, "-W", "error", "-c", "import soter, soter_sim; [getattr(soter, n) for n in soter.__all__]", cwd=scratch)
     soter = python.with_name("soter")
     version = archive.name.removesuffix(".tar.gz").split("-")[1]
@@ -92,7 +100,7 @@ def smoke(python: Path, archive: Path, scratch: Path) -> str:
     backends = run(soter, "backends", cwd=scratch)
     patrol = ("--duration", "2", "--backend", "kinematic", "--planner", "straight-line", "--no-record", "--quiet")
     run(soter, "run", "--mission", "surveillance", *patrol, cwd=scratch)
-    run(python, *PIP, "uninstall", "--yes", "soter-rta", cwd=scratch)
+    pip(python, "uninstall", "--yes", "soter-rta", cwd=scratch)
     left = [path for package in PACKAGES for path in python.parents[1].glob(f"lib/*/site-packages/{package}")]
     if left:
         sys.exit(f"dist: of {archive.name} there is left when it is uninstalled: {left}")
@@ -102,8 +110,8 @@ def smoke(python: Path, archive: Path, scratch: Path) -> str:
 def extras(python: Path, wheel: Path, scratch: Path) -> None:
     """Installs a wheel with the extras that are small, and imports all that they are there for."""
     locked = ROOT / "requirements" / "check.txt"
-    run(python, *INSTALL, "--constraint", locked, f"{wheel}[{','.join(EXTRAS)}]", cwd=scratch)
-    run(python, *PIP, "check", cwd=scratch)
+    install(python, "--constraint", locked, f"{wheel}[{','.join(EXTRAS)}]", cwd=scratch)
+    pip(python, "check", cwd=scratch)
     brought = f"[import_module(name) for name, extra in INSTALL_HINTS.items() if extra in {EXTRAS}]"
     run(
         python,
@@ -124,9 +132,9 @@ def main() -> None:
         tags = run("git", "tag", "--points-at", "HEAD", cwd=ROOT).split() if (ROOT / ".git").exists() else []
         if problem := tag_problem(tags, archives[1].name.split("-")[1]):
             sys.exit(f"dist: {problem}")
-        venv.create(scratch / "venv", with_pip=True)
+        venv.create(scratch / "venv")
         python = scratch / "venv" / "bin" / "python"
-        run(python, *INSTALL, "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
+        install(python, "--no-deps", "-r", ROOT / "requirements" / "core.txt", cwd=scratch)
         backends = ""
         for archive in archives:
             backends = smoke(python, archive, scratch)

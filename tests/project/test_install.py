@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -26,6 +27,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # Of somebody else, on the index of Python packages.
 FOREIGN = {"MAVProxy", "duckdb"}
 ROS = ROOT / "ros" / "soter"
+bringers = cache(packages_distributions)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +47,7 @@ def test_what_a_page_installs_is_there(line: Line) -> None:
 # The wheels of ROS 2 are in an environment of their own.
 @pytest.mark.parametrize(("library", "extra"), [hint for hint in INSTALL_HINTS.items() if hint[1] != "ros2"])
 def test_an_extra_brings_the_library_for_which_it_is_named(library: str, extra: str) -> None:
-    distributions = packages_distributions().get(library)
+    distributions = bringers().get(library)
     if not distributions:
         pytest.skip(f"{library} is not installed here")
     named = {canonicalize_name(Requirement(each).name) for each in PROJECT["optional-dependencies"][extra]}
