@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from soter.geometry.site import SitePlan, from_plain
 from soter.geometry.workspace import Workspace
-from soter.onboard.program import Ending
+from soter.onboard.program import LEAVE_S, Ending, bounded
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.real_time import RealTimeWorld
 
@@ -65,7 +65,8 @@ def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
         _favour()
         endpoint.run(ended)
     finally:
-        endpoint.close()
+        with bounded(LEAVE_S):
+            endpoint.close()
 
 
 def _favour() -> None:

@@ -5,8 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Final
+
+LEAVE_S: Final = 5.0
+"""For so long a program may take leave of those that it has links to."""
 
 
 class Ending:
@@ -31,6 +36,24 @@ class Ending:
         """Wait, at most so long, for a request to end; return whether it is to end now."""
         self._asked.wait(timeout_s)
         return self()
+
+
+@contextmanager
+def bounded(limit_s: float) -> Iterator[None]:
+    """Have the kernel end this program if what is done within takes longer.
+
+    For what a library does at its end, which may never come: Fast DDS can wait for a callback, busily and with the
+    interpreter in its hands, when several programs leave at once. No handler in Python would run then.
+
+    Args:
+        limit_s: a robot is at rest before it begins, so nothing waits for it.
+    """
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, limit_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 def favour() -> None:
