@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import random
 import socket
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +18,7 @@ from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
 from soter.adapters.velocity_controlled.simulator import VelocityControlledSimulator
 from soter.errors import RobotUnavailable
 from soter.geometry.workspace import Workspace
-from soter.sdk import RobotSpec, RuleLimits
+from soter.sdk import RobotSpec, RuleLimits, program
 
 _PROFILE: Final = Path(__file__).with_name("loopback.xml")
 
@@ -114,6 +115,10 @@ def _bound(port: int) -> socket.socket | None:
     return found
 
 
+_APART_S: Final = 0.2
+"""So long after one participant the next one leaves: Fast DDS waits for ever if it hears of another one just then."""
+
+
 class Ros2Simulator(VelocityControlledSimulator):
     """A world in real time as ROS 2 robots, each with its mux. On this host only.
 
@@ -165,6 +170,10 @@ class Ros2Simulator(VelocityControlledSimulator):
         )  # fmt: skip
 
     def close(self) -> None:
+        for process in (*self.muxes.values(), self.world):
+            if process.poll() is None:
+                time.sleep(_APART_S)
+                program.end([process])
         super().close()
         if self._domain is not None:
             self._domain.close()
