@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from soter.geometry.site import SitePlan, from_plain
 from soter.geometry.workspace import Workspace
-from soter.onboard.program import LEAVE_S, Ending, bounded
+from soter.onboard.program import LEAVE_S, Ending, killed_after
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.real_time import RealTimeWorld
 
@@ -65,7 +65,7 @@ def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
         _favour()
         endpoint.run(ended)
     finally:
-        with bounded(LEAVE_S):
+        with killed_after(LEAVE_S):
             endpoint.close()
 
 

@@ -1,6 +1,6 @@
 """Exact intervals, and the evidence of a stopping rule. From scipy, which has the special functions.
 
-Quantiles are those functions and not `scipy.stats`, whose import alone takes every process a second.
+Quantiles are those functions and not `scipy.stats`, whose import alone takes every process nearly half a second.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class Ending:
 
 
 @contextmanager
-def bounded(limit_s: float) -> Iterator[None]:
+def killed_after(limit_s: float) -> Iterator[None]:
     """Have the kernel end this program if what is done within takes longer.
 
     For what a library does at its end, which may never come: Fast DDS can wait for a callback, busily and with the
@@ -48,12 +48,13 @@ def bounded(limit_s: float) -> Iterator[None]:
     Args:
         limit_s: a robot is at rest before it begins, so nothing waits for it.
     """
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    before = signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, limit_s)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def favour() -> None:

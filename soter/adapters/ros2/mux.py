@@ -28,7 +28,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from soter.onboard.gate_node import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, GateNode
-from soter.onboard.program import LEAVE_S, Ending, bounded, favour
+from soter.onboard.program import LEAVE_S, Ending, favour, killed_after
 from soter.onboard.velocity import REST, Velocity, VelocityGate
 from soter.onboard.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC
 
@@ -156,7 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     finally:
         if rclpy.ok():
             node.pass_on(REST)
-        with bounded(LEAVE_S):
+        with killed_after(LEAVE_S):
             executor.shutdown()
             node.destroy_node()
             rclpy.try_shutdown()

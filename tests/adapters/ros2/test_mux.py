@@ -81,6 +81,35 @@ def test_when_it_is_told_to_end_it_says_rest_last(simulator: Ros2Simulator, grap
     assert set(heard) == {0.0}
 
 
+def test_one_that_its_middleware_does_not_let_go_is_ended_once_it_has_said_rest(
+    simulator: Ros2Simulator, graph: Graph
+) -> None:
+    from geometry_msgs.msg import Twist
+
+    from soter.adapters.ros2.simulator import environment
+
+    heard: list[float] = []
+    graph.node("/somebody").create_subscription(
+        Twist, "/held/cmd_vel", lambda message: heard.append(message.linear.x), 10
+    )
+    program = (
+        "from soter.adapters.ros2 import mux\n"
+        "def stays(self):\n"
+        "    while True: pass\n"
+        "mux.MuxNode.destroy_node, mux.LEAVE_S = stays, 0.5\n"
+        "mux.main(['--robot', '/held'])"
+    )
+    env = {**environment(), "ROS_DOMAIN_ID": str(simulator.domain_id)}
+    with subprocess.Popen([sys.executable, "-c", program], env=env) as mux:
+        try:
+            assert wait_for(lambda: len(heard) > 5, 10.0)
+            mux.send_signal(signal.SIGTERM)
+            assert mux.wait(10.0) == -signal.SIGALRM
+        finally:
+            mux.kill()
+    assert set(heard) == {0.0}
+
+
 def test_what_is_beyond_the_limits_or_not_finite_does_not_reach_the_base(
     simulator: Ros2Simulator, graph: Graph
 ) -> None:
