@@ -7,14 +7,11 @@ whatever converted or edited the file, and gave it a digest of its own, is found
 from __future__ import annotations
 
 import zlib
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
 from soter.record.messages import PeerEvent, RobotTick
-
-_OLD_DIGITS: Final = 24
-"""Digits of recordings of older versions, which are of another kind; what they rest on is not judged."""
 
 
 class Flaw(NamedTuple):
@@ -31,6 +28,4 @@ def seal(record: RobotTick | PeerEvent) -> str:
 
 def flaw(record: RobotTick | PeerEvent) -> Flaw | None:
     """Return what is wrong with a record, or None. A record without a checksum is wrong too."""
-    if record.check == seal(record) or len(record.check) == _OLD_DIGITS:
-        return None
-    return Flaw(record.time_s, record.robot_id)
+    return None if record.check == seal(record) else Flaw(record.time_s, record.robot_id)

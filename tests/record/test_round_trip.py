@@ -366,6 +366,6 @@ def test_tables_hold_every_message_and_every_bit(kinematic: Recorded, tmp_path: 
     assert rows(file_name(messages.DropEvent)) == []
 
 
-@pytest.mark.parametrize("digits", ["", "0" * 7, "f" * 8, "f" * 40, "none"])
+@pytest.mark.parametrize("digits", ["", "0" * 7, "f" * 8, "f" * 24, "f" * 40, "none"])
 def test_a_checksum_of_another_shape_is_a_flaw(kinematic: Recorded, digits: str) -> None:
     assert flaw(msgspec.structs.replace(record_of(kinematic.path, 3000), check=digits)) == (150.0, 2)
