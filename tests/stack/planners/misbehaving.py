@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, ClassVar, cast
 
 from soter.geometry.workspace import Workspace
-from soter.stack.planners import Planner, PlannerOptions, PlanRequest, PlanResult
+from soter.stack.planners import Planner, PlanRequest, PlanResult
+from soter.stack.planners.base import PlannerOptions
 
 
 class BadPlanner(Planner):

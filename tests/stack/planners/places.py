@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from soter.geometry.workspace import Box, Workspace
-from soter.stack.planners import Point
+from soter.stack.planners.base import Point
 
 RADIUS_M = 0.105
 GROWN_M = RADIUS_M + 0.15

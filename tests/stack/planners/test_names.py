@@ -9,7 +9,8 @@ import pytest
 
 from soter.errors import BackendUnavailable, ConfigError
 from soter.hints import install_command
-from soter.stack.planners import BUILT_IN, DEFAULT_PLANNER, PlannerSpec, PlanRequest, check_name, planner_class
+from soter.stack.planners import PlannerSpec, PlanRequest
+from soter.stack.planners.names import BUILT_IN, DEFAULT_PLANNER, check_name, planner_class
 from tests.stack.planners.misbehaving import Raises
 from tests.stack.planners.places import CASE, RADIUS_M
 

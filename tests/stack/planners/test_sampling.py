@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from soter.errors import ConfigError
 from soter.geometry.workspace import Box, Workspace
-from soter.stack.planners import Planner, PlannerSpec, PlanRequest, PlanResult, Point
+from soter.stack.planners import Planner, PlannerSpec, PlanRequest, PlanResult
+from soter.stack.planners.base import Point
 from tests.stack.planners.places import CASE, RADIUS_M, along, depth_m, length_m
 
 pytestmark = pytest.mark.ompl

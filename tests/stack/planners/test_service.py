@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from soter.errors import ConfigError
-from soter.stack.planners import PlannerSpec, PlannerUnavailable, PlanRequest, PlanResult
+from soter.stack.planners import PlannerSpec, PlanRequest, PlanResult
+from soter.stack.planners.names import PlannerUnavailable
 from soter.stack.planners.service import PlanService
 from tests.stack.planners.misbehaving import KINDS
 from tests.stack.planners.places import CASE, RADIUS_M
