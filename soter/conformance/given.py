@@ -90,6 +90,8 @@ class GivenHarness(RelayedHarness):
     charges_at_start = False
     contacts = False
     leg_m = 0.0
+    limits = None
+    side_by_side = False
     starts_robots = False
     robots_most = 1
     clause_limit_s = _CLAUSE_S

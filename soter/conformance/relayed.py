@@ -7,10 +7,12 @@ import subprocess
 from collections.abc import Sequence
 from typing import Final, Protocol
 
+from soter.clock import VehicleClock
 from soter.conformance import driver
-from soter.conformance.harness import FOR_EVER_S, LEG_M, Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, LEG_M, LIMITS, Harness, specs_at
 from soter.geometry.workspace import Box, RobotPlace, Workspace
-from soter.sdk import Capabilities, Fleet, RobotSpec, Waypoint
+from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
+from soter.sdk.truth import StreamedTruth
 
 
 class Relay(Protocol):
@@ -51,6 +53,14 @@ class Closes(Protocol):
         """End it. Idempotent."""
 
 
+class Tells(Closes, Protocol):
+    """Robots that are simulated."""
+
+    @property
+    def truth(self) -> str:
+        """Where it is told what really happens, as `host:port`."""
+
+
 WIDE_ROOMS: Final = Workspace(
     150.0, 78.0, (),
     (
@@ -76,11 +86,16 @@ def in_wide_rooms(
 class RelayedHarness(Harness):
     """Gives every optional hook by a relay and a witness; `open` and `start_driver` are the adapter's.
 
+    What stands here fits robots that are simulated in `WIDE_ROOMS`, each fleet at free addresses, under `LIMITS`.
+
     `open` sets `simulator`, `relay` and `fleet`; `start_driver` sets `simulator` and `witness`, and returns `driven`.
     What is simulated is `specs`; what the adapter is asked for is `asked`.
     """
 
+    room_m = 2.4
     leg_m = LEG_M
+    limits: RuleLimits | None = LIMITS
+    side_by_side = True
     charges_at_start = True
     contacts = True
     robots_most = len(WIDE_ROOMS.robots)
@@ -135,6 +150,11 @@ class RelayedHarness(Harness):
         self._end()
         self.fleet = self.relay = None
         self._promised = self._charge = self._order = None
+
+    def _watch(self, simulator: Tells) -> None:
+        """Have the kit see what is really happening in a simulator, which is ended by `close`."""
+        self.simulator = simulator
+        self.witness = StreamedTruth(simulator.truth, VehicleClock())
 
     def _end(self) -> None:
         """End what is simulated, and who hears of it."""

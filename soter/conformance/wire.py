@@ -9,11 +9,9 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from soter.clock import VehicleClock
 from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
-from soter.sdk import Fleet, RobotSpec, Waypoint
-from soter.sdk.truth import StreamedTruth
+from soter.sdk import Fleet, RobotSpec, RuleLimits, Waypoint
 from soter.sdk.wire import Simulator, WireBackend
 
 
@@ -30,9 +28,7 @@ class WireHarness(RelayedHarness):
     """Opens simulated robots behind a relay, for every fleet anew, at addresses that are free."""
 
     backend: ClassVar[type[WireBackend]]
-    room_m = 2.4
-    side_by_side = True
-    limits = LIMITS
+    limits: RuleLimits = LIMITS
 
     @abstractmethod
     def impair(self, addresses: Mapping[int, Any]) -> WireRelay:
@@ -88,10 +84,6 @@ class WireHarness(RelayedHarness):
         simulator: Simulator = self.backend.simulate(config, self.specs(robots))
         self._watch(simulator)
         return simulator
-
-    def _watch(self, simulator: Simulator) -> None:
-        self.simulator = simulator
-        self.witness = StreamedTruth(simulator.truth, VehicleClock())
 
 
 def open_given(argument: str) -> Fleet:

@@ -65,6 +65,15 @@ def test_a_room_in_a_workspace_of_any_shape_is_free_too() -> None:
         given(11.0).check(field)
 
 
+def test_what_holds_for_simulated_robots_does_not_for_it() -> None:
+    harness = GivenHarness(given(3.5))
+    # Several programs at once would drive one real robot, and nobody told its truth what to judge by.
+    assert not harness.side_by_side
+    assert harness.limits is None
+    assert (harness.room_m, harness.leg_m, harness.robots_most) == (3.5, 0.0, 1)
+    assert (harness.starts_robots, harness.charges_at_start, harness.contacts) == (False, False, False)
+
+
 def test_it_is_driven_back_to_the_middle_of_its_room_before_each_clause() -> None:
     harness = Elsewhere(given())
     record = judge(harness, select(["goto.arrives", "deadman.silence", "bounds.rest"]))

@@ -21,12 +21,10 @@ from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
-from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS, Harness, Switchable
 from soter.errors import RobotUnavailable
 from soter.sdk import Fleet, Waypoint
-from soter.sdk.truth import StreamedTruth
 from soter.sdk.wire import describe
 
 _HOST: Final = "127.0.0.1"
@@ -116,9 +114,6 @@ class MavlinkHarness(RelayedHarness):
     """Opens simulated rovers behind a relay, for every fleet anew."""
 
     name = "mavlink"
-    room_m = 2.4
-    side_by_side = True
-    limits = LIMITS
     connect_timeout_s = 30.0
     backend: ClassVar[type[VehicleBackend]] = MavlinkBackend
     options: ClassVar[dict[str, Any]] = {}
@@ -169,7 +164,7 @@ class MavlinkHarness(RelayedHarness):
 
     def _watched(self, port: int) -> MavlinkSimulator:
         simulator = self._start(1, port)
-        self.witness = StreamedTruth(simulator.truth, VehicleClock())
+        self._watch(simulator)
         return simulator
 
     def _start(self, robots: int, port: int) -> MavlinkSimulator:

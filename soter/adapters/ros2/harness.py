@@ -17,13 +17,11 @@ from soter.adapters.ros2.backend import Ros2Backend
 from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
 from soter.adapters.ros2.simulator import Domain, Ros2Simulator
-from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
-from soter.sdk.truth import StreamedTruth
 
 FAR: Final = "/far"
 """What stands before a robot's namespace on SOTER's side of the relay."""
@@ -78,9 +76,6 @@ class Ros2Harness(RelayedHarness):
     """Opens simulated robots behind a relay, in a ROS domain of their own, for every fleet anew."""
 
     name = "ros2"
-    room_m = 2.4
-    side_by_side = True
-    limits = LIMITS
     connect_timeout_s = 20.0
 
     def __init__(self) -> None:
@@ -120,8 +115,8 @@ class Ros2Harness(RelayedHarness):
             self._held.close()
 
     def _start(self, robots: int, domain_id: int | None = None) -> Ros2Simulator:
-        self.simulator = simulator = Ros2Simulator(WIDE_ROOMS, self.specs(robots), domain_id=domain_id, limits=LIMITS)
-        self.witness = StreamedTruth(simulator.truth, VehicleClock())
+        simulator = Ros2Simulator(WIDE_ROOMS, self.specs(robots), domain_id=domain_id, limits=LIMITS)
+        self._watch(simulator)
         return simulator
 
 

@@ -16,12 +16,10 @@ from soter.adapters.zenoh.options import Keys, ZenohConfig, ZenohRobotOptions
 from soter.adapters.zenoh.session import SessionOptions, close_session, endpoints, open_session
 from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Listener, Voice
-from soter.clock import VehicleClock
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.sdk import Fleet, Waypoint, program
-from soter.sdk.truth import StreamedTruth
 
 _TO_ROBOT: Final = ("order", "cmd_vel_ac", "cmd_vel_sc")
 _TO_SOTER: Final = ("odom", "battery", "gate")
@@ -72,9 +70,6 @@ class ZenohHarness(RelayedHarness):
     """Opens simulated robots behind a relay, for every fleet anew; all of them are peers."""
 
     name = "zenoh"
-    room_m = 2.4
-    side_by_side = True
-    limits = LIMITS
 
     def open(self, robots: int) -> Fleet:
         simulator = self._start(robots)
@@ -130,8 +125,8 @@ class ZenohHarness(RelayedHarness):
 
     def _start(self, robots: int, session: SessionOptions | None = None) -> ZenohSimulator:
         session = self.of_robots() if session is None else session
-        self.simulator = simulator = ZenohSimulator(WIDE_ROOMS, self.specs(robots), session, limits=LIMITS)
-        self.witness = StreamedTruth(simulator.truth, VehicleClock())
+        simulator = ZenohSimulator(WIDE_ROOMS, self.specs(robots), session, limits=LIMITS)
+        self._watch(simulator)
         return simulator
 
 
