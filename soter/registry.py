@@ -114,6 +114,11 @@ def load_backend(name: str, *, to_open: bool = True) -> type[Backend]:
     return _checked(name, origin, target, _import(name, origin, target))
 
 
+def in_virtual_time(name: str) -> bool:
+    """Return whether a backend's robots live in virtual time; nothing of a vendor is needed. Raises BackendError."""
+    return load_backend(name, to_open=False).robot_class.declared.in_process
+
+
 def backend_names() -> list[str]:
     """Return the names of all registered backends, the built-in ones first."""
     return [*BUILT_IN, *sorted(_registered())]

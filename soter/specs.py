@@ -13,7 +13,7 @@ from soter.faults.robot import widened
 from soter.faults.telemetry import BatteryOptions
 from soter.geometry.workspace import Workspace
 from soter.problems import dotted
-from soter.registry import backend_names
+from soter.registry import backend_names, load_backend
 from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec, RuleLimits
 from soter.stack.planners.names import check_name
 
@@ -102,6 +102,12 @@ def promises(
     }
     check_bodies(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
     return promised
+
+
+def promises_of(mission: MissionFile, workspace: Workspace) -> dict[int, Capabilities]:
+    """Do the same for the mission's backend, which is not opened; raises BackendError where there is none."""
+    backend = load_backend(mission.backend, to_open=False)
+    return promises(backend, read_options(backend, mission, workspace), mission, workspace)
 
 
 def _check_tick(mission: MissionFile, declared: Capabilities) -> None:

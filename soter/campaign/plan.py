@@ -17,10 +17,9 @@ from pydantic import ValidationError
 from soter.campaign.job import Job
 from soter.campaign.sources import code_hash, sources_hash
 from soter.campaign.tables import DRAWN, SEED, CampaignTable, PartTable, Settings, flat
-from soter.config import MissionFile
 from soter.errors import ConfigError
 from soter.problems import config_error, parse_toml, pydantic_problems, read_limited, shown_value
-from soter.registry import load_backend
+from soter.registry import in_virtual_time
 from soter.sdk import RULES
 
 
@@ -177,10 +176,6 @@ def _refuse_wrong(campaign: Campaign, part: PartTable, key: str, line: int | Non
             if mission.reseed or not mission.fault:
                 found = "its mission has [[reseed]] already" if mission.reseed else "its mission has no [[fault]]"
                 raise refusal("split", f"{found}, allowed: faults whose random numbers only the campaign draws anew")
-        if not _in_virtual_time(mission):
+        if not in_virtual_time(mission.backend):
             allowed = "a backend in virtual time, such as kinematic: only there a seed gives one run"
             raise refusal("set.backend", f"it is '{mission.backend}', allowed: {allowed}")
-
-
-def _in_virtual_time(mission: MissionFile) -> bool:
-    return load_backend(mission.backend, to_open=False).robot_class.declared.in_process

@@ -13,8 +13,7 @@ from soter.check.falsify import Falsified, falsify
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
-from soter.registry import load_backend
-from soter.specs import promises, read_options
+from soter.specs import promises_of
 from soter.stack.right_of_way import COLLISION
 
 TRIED_ROBOTS: Final = 4
@@ -67,8 +66,7 @@ def check_mission(
         BackendError: the mission's backend cannot be loaded.
     """
     workspace = mission.read_workspace()
-    backend = load_backend(mission.backend, to_open=False)
-    capabilities = promises(backend, read_options(backend, mission, workspace), mission, workspace)
+    capabilities = promises_of(mission, workspace)
     tell = on_progress or (lambda _: None)
 
     def trial_of(name: str) -> Callable[[int], None]:

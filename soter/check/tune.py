@@ -14,10 +14,9 @@ from soter.config import MissionFile
 from soter.config.tables import MotionModel
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
-from soter.registry import load_backend
 from soter.rta import DirectedReach, Motion, PairBound, ReachModel, RTAModule, SpeedBound, Timing
 from soter.sdk import Capabilities, Link, RobotState
-from soter.specs import promises, read_options
+from soter.specs import promises_of
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.right_of_way import BATTERY, COLLISION
 
@@ -113,15 +112,13 @@ def tune(mission: MissionFile) -> Tuning:
         BackendError: the mission's backend cannot be loaded.
     """
     workspace = mission.read_workspace()
-    backend = load_backend(mission.backend, to_open=False)
-    config = read_options(backend, mission, workspace)
-    capabilities = promises(backend, config, mission, workspace)
+    capabilities = promises_of(mission, workspace)
     if not mission.rta.order:
         raise mission.refusal("rta", "no module is on, so that there is nothing to tune")
     tuning = tune_for(mission, workspace, capabilities)
     # A phi_safer that was too near may now ask for more room around starts and stations than there is.
     if not tuning.refused:
-        promises(backend, config, tuning.mission, tuning.mission.read_workspace())
+        promises_of(tuning.mission, tuning.mission.read_workspace())
     return tuning
 
 
@@ -138,9 +135,7 @@ def what_would_do(mission: MissionFile) -> Tuning:
         BackendError: the mission's backend cannot be loaded.
     """
     workspace = mission.read_workspace()
-    backend = load_backend(mission.backend, to_open=False)
-    capabilities = promises(backend, read_options(backend, mission, workspace), mission, workspace)
-    return tune(_apart(mission, workspace, capabilities))
+    return tune(_apart(mission, workspace, promises_of(mission, workspace)))
 
 
 def _apart(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> MissionFile:

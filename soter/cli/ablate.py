@@ -70,7 +70,7 @@ def ablate(
         from soter.ablation.ablate import Plan, variants
         from soter.cli.console import make_console
         from soter.cli.outputs import Outputs, as_json, unwritten
-        from soter.registry import load_backend
+        from soter.registry import in_virtual_time
 
         given = {"backend": backend, "duration_s": duration, "targets": targets}
         overrides = merge(given, settings)
@@ -83,7 +83,7 @@ def ablate(
                 emit(f"{variant.group}/{variant.name}")
             return
         loaded.read_workspace()
-        if not load_backend(loaded.backend, to_open=False).robot_class.declared.in_process:
+        if not in_virtual_time(loaded.backend):
             raise loaded.refusal(
                 "backend",
                 f"it is '{loaded.backend}', allowed: a backend in virtual time, such as kinematic: parts of "

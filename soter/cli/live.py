@@ -128,9 +128,9 @@ def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool])
     """
     if times is None:
         return None
-    from soter.registry import load_backend
+    from soter.registry import in_virtual_time
 
-    if not load_backend(mission.backend, to_open=False).robot_class.declared.in_process:
+    if not in_virtual_time(mission.backend):
         raise option_error(
             "--pace", f"robots of '{mission.backend}' keep to the clock as they are; allowed with those in virtual time"
         )

@@ -20,10 +20,10 @@ from soter.distribution.status import VERSION
 from soter.errors import ConfigError, nearest
 from soter.geometry.site import SitePlan, plain
 from soter.geometry.workspace import Workspace
-from soter.registry import load_backend
+from soter.registry import in_virtual_time
 from soter.rta import SpeedBound
 from soter.sdk import Backend, Capabilities
-from soter.specs import promises, read_options
+from soter.specs import promises_of
 
 _EXAMPLE: Final = "give each a table, such as [distribution.processes.alpha] with robots = [1]"
 
@@ -77,13 +77,12 @@ class Part:
         if not (processes[process].robots or planners):
             why = f"the ACs are '{mission.ac}', which need no task planner"
             raise mission.refusal(f"distribution.processes.{process}", f"it has no robots, and {why}; do not start it")
-        backend = load_backend(mission.backend, to_open=False)
-        if backend.robot_class.declared.in_process:
+        if in_virtual_time(mission.backend):
             allowed = "allowed with processes: backends on a wire, such as zenoh or ros2"
             raise mission.refusal(
                 "backend", f"it is '{mission.backend}', whose robots live in virtual time in one process; {allowed}"
             )
-        promised = promises(backend, read_options(backend, mission, workspace), mission, workspace)
+        promised = promises_of(mission, workspace)
         homes = {robot_id: name for name, table in processes.items() for robot_id in table.robots}
         return cls(
             process,
