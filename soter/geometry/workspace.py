@@ -158,3 +158,27 @@ class Workspace:
     def _free(self, x_m: float, y_m: float, clearance_m: float) -> bool:
         needed_m = clearance_m - _ROUNDING_M
         return self.contains(x_m, y_m) and all(box.distance_m(x_m, y_m) >= needed_m for box in self.boxes)
+
+
+def crosses(
+    ax: float, ay: float, bx: float, by: float, low_x: float, low_y: float, high_x: float, high_y: float
+) -> bool:
+    """Return whether the segment from a to b meets the inside of a rectangle (slab method); touching does not count."""
+    enter, leave = 0.0, 1.0
+    for start, delta, low, high in ((ax, bx - ax, low_x, high_x), (ay, by - ay, low_y, high_y)):
+        if delta == 0.0:
+            if not low < start < high:
+                return False
+            continue
+        first, second = (low - start) / delta, (high - start) / delta
+        if first > second:
+            first, second = second, first
+        enter, leave = max(enter, first), min(leave, second)
+        if enter >= leave:
+            return False
+    return True
+
+
+def grown(box: Box, by_m: float) -> tuple[float, float, float, float]:
+    """Return the edges of a box grown by `by_m` on every side: low x, low y, high x, high y."""
+    return box.low_x_m - by_m, box.low_y_m - by_m, box.high_x_m + by_m, box.high_y_m + by_m

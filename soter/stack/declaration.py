@@ -10,7 +10,7 @@ from typing import Final
 
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
-from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.geometry.workspace import Box, RobotPlace, Workspace, grown
 from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
@@ -27,7 +27,7 @@ from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.site_routes import Rectangle
 from soter.stack.site_terrain import terrain_of
-from soter.stack.terrain import Terrain, grown
+from soter.stack.terrain import Terrain
 
 OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"

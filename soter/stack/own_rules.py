@@ -10,11 +10,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from soter.geometry.workspace import Box, RobotPlace
+from soter.geometry.workspace import Box, RobotPlace, grown
 from soter.rta import Region, Sample, Situation
 from soter.sdk import Link, RobotState
 from soter.stack.site_routes import Rectangle
-from soter.stack.terrain import Point, Terrain, grown
+from soter.stack.terrain import Point, Terrain
 
 _FAR_M: Final = 10.0
 _CLOSE_ENOUGH_M: Final = 0.005

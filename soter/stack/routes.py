@@ -16,9 +16,10 @@ from typing import Final
 import numpy as np
 
 from soter.geometry.edges import Floats, Indices
+from soter.geometry.workspace import crosses, grown
 from soter.stack.site_routes import Rectangle, SiteRoadmap
 from soter.stack.site_terrain import SiteTerrain
-from soter.stack.terrain import Point, Terrain, crosses, crossing, grown
+from soter.stack.terrain import Point, Terrain, crossing
 
 _CORNER_M: Final = 1e-6
 """Corners stand off the rectangles by this much, so that a way round a corner does not count as through it."""

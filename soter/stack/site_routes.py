@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soter.geometry.edges import Floats, Indices
-from soter.geometry.workspace import Point, Ring
+from soter.geometry.workspace import Point, Ring, crosses
 from soter.stack.map_routes import map_roads
 from soter.stack.site_terrain import SiteTerrain
-from soter.stack.terrain import Terrain, crosses, crossing
+from soter.stack.terrain import Terrain, crossing
 
 Rectangle = tuple[float, float, float, float]
 

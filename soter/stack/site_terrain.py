@@ -40,13 +40,7 @@ class SiteTerrain(Terrain):
         self.workspace = site
         self.body_radius_m = body_radius_m
         low_x, low_y, high_x, high_y = self.bounds = site.bounds
-        wide_m, deep_m = high_x - low_x, high_y - low_y
-        cell_m = max(CELL_M, math.sqrt(wide_m * deep_m / _CELLS))
-        self._columns, self._rows = max(1, round(wide_m / cell_m)), max(1, round(deep_m / cell_m))
-        xs = low_x + (np.arange(self._columns) + 0.5) * (wide_m / self._columns)
-        ys = low_y + (np.arange(self._rows) + 0.5) * (deep_m / self._rows)
-        self.cell_x = np.repeat(xs[:, None], self._rows, axis=1)
-        self.cell_y = np.repeat(ys[None, :], self._columns, axis=0)
+        self._lay_cells(max(CELL_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _CELLS)))
 
     def __getattr__(self, name: str) -> Any:
         # Whoever knows rectangles only must not take a site for its bounding box.
@@ -129,17 +123,6 @@ class SiteTerrain(Terrain):
             last_columns, last_rows = self.window(high_x, high_y, max(needed_m, 0.0))
             part = slice(columns.start, last_columns.stop), slice(rows.start, last_rows.stop)
             fits[part] &= _away(piece.ring, self.cell_x[part], self.cell_y[part]) >= needed_m
-
-    def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
-        low_x, low_y, high_x, high_y = self.bounds
-        per_x, per_y = self._columns / (high_x - low_x), self._rows / (high_y - low_y)
-        x_m = min(max(x_m, low_x - reach_m), high_x + reach_m) - low_x
-        y_m = min(max(y_m, low_y - reach_m), high_y + reach_m) - low_y
-        left = min(max(int((x_m - reach_m) * per_x), 0), self._columns - 1)
-        right = min(max(int((x_m + reach_m) * per_x) + 1, left + 1), self._columns)
-        low = min(max(int((y_m - reach_m) * per_y), 0), self._rows - 1)
-        high = min(max(int((y_m + reach_m) * per_y) + 1, low + 1), self._rows)
-        return slice(left, right), slice(low, high)
 
 
 _ALL_M: Final = 1e6

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from soter.geometry.workspace import Box, Workspace
+from soter.geometry.workspace import Workspace, crosses
 
 CELL_M: Final = 0.1
 """Side of the cells among which a place to retreat to is chosen."""
@@ -55,22 +55,26 @@ class Terrain:
         self.boxes: Final = workspace.boxes
         self._edges: Final = tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in workspace.boxes)
         self._near: dict[tuple[int, int], tuple[Edges, ...]] = {}
-        columns = max(1, round(self.width_m / CELL_M))
-        rows = max(1, round(self.depth_m / CELL_M))
-        self._columns, self._rows = columns, rows
-        xs = (np.arange(columns) + 0.5) * (self.width_m / columns)
-        ys = (np.arange(rows) + 0.5) * (self.depth_m / rows)
-        self.cell_x: NDArray[np.float64] = np.repeat(xs[:, None], rows, axis=1)
-        self.cell_y: NDArray[np.float64] = np.repeat(ys[None, :], columns, axis=0)
+        self._lay_cells(CELL_M)
         self.cell_fence: Final[NDArray[np.float64]] = np.minimum(
             np.minimum(self.cell_x, self.width_m - self.cell_x), np.minimum(self.cell_y, self.depth_m - self.cell_y)
         )
-        clearance = np.full((columns, rows), math.inf)
+        clearance = np.full(self.cell_x.shape, math.inf)
         for low_x, low_y, high_x, high_y in self._edges:
             dx = np.maximum(np.maximum(low_x - self.cell_x, self.cell_x - high_x), 0.0)
             dy = np.maximum(np.maximum(low_y - self.cell_y, self.cell_y - high_y), 0.0)
             np.minimum(clearance, np.hypot(dx, dy), out=clearance)
         self.cell_clearance: Final[NDArray[np.float64]] = clearance - body_radius_m
+
+    def _lay_cells(self, cell_m: float) -> None:
+        """Cover the bounds with cells of about this side."""
+        low_x, low_y, high_x, high_y = self.bounds
+        wide_m, deep_m = high_x - low_x, high_y - low_y
+        self._columns, self._rows = max(1, round(wide_m / cell_m)), max(1, round(deep_m / cell_m))
+        xs = low_x + (np.arange(self._columns) + 0.5) * (wide_m / self._columns)
+        ys = low_y + (np.arange(self._rows) + 0.5) * (deep_m / self._rows)
+        self.cell_x: NDArray[np.float64] = np.repeat(xs[:, None], self._rows, axis=1)
+        self.cell_y: NDArray[np.float64] = np.repeat(ys[None, :], self._columns, axis=0)
 
     @property
     def look_m(self) -> float:
@@ -253,10 +257,11 @@ class Terrain:
 
     def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
         """Return the index ranges of the cells within a square of half-width `reach_m` around a point."""
-        per_x, per_y = self._columns / self.width_m, self._rows / self.depth_m
+        low_x, low_y, high_x, high_y = self.bounds
+        per_x, per_y = self._columns / (high_x - low_x), self._rows / (high_y - low_y)
         # Farther off than this the window is at the edge, however far: even where no index could be calculated.
-        x_m = min(max(x_m, -reach_m), self.width_m + reach_m)
-        y_m = min(max(y_m, -reach_m), self.depth_m + reach_m)
+        x_m = min(max(x_m, low_x - reach_m), high_x + reach_m) - low_x
+        y_m = min(max(y_m, low_y - reach_m), high_y + reach_m) - low_y
         left = min(max(int((x_m - reach_m) * per_x), 0), self._columns - 1)
         right = min(max(int((x_m + reach_m) * per_x) + 1, left + 1), self._columns)
         low = min(max(int((y_m - reach_m) * per_y), 0), self._rows - 1)
@@ -301,25 +306,6 @@ def _point_to_box(x: float, y: float, edges: tuple[float, float, float, float]) 
     return math.hypot(dx, dy)
 
 
-def crosses(
-    ax: float, ay: float, bx: float, by: float, low_x: float, low_y: float, high_x: float, high_y: float
-) -> bool:
-    """Return whether the segment from a to b meets the inside of a rectangle (slab method); touching does not count."""
-    enter, leave = 0.0, 1.0
-    for start, delta, low, high in ((ax, bx - ax, low_x, high_x), (ay, by - ay, low_y, high_y)):
-        if delta == 0.0:
-            if not low < start < high:
-                return False
-            continue
-        first, second = (low - start) / delta, (high - start) / delta
-        if first > second:
-            first, second = second, first
-        enter, leave = max(enter, first), min(leave, second)
-        if enter >= leave:
-            return False
-    return True
-
-
 def crossing(a: NDArray[np.float64], b: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which segments (rows) meet the inside of which rectangles (columns), as `crosses` does.
 
@@ -342,8 +328,3 @@ def crossing(a: NDArray[np.float64], b: NDArray[np.float64], edges: NDArray[np.f
             enter, leave = np.maximum(enter, low), np.minimum(leave, high)
     meets: NDArray[np.bool_] = enter < leave
     return meets
-
-
-def grown(box: Box, by_m: float) -> tuple[float, float, float, float]:
-    """Return the edges of a box grown by `by_m` on every side: low x, low y, high x, high y."""
-    return box.low_x_m - by_m, box.low_y_m - by_m, box.high_x_m + by_m, box.high_y_m + by_m

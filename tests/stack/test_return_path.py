@@ -11,12 +11,12 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from soter.geometry.draft import site_of
-from soter.geometry.workspace import Box, Workspace
+from soter.geometry.workspace import Box, Workspace, grown
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
 from soter.stack.site_routes import Rectangle
 from soter.stack.site_terrain import terrain_of
-from soter.stack.terrain import Point, Terrain, grown
+from soter.stack.terrain import Point, Terrain
 from tests.geometry.drawn import drawn
 from tests.stack.follower import Controllers, Follower
 from tests.stack.ground import RADIUS_M, boxes, dock, inside, planner

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from soter.geometry.workspace import Box, Workspace
-from soter.stack.terrain import Point, Terrain, crosses
+from soter.geometry.workspace import Box, Workspace, crosses
+from soter.stack.terrain import Point, Terrain
 from tests.stack.ground import CASE, RADIUS_M, TERRAIN, between, boxes, clear_m, fence_m
 
 anywhere = st.tuples(st.floats(-1.0, 6.0), st.floats(-1.0, 6.0))

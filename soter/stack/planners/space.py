@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Final
 
 from soter.geometry.site import Site
-from soter.geometry.workspace import Workspace
+from soter.geometry.workspace import Workspace, crosses, grown
 from soter.stack.planners.base import Point
 
 TOUCH_M = 1e-9
@@ -36,13 +36,10 @@ class FreeSpace:
         self.bounds = workspace.bounds
         self.checks = 0
         self._discs: tuple[tuple[float, float, float], ...] = ()
-        grown = [
-            (b.low_x_m - inflation_m, b.low_y_m - inflation_m, b.high_x_m + inflation_m, b.high_y_m + inflation_m)
-            for b in workspace.boxes
-        ]
-        self._boxes = [(a + TOUCH_M, b + TOUCH_M, c - TOUCH_M, d - TOUCH_M) for a, b, c, d in grown]
-        self._xs = sorted({0.0, self.width_m, *(x for a, _, c, _ in grown for x in (a, c))})
-        self._ys = sorted({0.0, self.depth_m, *(y for _, b, _, d in grown for y in (b, d))})
+        boxes = [grown(box, inflation_m) for box in workspace.boxes]
+        self._boxes = [(a + TOUCH_M, b + TOUCH_M, c - TOUCH_M, d - TOUCH_M) for a, b, c, d in boxes]
+        self._xs = sorted({0.0, self.width_m, *(x for a, _, c, _ in boxes for x in (a, c))})
+        self._ys = sorted({0.0, self.depth_m, *(y for _, b, _, d in boxes for y in (b, d))})
         self._corners = [(x, y) for x in self._xs for y in self._ys if self._is_free(x, y)]
 
     def begin(self, discs: Iterable[tuple[float, float, float]]) -> None:
@@ -62,7 +59,6 @@ class FreeSpace:
     def is_open(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Return whether the segment between two points inside the fence meets no box and no disc."""
         self.checks += 1
-        dx, dy = bx - ax, by - ay
         for low_x, low_y, high_x, high_y in self._boxes:
             # Most boxes are to one side of the segment: these four comparisons settle them.
             if ax <= low_x:
@@ -75,9 +71,9 @@ class FreeSpace:
                     continue
             elif ay >= high_y and by >= high_y:
                 continue
-            if _meets(ax, ay, dx, dy, (low_x, low_y, high_x, high_y)):
+            if crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
                 return False
-        discs = self._discs
+        discs, dx, dy = self._discs, bx - ax, by - ay
         return not discs or all(distance_to_line_m(cx, cy, ax, ay, dx, dy) >= r - TOUCH_M for cx, cy, r in discs)
 
     def nearest_free(self, x: float, y: float) -> Point | None:
@@ -136,11 +132,11 @@ class FreeSpace:
             elif start > high:
                 enter = max(enter, (start - high) / (start - end))
         from_x, from_y = x + enter * (to_x - x), y + enter * (to_y - y)
-        dx, dy = to_x - from_x, to_y - from_y
         for box in self._boxes:
             holds = box[0] < x < box[2] and box[1] < y < box[3]
-            if not holds and _meets(from_x, from_y, dx, dy, box):
+            if not holds and crosses(from_x, from_y, to_x, to_y, *box):
                 return False
+        dx, dy = to_x - from_x, to_y - from_y
         for cx, cy, r in self._discs:
             holds = math.hypot(x - cx, y - cy) < r - TOUCH_M
             if not holds and distance_to_line_m(cx, cy, from_x, from_y, dx, dy) < r - TOUCH_M:
@@ -167,20 +163,6 @@ class FreeSpace:
                     yield from ((cx - half, line), (cx + half, line))
             for ox, oy, other_r in self._discs[:number]:
                 yield from circles_meet(cx, cy, r, ox, oy, other_r)
-
-
-def _meets(ax: float, ay: float, dx: float, dy: float, box: tuple[float, float, float, float]) -> bool:
-    """Return whether the segment from a, by d, meets the inside of a rectangle (slab method)."""
-    enter, leave = 0.0, 1.0
-    for start, delta, low, high in ((ax, dx, box[0], box[2]), (ay, dy, box[1], box[3])):
-        if delta:
-            first, last = (low - start) / delta, (high - start) / delta
-            if first > last:
-                first, last = last, first
-            enter, leave = max(enter, first), min(leave, last)
-        elif not low < start < high:
-            return False
-    return enter < leave
 
 
 def distance_to_line_m(cx: float, cy: float, ax: float, ay: float, dx: float, dy: float) -> float:
@@ -232,6 +214,8 @@ class SiteSpace(FreeSpace):
         self.bounds = site.bounds
         self.checks = 0
         self._discs = ()
+        # Among discs alone: the fence and the areas are looked at otherwise.
+        self._xs = self._ys = []
 
     def is_open(self, ax: float, ay: float, bx: float, by: float) -> bool:
         self.checks += 1
@@ -265,7 +249,7 @@ class SiteSpace(FreeSpace):
         while reach_m < far_m:
             ring = [(x + reach_m * ux, y + reach_m * uy) for ux, uy in _RING]
             pushed = [self._site.freed(*at, 0.0, self._inflation_m) for at in ring]
-            beside = [at for at in self._around(x, y) if math.dist(at, (x, y)) <= reach_m]
+            beside = [at for at in self._around_discs(x, y) if math.dist(at, (x, y)) <= reach_m]
             for point in sorted([*ring, *pushed, *beside], key=lambda at: (math.dist(at, (x, y)), at)):
                 if math.dist(point, (x, y)) <= reach_m * _GROWTH and self.is_free(*point):
                     if self._leads_there(x, y, *point):
@@ -305,15 +289,3 @@ class SiteSpace(FreeSpace):
             for k in range(steps + 1)
         ]
         return all(after >= before - TOUCH_M or after >= self._inflation_m for before, after in pairwise(distances))
-
-    def _around(self, x: float, y: float) -> list[Point]:
-        """Return where a free point may be because of discs."""
-        found: list[Point] = []
-        for number, (cx, cy, r) in enumerate(self._discs):
-            away = math.hypot(x - cx, y - cy)
-            if away > TOUCH_M:
-                found.append((cx + (x - cx) / away * r, cy + (y - cy) / away * r))
-            found += [(cx + r * ux, cy + r * uy) for ux, uy in _RING]
-            for other in self._discs[:number]:
-                found += circles_meet(cx, cy, r, *other)
-        return found
