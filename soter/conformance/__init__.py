@@ -7,7 +7,7 @@ processes of their own, which a crash ends in place of the caller's;
 """
 
 from soter.conformance.clause import CLAUSES, Clause, Tier
-from soter.conformance.find import InProcessHarness, find_harness
+from soter.conformance.find import find_harness
 from soter.conformance.harness import HOOKS, Harness
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.conformance.kit import judge, select, try_clause
@@ -23,7 +23,6 @@ __all__ = [
     "Clause",
     "Harness",
     "ImpairedRelay",
-    "InProcessHarness",
     "Line",
     "Outcome",
     "Overall",

@@ -1,6 +1,6 @@
 """Advanced controllers in place of a mission's machines: users' own, and adversaries. None of them is trusted."""
 
-from soter.controllers.base import Arena, Controller, ControllerOptions
+from soter.controllers.base import Arena, Controller
 from soter.controllers.names import ADVERSARIES, MISSION, PREFIX, build, controller_class
 from soter.controllers.tracking import VelocityTracker
 from soter.controllers.velocity import VelocityController
@@ -12,7 +12,6 @@ __all__ = [
     "PREFIX",
     "Arena",
     "Controller",
-    "ControllerOptions",
     "Velocity",
     "VelocityController",
     "VelocityTracker",

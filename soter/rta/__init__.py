@@ -2,7 +2,7 @@
 
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog, Breach, Worst
-from soter.rta.decision import STARTS, DecisionModule, Drivers, Permission
+from soter.rta.decision import STARTS, DecisionModule, Drivers
 from soter.rta.fleet import PEER_SILENT_S, RemotePeer, StillPeers, Supervisor
 from soter.rta.models import (
     Directed,
@@ -48,7 +48,6 @@ __all__ = [
     "PairBound",
     "PairsBound",
     "PeerMonitor",
-    "Permission",
     "PointMassBound",
     "Port",
     "RTAModule",

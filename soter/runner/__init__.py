@@ -1,7 +1,7 @@
 """Mission in, result out."""
 
 from soter.runner.progress import Follower, Progress, RobotProgress
-from soter.runner.result import Run, RunResult, TargetCounts, TickTimes
+from soter.runner.result import Run, RunResult, TickTimes
 from soter.runner.run import run_mission
 from soter.stack.assembly import Study
 
@@ -12,7 +12,6 @@ __all__ = [
     "Run",
     "RunResult",
     "Study",
-    "TargetCounts",
     "TickTimes",
     "run_mission",
 ]

@@ -1,5 +1,5 @@
 """Controllers that want harm: they drive all robots, through their ports, at the edges of the rules."""
 
-from soter.controllers.adversaries.base import Adversary, AdversaryOptions, RobotFacts
+from soter.controllers.adversaries.base import Adversary, AdversaryOptions
 
-__all__ = ["Adversary", "AdversaryOptions", "RobotFacts"]
+__all__ = ["Adversary", "AdversaryOptions"]
