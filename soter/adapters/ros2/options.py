@@ -13,25 +13,21 @@ from soter.problems import not_allowed
 _NAME: Final = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
+def _check_name(name: str) -> None:
+    if not _NAME.fullmatch(name):
+        raise not_allowed("a ROS name such as odom or /robot1/odom")
+
+
 class Topics(MessageNames):
     """Where the topics of a robot are; a name without a leading slash is relative to the robot's namespace."""
 
-    @classmethod
-    def check(cls, name: str) -> None:
-        _check_name(name)
+    check = staticmethod(_check_name)
 
 
 class Ros2RobotOptions(PlaceOptions):
     """Where one robot is; its namespace is one of ROS, such as /robot1."""
 
-    @classmethod
-    def check(cls, name: str) -> None:
-        _check_name(name)
-
-
-def _check_name(name: str) -> None:
-    if not _NAME.fullmatch(name):
-        raise not_allowed("a ROS name such as odom or /robot1/odom")
+    check = staticmethod(_check_name)
 
 
 class Ros2Config(VelocityControlledConfig):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
@@ -22,14 +22,8 @@ class _Named(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    @classmethod
-    @abstractmethod
-    def check(cls, name: str) -> None:
-        """Refuse what is no name.
-
-        Raises:
-            ValueError: it is none; says what is allowed.
-        """
+    check: ClassVar[Callable[..., None]]
+    """Refuses what is no name with a ValueError that says what is allowed."""
 
 
 class MessageNames(_Named):

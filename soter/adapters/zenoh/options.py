@@ -22,15 +22,23 @@ CLOCK: Final = "clock"
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 
 
+def check_key(key: str) -> None:
+    """Refuse what is no key of one thing.
+
+    Raises:
+        ValueError: it begins or ends with a slash, or is a pattern.
+    """
+    if not _KEY.fullmatch(key):
+        raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
+
+
 class Keys(MessageNames):
     """Where the messages of a robot are: below its namespace, or with a leading slash, which is no part of the key.
 
     These are the names of the ROS topics, as zenoh-bridge-ros2dds has them.
     """
 
-    @classmethod
-    def check(cls, name: str) -> None:
-        check_key(name.removeprefix("/"))
+    check = staticmethod(lambda name: check_key(name.removeprefix("/")))
 
     def of(self, namespace: str) -> Keys:
         """Return the keys of one robot, in full."""
@@ -42,19 +50,7 @@ class Keys(MessageNames):
 class ZenohRobotOptions(PlaceOptions):
     """Where one robot is; its namespace is what its keys begin with, such as robot1."""
 
-    @classmethod
-    def check(cls, name: str) -> None:
-        check_key(name)
-
-
-def check_key(key: str) -> None:
-    """Refuse what is no key of one thing.
-
-    Raises:
-        ValueError: it begins or ends with a slash, or is a pattern.
-    """
-    if not _KEY.fullmatch(key):
-        raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
+    check = staticmethod(check_key)
 
 
 class ZenohConfig(VelocityControlledConfig):
