@@ -36,11 +36,6 @@ new = typer.Typer(
 )
 
 
-@new.callback()
-def _group() -> None:
-    """Keep the commands by name, also while there is only one."""
-
-
 @new.command(epilog=ADAPTER_EXAMPLES)
 def adapter(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The backend's name: lower-case letters, digits and _.")],

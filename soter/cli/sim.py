@@ -99,11 +99,6 @@ def keep(simulator: VelocityControlledSimulator, stop: Callable[[], bool]) -> No
         time.sleep(_LOOK_S)
 
 
-@sim.callback()
-def _group() -> None:
-    """Keep the commands by name, also while there is only one."""
-
-
 @sim.command(epilog=MAVLINK_EXAMPLES)
 def mavlink(
     workspace: WorkspaceFile,
