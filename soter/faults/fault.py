@@ -19,7 +19,7 @@ Seconds = Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
 Interval = Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
-_ROUNDING_S = 1e-9
+ROUNDING_S: Final = 1e-9
 
 
 class FaultOptions(Table):
@@ -58,7 +58,7 @@ class FaultOptions(Table):
 
     def active(self, time_s: float) -> bool:
         """Return whether the fault is on, so many seconds after the robot was ready."""
-        since_s = time_s - self.start_s + _ROUNDING_S
+        since_s = time_s - self.start_s + ROUNDING_S
         if since_s < 0.0:
             return False
         if self.duration_s is None:
@@ -71,13 +71,13 @@ class FaultOptions(Table):
         """Return how often the fault has come again so many seconds after the robot was ready; None while it is off."""
         if not self.active(time_s):
             return None
-        return 0 if self.every_s is None else int((time_s - self.start_s + _ROUNDING_S) // self.every_s)
+        return 0 if self.every_s is None else int((time_s - self.start_s + ROUNDING_S) // self.every_s)
 
     def end_s(self, time_s: float) -> float:
         """Return when the fault ends that is on so many seconds after the robot was ready; infinite if it does not."""
         if self.duration_s is None:
             return math.inf
-        since_s = time_s - self.start_s + _ROUNDING_S
+        since_s = time_s - self.start_s + ROUNDING_S
         if self.every_s is not None:
             since_s %= self.every_s
         return time_s + self.duration_s - since_s

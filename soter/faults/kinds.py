@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from soter.config import MissionFile, validate_options
 from soter.errors import ConfigError
-from soter.faults.fault import Context, Fault, FaultOptions
+from soter.faults.fault import ROUNDING_S, Context, Fault, FaultOptions
 from soter.faults.telemetry import ClockStepOptions
 from soter.loading import known_target, load_class
 from soter.sdk.robot import FUTURE_S
@@ -28,8 +28,6 @@ BUILT_IN: Final[Mapping[str, str]] = {
     "kill": "soter.faults.vehicle:Kill",
 }
 """The kinds of this distribution."""
-
-_ROUNDING_S: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTa
             options = table.options
             if isinstance(options, ClockStepOptions) and options.declared and table.hits(robot_id):
                 ahead_s += max(0.0, options.step_s)
-                if ahead_s >= FUTURE_S - _ROUNDING_S:
+                if ahead_s >= FUTURE_S - ROUNDING_S:
                     raise mission.refusal(
                         f"fault.{table.index}.step_s",
                         f"it is {options.step_s:g}, which puts the clock of robot {robot_id} {ahead_s:g} s ahead; "

@@ -14,8 +14,6 @@ from soter.config.table import wrong
 from soter.faults import fault
 from soter.sdk import Capabilities, RobotState
 
-_ROUNDING_S = 1e-9
-
 
 class DelayOptions(fault.FaultOptions):
     """Late commands, late samples.
@@ -89,7 +87,7 @@ class Delay(fault.Fault[DelayOptions]):
             self.affected += on
             after_s = under_way[-1][0] if under_way else 0.0
             under_way.append((max(after_s, time_s + delay_s), sample))
-        while under_way and under_way[0][0] <= time_s + _ROUNDING_S:
+        while under_way and under_way[0][0] <= time_s + fault.ROUNDING_S:
             self._last = under_way.popleft()[1]
         return self._last
 
@@ -159,7 +157,7 @@ class Loss(fault.Fault[LossOptions]):
             self.affected += 1
             return (fault.Passage(command, end_s - time_s),) if end_s < math.inf else ()
         tries = 0
-        while time_s + tries * tick_s < end_s - _ROUNDING_S and self._drawn(options.commands, tries):
+        while time_s + tries * tick_s < end_s - fault.ROUNDING_S and self._drawn(options.commands, tries):
             tries += 1
         return (fault.Passage(command, tries * tick_s),)
 

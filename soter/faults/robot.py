@@ -13,13 +13,12 @@ from typing import Any, Final
 from soter.clock import Clock
 from soter.config.tables import ReseedTable
 from soter.errors import SoterError, Unsupported
-from soter.faults.fault import Call, Fault, Impairable, Impairment, Passage, SentCommand
+from soter.faults.fault import ROUNDING_S, Call, Fault, Impairable, Impairment, Passage, SentCommand
 from soter.faults.kinds import FaultTable
 from soter.sdk import Capabilities, Controller, FaultReport, Fleet, Goal, Link, Robot, RobotState
 
 logger = logging.getLogger(__name__)
 
-_ROUNDING_S: Final = 1e-9
 _WHOLE: Final = Impairment()
 
 
@@ -70,7 +69,7 @@ class FaultyRobot(Robot):
     def deliver(self) -> None:
         """Deliver the commands whose time has come. What fails then is raised at the next reading of the state."""
         now_s = self.clock.now()
-        while self._queue and self._queue[0][0] <= now_s + _ROUNDING_S:
+        while self._queue and self._queue[0][0] <= now_s + ROUNDING_S:
             command = heapq.heappop(self._queue)[2]
             try:
                 self._pass_on(command)
@@ -136,7 +135,7 @@ class FaultyRobot(Robot):
             due_s = now_s + passage.delay_s
             if not passage.overtakes:
                 due_s = self._last_due_s = max(due_s, self._last_due_s)
-            if due_s <= now_s + _ROUNDING_S and not self._queue:
+            if due_s <= now_s + ROUNDING_S and not self._queue:
                 self._pass_on(passage.command)
             else:
                 self._queued += 1
@@ -157,7 +156,7 @@ class FaultyRobot(Robot):
 
     def _reseed(self) -> None:
         """Let the faults draw from another seed where its time has come."""
-        while self._reseeds and self._reseeds[0].at_s <= self.clock.now() + _ROUNDING_S:
+        while self._reseeds and self._reseeds[0].at_s <= self.clock.now() + ROUNDING_S:
             seed = self._reseeds.popleft().seed
             for index, fault in enumerate(self.faults):
                 fault.context.random.seed(f"fault {index}, robot {self.id}, reseed {seed}")

@@ -6,15 +6,12 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
 from soter.rta.assumptions import Assumption
-from soter.rta.monitors import BrokenAssumption, PeerMonitor
+from soter.rta.monitors import ROUNDING_S, BrokenAssumption, PeerMonitor
 from soter.rta.situation import Sample
 from soter.rta.supervisor import RobotSupervisor
-
-if TYPE_CHECKING:
-    from soter.rta.supervisor import RobotSupervisor
 
 PEER_SILENT_S: Final = 0.5
 """A robot that is not heard of for longer may not be driven, nor may those that have not heard of it."""
@@ -132,9 +129,6 @@ class Neighbours:
             robot.situation.peers = peers
 
 
-_ROUNDING_S: Final = 1e-9
-
-
 class Supervisor:
     """The supervisors of all robots of a fleet, ticked together.
 
@@ -232,11 +226,11 @@ def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: in
     if sample is None:
         return BrokenAssumption(Assumption.PEERS, f"robot {peer.robot_id}: not heard of yet")
     silent_s = now_s - sample.stamp_s
-    if silent_s > PEER_SILENT_S + _ROUNDING_S:
+    if silent_s > PEER_SILENT_S + ROUNDING_S:
         cause = f"robot {peer.robot_id}: not heard of for {silent_s:.3f} s"
         return BrokenAssumption(Assumption.PEERS, cause, silent_s - PEER_SILENT_S, "s")
     unheard_s = now_s - peer.heard_of(robot_id)
-    if unheard_s > PEER_SILENT_S + _ROUNDING_S:
+    if unheard_s > PEER_SILENT_S + ROUNDING_S:
         cause = f"robot {peer.robot_id} is not known to have heard of this one for {unheard_s:.3f} s"
         return BrokenAssumption(Assumption.PEERS, cause, unheard_s - PEER_SILENT_S, "s")
     return None

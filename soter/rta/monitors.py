@@ -21,7 +21,7 @@ _UNSURE: Final = 0.1
 _REST_M_S: Final = 0.02
 _ROUNDING_M_S: Final = 1e-6
 _ROUNDING_M: Final = 1e-6
-_ROUNDING_S: Final = 1e-9
+ROUNDING_S: Final = 1e-9
 
 
 class BrokenAssumption(NamedTuple):
@@ -142,7 +142,7 @@ class SampleMonitor:
         """Return what is wrong with a sample that was read at fleet time `now_s`, or None."""
         age_s = now_s - sample.stamp_s
         most_s = self._timing.sample_age_s
-        if age_s > most_s + _ROUNDING_S:
+        if age_s > most_s + ROUNDING_S:
             cause = f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s"
             return BrokenAssumption(Assumption.SAMPLE_AGE, cause, age_s - most_s, "s")
         if sample is before:
@@ -313,7 +313,7 @@ class PeerMonitor:
                     found[robot_id] = BrokenAssumption(Assumption.PEERS, cause, *excess)
                     continue
             silent_s = now_s - sample.stamp_s
-            if silent_s > self._silent_s + _ROUNDING_S:
+            if silent_s > self._silent_s + ROUNDING_S:
                 cause = f"robot {robot_id}: not heard of for {silent_s:.3f} s"
                 found[robot_id] = BrokenAssumption(Assumption.PEERS, cause, silent_s - self._silent_s, "s")
         return found

@@ -12,14 +12,12 @@ from soter.errors import Intruder, Uncontrolled, account_of
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule, Drivers
-from soter.rta.monitors import Assumed, BrokenAssumption, SampleMonitor, StopMonitor
+from soter.rta.monitors import ROUNDING_S, Assumed, BrokenAssumption, SampleMonitor, StopMonitor
 from soter.rta.situation import Sample, Situation
 from soter.rta.topics import Node
 from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 
 logger = logging.getLogger(__name__)
-
-_ROUNDING_S: Final = 1e-9
 
 UNHEARD_S: Final = 3.0
 """A robot that has not been heard of for longer is nobody's: whatever it is told may reach nobody."""
@@ -153,7 +151,7 @@ class RobotSupervisor:
         says it no more, follows a pilot, another program or nobody, until it is ready again.
         """
         reported = self.actuator.reported(sample)
-        settled = self._owed is None and sample.stamp_s > self._handed_over_s + self._timing.latency_s + _ROUNDING_S
+        settled = self._owed is None and sample.stamp_s > self._handed_over_s + self._timing.latency_s + ROUNDING_S
         self._disowned = settled and reported is not None and reported is not self.mode
         self._reports = self._reports or reported is not None
         if self._disowned:
@@ -288,7 +286,7 @@ class RobotSupervisor:
             elif self._stop_owed:
                 self._drive(None)
         self._was_held = self._held
-        withheld = self._refused or self._disowned or situation.age_s > self._heard_within_s + _ROUNDING_S
+        withheld = self._refused or self._disowned or situation.age_s > self._heard_within_s + ROUNDING_S
         if not withheld:
             self._attempt(self.actuator.renew)
         self._stop.lease(situation.now_s, situation.own, withheld=self._refused or withheld)
