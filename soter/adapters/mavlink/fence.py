@@ -15,13 +15,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.adapters.mavlink.authority import KEEPER
 from soter.adapters.mavlink.frames import GeoPoint, geodetic_e7
 from soter.adapters.mavlink.item_lists import FENCE, Item, ItemLists
-from soter.adapters.mavlink.vehicle import Vehicle
+from soter.adapters.mavlink.vehicle import RETRY_S, Vehicle
 from soter.errors import RobotUnavailable
 from soter.geometry.earth import Projection
 from soter.geometry.site import Site
 from soter.geometry.workspace import Point, Workspace
 
-_RETRY_S: Final = 0.4
 _ALL: Final = -1
 _AREAS: Final = 4
 
@@ -91,7 +90,7 @@ def put_up(
     # PX4 looks at a fence that is there.
     asked_s = -math.inf
     while not vehicle.kind.is_px4 and not _is_looked_at(vehicle):
-        if vehicle.now_s - asked_s >= _RETRY_S:
+        if vehicle.now_s - asked_s >= RETRY_S:
             asked_s = vehicle.now_s
             vehicle.command(KEEPER, mav.MAV_CMD_DO_FENCE_ENABLE, 1.0)
         yield "its fence to be on"

@@ -21,6 +21,7 @@ from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
+from soter.adapters.mavlink.vehicle import EVERYBODY
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS, Harness, Switchable
 from soter.errors import RobotUnavailable
@@ -31,7 +32,6 @@ _HOST: Final = "127.0.0.1"
 _LOOK_S: Final = 0.02
 _LARGEST: Final = 65536
 _SYSTEM_AT: Final = 5
-_EVERYBODY: Final = 0
 
 
 class MavlinkRelay(ImpairedRelay):
@@ -50,8 +50,8 @@ class MavlinkRelay(ImpairedRelay):
         self._parser.robust_parsing = True
         self._peer: tuple[str, int] | None = None
         # Vehicles share a link, so that they share its order too. Who is cut off is looked up in each datagram.
-        self._up: Final = Line(_EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
-        self._down: Final = Line(_EVERYBODY, lambda datagram: _send(self._vehicles, datagram, self._peer))
+        self._up: Final = Line(EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
+        self._down: Final = Line(EVERYBODY, lambda datagram: _send(self._vehicles, datagram, self._peer))
         super().__init__()
         self._ended: Final = threading.Event()
         self._hearing: Final = threading.Thread(target=self._hear, name="mavlink-relay", daemon=True)
@@ -82,18 +82,18 @@ class MavlinkRelay(ImpairedRelay):
             if upwards:
                 self._peer = peer
             system = self._sender(datagram) if upwards else self._addressee(datagram)
-            if not (self.cut and (system in self.cut or system == _EVERYBODY)):
+            if not (self.cut and (system in self.cut or system == EVERYBODY)):
                 self.pass_on(self._up if upwards else self._down, datagram)
 
     @staticmethod
     def _sender(datagram: bytes) -> int:
         # Autopilots may send what is no whole packet.
-        return datagram[_SYSTEM_AT] if len(datagram) > _SYSTEM_AT else _EVERYBODY
+        return datagram[_SYSTEM_AT] if len(datagram) > _SYSTEM_AT else EVERYBODY
 
     def _addressee(self, datagram: bytes) -> int:
         for message in self._parser.parse_buffer(datagram) or ():
-            return int(getattr(message, "target_system", _EVERYBODY))
-        return _EVERYBODY
+            return int(getattr(message, "target_system", EVERYBODY))
+        return EVERYBODY
 
 
 def _bound(at: tuple[str, int] = (_HOST, 0)) -> socket.socket:

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import KEEPER
 from soter.adapters.mavlink.link import AUTOPILOT
-from soter.adapters.mavlink.vehicle import Vehicle
+from soter.adapters.mavlink.vehicle import EVERYBODY, Vehicle
 from soter.errors import RobotUnavailable
 
 FENCE: Final[int] = mav.MAV_MISSION_TYPE_FENCE
@@ -32,7 +32,6 @@ _MOST: Final = 10_000
 
 _HEARD: Final = ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ITEM_INT", "MISSION_ACK")
 _KEPT: Final = 1000
-_EVERYBODY: Final = 0
 _RESULTS: Final = {
     value: entry.name.removeprefix("MAV_MISSION_") for value, entry in mav.enums["MAV_MISSION_RESULT"].items()
 }
@@ -73,7 +72,7 @@ class ItemLists:
             vehicle.inbox.hooks[name] = partial(self._hear, name)
 
     def _hear(self, name: str, message: Any, _received_s: float) -> None:
-        if message.target_system in (_EVERYBODY, self._vehicle.link.system):
+        if message.target_system in (EVERYBODY, self._vehicle.link.system):
             self._heard.append((name, message))
 
     def _said(self, kind: int) -> tuple[str, Any] | None:

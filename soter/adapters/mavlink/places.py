@@ -11,13 +11,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.adapters.mavlink.authority import KEEPER
 from soter.adapters.mavlink.frames import EarthFrame, GeoPoint, frame_of
 from soter.adapters.mavlink.options import MavlinkConfig
-from soter.adapters.mavlink.vehicle import Vehicle
+from soter.adapters.mavlink.vehicle import RETRY_S, Vehicle
 from soter.errors import RobotUnavailable
 from soter.geometry.earth import FARTHEST_M
 from soter.sdk import Capabilities
 
 _PLACE: Final = "GLOBAL_POSITION_INT"
-_RETRY_S: Final = 0.4
 _ASIDE_M: Final = 0.1
 _ASIDE_S: Final = 0.1
 _TRIES: Final = 3
@@ -59,7 +58,7 @@ def judge_places(vehicle: Vehicle, ekf: GeoPoint, config: MavlinkConfig, promise
         asked_s, due_s = vehicle.now_s, -math.inf
         while (place := vehicle.heard_since(_PLACE, asked_s)) is None:
             if vehicle.now_s >= due_s:
-                due_s = vehicle.now_s + _RETRY_S
+                due_s = vehicle.now_s + RETRY_S
                 vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
             yield "its place on earth"
         at = vehicle.inbox.latest["LOCAL_POSITION_NED"].message

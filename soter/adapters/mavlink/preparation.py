@@ -21,14 +21,13 @@ from soter.adapters.mavlink.parameters import JudgedParameters
 from soter.adapters.mavlink.places import judge_places
 from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import Vehicle, place_of
+from soter.adapters.mavlink.vehicle import RETRY_S, Vehicle, place_of
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Controller
 
 _DUPLICATE_MESSAGES: Final = 3
 """So many are no stray packet."""
 
-_RETRY_S: Final = 0.4
 _ANSWER_S: Final = 1.0
 _KEEP_S: Final = 0.05
 _SLOWER: Final = 0.8
@@ -248,7 +247,7 @@ class Preparation:
 
     def _due(self) -> bool:
         now_s = self._vehicle.now_s
-        if now_s - self._asked_s < _RETRY_S:
+        if now_s - self._asked_s < RETRY_S:
             return False
         self._asked_s = now_s
         return True
@@ -266,7 +265,7 @@ class Preparation:
         while True:
             asked_s, ack = vehicle.now_s, None
             vehicle.ask_for(KEEPER, message_id, hz)
-            while ack is None and vehicle.now_s - asked_s < _RETRY_S:
+            while ack is None and vehicle.now_s - asked_s < RETRY_S:
                 yield f"an answer to what it is asked for ({name})"
                 ack = vehicle.ack(mav.MAV_CMD_SET_MESSAGE_INTERVAL, asked_s)
             if ack is not None and ack.accepted:

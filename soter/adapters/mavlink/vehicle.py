@@ -113,7 +113,12 @@ def kind_of(vehicle_type: int, autopilot: int) -> VehicleKind:
 _SAID_KEPT: Final = 6
 _WORST_SEVERITY: Final = mav.MAV_SEVERITY_WARNING
 _FRESH_S: Final = 3.0
-_EVERYBODY: Final = 0
+
+EVERYBODY: Final = 0
+"""The system that messages to all are for."""
+
+RETRY_S: Final = 0.4
+"""What a vehicle has not answered for so long is asked again."""
 
 _UNREADY_EKF: Final = mav.EKF_CONST_POS_MODE | mav.EKF_UNINITIALIZED
 _READY_EKF: Final = (
@@ -171,7 +176,7 @@ class Vehicle:
 
     def _hear_ack(self, message: Any, received_s: float) -> None:
         # Others may talk to it over the same link.
-        if message.target_system in (_EVERYBODY, self.link.system):
+        if message.target_system in (EVERYBODY, self.link.system):
             self._acks[message.command] = Ack(message.result, received_s)
 
     def _hear_parameter(self, message: Any, _received_s: float) -> None:
