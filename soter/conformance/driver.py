@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import math
+import pkgutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -86,7 +86,6 @@ def drive(fleet: Fleet, target: Waypoint) -> None:
 def main() -> None:
     """Do what `spawn` wants of its process, which gives the arguments."""
     opener, argument, x_m, y_m, timeout_s = sys.argv[1:]
-    module, _, name = opener.partition(":")
-    function: Callable[[str], Fleet] = getattr(importlib.import_module(module), name)
+    function: Callable[[str], Fleet] = pkgutil.resolve_name(opener)
     with function(argument) as fleet:
         drive(fleet, Waypoint(float(x_m), float(y_m), timeout_s=float(timeout_s)))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import json
+import pkgutil
 import subprocess
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -89,8 +89,7 @@ class WireHarness(RelayedHarness):
 def open_given(argument: str) -> Fleet:
     """Return the first robot at addresses that come as JSON; what the kit's driver process calls."""
     target, given = json.loads(argument)
-    module, _, name = target.partition(":")
-    return _open(getattr(importlib.import_module(module), name), given["robots"], given["truth"], in_wide_rooms(1))
+    return _open(pkgutil.resolve_name(target), given["robots"], given["truth"], in_wide_rooms(1))
 
 
 def _open(

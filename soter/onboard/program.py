@@ -32,11 +32,6 @@ class Ending:
         """Return whether it is to end now."""
         return self._asked.is_set() or (self._parent is not None and os.getppid() != self._parent)
 
-    def wait(self, timeout_s: float) -> bool:
-        """Wait, at most so long, for a request to end; return whether it is to end now."""
-        self._asked.wait(timeout_s)
-        return self()
-
 
 @contextmanager
 def killed_after(limit_s: float) -> Iterator[None]:

@@ -71,22 +71,15 @@ witnesses: Final[list[EngineWitness]] = []
 """One for each world that was opened in this process, the last one last."""
 
 
-def _watched(fleet: SimulatedFleet) -> SimulatedFleet:
-    witness = EngineWitness(fleet.world.engine)
-    fleet.world.engine = witness
-    witnesses.append(witness)
-    return fleet
-
-
 class WatchedPyBullet(PyBulletBackend):
     """The backend `pybullet`."""
 
     def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
-        return _watched(super().open(config, robots))
+        fleet = super().open(config, robots)
+        fleet.world.engine = witness = EngineWitness(fleet.world.engine)
+        witnesses.append(witness)
+        return fleet
 
 
-class WatchedKinematic(KinematicBackend):
+class WatchedKinematic(WatchedPyBullet, KinematicBackend):
     """The backend `kinematic`."""
-
-    def open(self, config: PyBulletConfig | KinematicConfig, robots: Sequence[RobotSpec]) -> SimulatedFleet:
-        return _watched(super().open(config, robots))

@@ -7,7 +7,6 @@ import pickle
 import time
 from collections import deque
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Final, Self
 
 from soter.errors import ConfigError, Garbage, SoterError
@@ -342,7 +341,5 @@ class PlanService:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
