@@ -59,11 +59,6 @@ class PeerGroup:
         )
         self._inbox: Final = BusInbox(bus, f"{prefix}/*/status", decode_status, clock.now)
 
-    @property
-    def garbage(self) -> int:
-        """How many messages were ignored because they were none."""
-        return self._inbox.garbage
-
     def look(self) -> None:
         """Take what has come. To be called before a tick."""
         for _, status, received_s in self._inbox.take():

@@ -11,12 +11,10 @@ from soter.geometry.site import GeoOrigin
 from soter.geometry.workspace import Point
 
 FARTHEST_M: Final = 28_300.0
-"""From the origin to the corner of the largest site."""
+"""From the origin to the corner of the largest site.
 
-ERROR_M: Final = 0.1
-"""By so much a distance on the tangent plane is less than on the ellipsoid, at most, as far as `FARTHEST_M`.
-
-It grows with the cube of the distance: 4 mm at 10 km, and nothing to speak of at 1 km.
+A distance on the tangent plane is less than on the ellipsoid by at most 0.1 m there. That grows with the cube of the
+distance: 4 mm at 10 km, and nothing to speak of at 1 km.
 """
 
 

@@ -19,7 +19,7 @@ from soter.geometry.site import Site, SitePlan
 from soter.geometry.workspace import Workspace
 from soter.geometry.workspace_xml import parse_workspace
 from soter.record import foxglove, messages
-from soter.record.attachments import ABOUT_JSON, MISSION_TOML, RESULT_JSON, SITE_JSON, WORKSPACE_XML, About, Result
+from soter.record.attachments import ABOUT_JSON, RESULT_JSON, SITE_JSON, WORKSPACE_XML, About, Result
 from soter.record.content import Content, RecordedTick, RecordedWay
 from soter.record.digest import DigestState, Proof, opened, prove
 from soter.record.file import PROFILE
@@ -203,11 +203,6 @@ class Recording:
         # What was allowed then is not judged again: the mission may have had other distances.
         return parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
 
-    @property
-    def mission_file(self) -> bytes | None:
-        """The mission file as it was then; None if the mission was made in code."""
-        return self.attachments.get(MISSION_TOML)
-
     def content(self, every_ticks: int = 1) -> Content:
         """Return everything; of the ticks only every so many, but all events.
 
@@ -337,7 +332,7 @@ class Recording:
     def _decode(self, decoder: msgspec.json.Decoder[Any], record: Message) -> Any:
         try:
             return decoder.decode(record.data)
-        except (msgspec.DecodeError, ValueError, RecursionError) as failure:
+        except (ValueError, RecursionError) as failure:
             raise BadRecording(
                 f"{self.path}: a message at {record.log_time / 1e9:.3f} s is not what it ought to be: {failure}"
             ) from failure
@@ -345,7 +340,7 @@ class Recording:
     def _decoded(self, data: bytes, kind: type[M] | Any, name: str) -> Any:
         try:
             return msgspec.json.decode(data, type=kind)
-        except (msgspec.DecodeError, ValueError, RecursionError) as failure:
+        except (ValueError, RecursionError) as failure:
             raise BadRecording(f"{self.path}: its {name} is not what it ought to be: {failure}") from failure
 
 

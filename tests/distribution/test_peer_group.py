@@ -331,7 +331,7 @@ def test_another_mission_and_garbage_are_noticed(caplog: pytest.LogCaptureFixtur
     bus.publish("soter/b/status", encode(Status("b", 999, MISSION, 1, 0.0, (stranger,))))
     world.network.advance(world.network.now_s + 0.01)
     peer_group.look()
-    assert peer_group.garbage == 3
+    assert peer_group._inbox.garbage == 3
     assert peer_group.others["b"].strangers == 1
     bus.publish("soter/b/status", encode(Status("b", 999, "another", 1, 0.0)))
     world.network.advance(world.network.now_s + 0.01)

@@ -83,7 +83,7 @@ def test_what_was_run_is_told(kinematic: Recorded) -> None:
     assert fence.horizon_reach < 0.1
     given = mission(seed=4)
     assert given.source is not None
-    assert recording.mission_file == Path(given.source).read_bytes()
+    assert recording.attachments["mission.toml"] == Path(given.source).read_bytes()
     assert recording.attachments["workspace.xml"] == given.workspace.read_bytes()
     assert recording.workspace() == given.read_workspace()
 
