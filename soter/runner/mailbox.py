@@ -11,12 +11,10 @@ from soter.distribution.bus import Bus
 from soter.distribution.channel import MAX_REASON, Came, Ended, Joined, ReliableMessage, VisitMessage
 from soter.machine import Event, MachineRef, Runtime
 from soter.runner.part import Part
-from soter.stack.events import TargetEnded, TargetOutcome, VisitTarget
+from soter.stack.events import OUTCOMES, TargetEnded, VisitTarget
 from soter.stack.remote import RemoteCame, RemoteJoined, RemoteKit, RemoteVisit
 
 logger = logging.getLogger(__name__)
-
-_OUTCOMES: Final = {outcome.value: outcome for outcome in TargetOutcome}
 
 
 class Mailbox:
@@ -64,7 +62,7 @@ class Mailbox:
             if sender == part.planner_home and self._task_planner is not None:
                 yield self._task_planner, RemoteCame()
         elif isinstance(message, Ended):
-            outcome, agent = _OUTCOMES.get(message.outcome), self._agents.get(message.robot_id)
+            outcome, agent = OUTCOMES.get(message.outcome), self._agents.get(message.robot_id)
             if outcome is None or agent is None or part.homes[message.robot_id] != sender:
                 logger.warning("process '%s' sends nonsense about robot %d: %s", sender, message.robot_id, message)
             else:

@@ -22,7 +22,7 @@ from soter.runner.boxes import box_of
 from soter.runner.mission_host import MAX_INCIDENTS, Scene
 from soter.runner.mission_process import MissionSpec
 from soter.runner.part import Part
-from soter.stack.events import TargetOutcome
+from soter.stack.events import OUTCOMES
 
 _READ_BYTES: Final = 1 << 14
 _PASSED_LINES: Final = 20
@@ -80,8 +80,6 @@ NICENESS: Final = 5
 GRACE_S: Final = 1.0
 
 WALL_CLOCK: Final = "it ran on a wall clock"
-
-_OUTCOMES: Final = {outcome.value: outcome for outcome in TargetOutcome}
 
 
 class RemoteMissionHost:
@@ -203,7 +201,7 @@ class RemoteMissionHost:
         for news in turn.news:
             if isinstance(news, TargetGiven):
                 log.on_target(news.robot_id, news.target_id, (news.x_m, news.y_m))
-            elif (outcome := _OUTCOMES.get(news.outcome)) is not None:
+            elif (outcome := OUTCOMES.get(news.outcome)) is not None:
                 log.on_ended(news.robot_id, news.target_id, outcome)
             else:
                 self._end.fail(f"it sent garbage: a target ended as '{news.outcome}'")

@@ -16,8 +16,10 @@ MAX_COORDINATE_M = 25_000.0
 """A coordinate beyond this is a mistake, not a place."""
 
 _MOVING_M_S: Final = 0.02
-_REST_M_S: Final = 1e-3
-_REST_RAD_S: Final = 1e-2
+
+REST_M_S: Final = 1e-3
+REST_RAD_S: Final = 1e-2
+"""A robot without noise that reports no more than this stands still."""
 
 MAX_HEADING_RAD = 1e6
 """A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
@@ -212,8 +214,8 @@ class Capabilities:
         Its rim may seem to move as fast as its middle may.
         """
         noise_m_s, turns_rad_s = self.speed_noise_m_s or 0.0, abs(state.yaw_rate_rad_s)
-        return math.hypot(state.vx_m_s, state.vy_m_s) <= _REST_M_S + noise_m_s and (
-            turns_rad_s <= _REST_RAD_S or 0.0 < turns_rad_s * self.body_radius_m <= noise_m_s
+        return math.hypot(state.vx_m_s, state.vy_m_s) <= REST_M_S + noise_m_s and (
+            turns_rad_s <= REST_RAD_S or 0.0 < turns_rad_s * self.body_radius_m <= noise_m_s
         )
 
     def unrest(self, state: RobotState) -> str:

@@ -24,6 +24,8 @@ class TargetOutcome(Enum):
     TIMED_OUT = "timed_out"
 
 
+OUTCOMES: Final = {outcome.value: outcome for outcome in TargetOutcome}
+
 TRIES: Final = 3
 
 

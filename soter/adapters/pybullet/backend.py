@@ -28,6 +28,7 @@ from soter.sdk import (
     RobotSpec,
     RobotState,
 )
+from soter.sdk.values import REST_M_S, REST_RAD_S
 from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
 
 
@@ -67,8 +68,6 @@ _ROUNDING: Final = 1e-9
 
 # Long enough to brake from top speed, with periods to spare.
 _REST_PERIODS: Final = 20
-_REST_M_S: Final = 1e-3
-_REST_RAD_S: Final = 1e-2
 
 
 class SimulatedRobot(Robot):
@@ -179,7 +178,7 @@ class SimulatedRobot(Robot):
         self._mux.revoke()
         index, period_s = self._index, self._world.period_s
         for _ in range(min(_REST_PERIODS, int(timeout_s / period_s))):
-            if abs(self._v[index]) <= _REST_M_S and abs(self._yaw_rate[index]) <= _REST_RAD_S:
+            if abs(self._v[index]) <= REST_M_S and abs(self._yaw_rate[index]) <= REST_RAD_S:
                 break
             self.clock.sleep_until(self.clock.now() + period_s)
 

@@ -14,8 +14,6 @@ from soter.loading import known_target, load_class
 from soter.problems import dotted
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 
-DEFAULT_PLANNER = "ompl-bitstar"
-
 BUILT_IN: Mapping[str, str] = {
     "ompl-bitstar": "soter.stack.planners.sampling:BITstar",
     "ompl-rrtstar": "soter.stack.planners.sampling:RRTstar",

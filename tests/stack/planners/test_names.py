@@ -7,16 +7,17 @@ import sys
 
 import pytest
 
+from soter.config.mission_file import MissionFile
 from soter.errors import BackendUnavailable, ConfigError
 from soter.hints import install_command
 from soter.stack.planners import PlannerSpec, PlanRequest
-from soter.stack.planners.names import BUILT_IN, DEFAULT_PLANNER, check_name, planner_class
+from soter.stack.planners.names import BUILT_IN, check_name, planner_class
 from tests.stack.planners.misbehaving import Raises
 from tests.stack.planners.places import CASE, RADIUS_M
 
 
 def test_default_is_a_built_in_name() -> None:
-    assert DEFAULT_PLANNER in BUILT_IN
+    assert MissionFile.model_fields["planner"].default in BUILT_IN
     for name in BUILT_IN:
         check_name(name)
 
