@@ -83,6 +83,43 @@ def first_line(process: subprocess.Popen[bytes], described: bytes = b"") -> byte
     return line
 
 
+class Program:
+    """A simulator in a process of its own, which ends with this one, however this one ends.
+
+    Args:
+        what: what it is called in messages.
+        module: what `python -m` runs.
+        described: its world.
+        arguments: more of the program's.
+
+    Attributes:
+        process: the child.
+        told: what it says of where its robots are.
+        truth: where it tells what really happens, as `host:port`.
+
+    Raises:
+        RobotUnavailable: it does not start.
+    """
+
+    def __init__(self, what: str, module: str, described: bytes, *arguments: str) -> None:
+        self._what: Final = what
+        self.process: Final = start(module, *arguments)
+        try:
+            self.told: Final = hand_over(self.process, module, described)
+            self.truth: Final[str] = self.told["truth"]
+        except BaseException:
+            self.close()
+            raise
+
+    def lost(self) -> str:
+        """Return how the process has ended, in words; empty while it runs."""
+        return ended(self._what, self.process)
+
+    def close(self) -> None:
+        """End the process and wait until it is gone. Idempotent."""
+        end([self.process])
+
+
 def ended(what: str, process: subprocess.Popen[bytes]) -> str:
     """Return how a process has ended, or been stopped, in words; empty while it runs."""
     code = process.poll()

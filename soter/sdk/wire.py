@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import socket
-import subprocess
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -43,8 +42,8 @@ class Runs(Protocol):
 S = TypeVar("S", bound=Runs)
 
 
-class Simulator:
-    """Simulated robots in a process of their own, which ends with this one, however this one ends.
+class Simulator(program.Program):
+    """Simulated robots in a process of their own, which can be mistreated from here.
 
     Args:
         module: their program, see `soter_sim.commanded`.
@@ -55,8 +54,6 @@ class Simulator:
 
     Attributes:
         robots: by robot, its address, as the program says it.
-        truth: where it is told what really happens, as `host:port`.
-        process: the child.
 
     Raises:
         RobotUnavailable: it does not start.
@@ -70,15 +67,10 @@ class Simulator:
         limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
         at: Mapping[int, Any] | None = None,
     ) -> None:
-        self.process: Final[subprocess.Popen[bytes]] = program.start(module, "--at", json.dumps(at or {}))
-        try:
-            told = program.hand_over(self.process, module, describe(workspace, robots, limits))
-        except BaseException:
-            self.close()
-            raise
-        self.robots: Final[dict[int, Any]] = {int(robot_id): each for robot_id, each in told["robots"].items()}
-        self.truth: Final[str] = told["truth"]
-        self._control: Final[int] = told["control"]
+        described = describe(workspace, robots, limits)
+        super().__init__("the simulator", module, described, "--at", json.dumps(at or {}))
+        self.robots: Final[dict[int, Any]] = {int(robot_id): each for robot_id, each in self.told["robots"].items()}
+        self._control: Final[int] = self.told["control"]
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
         """Set a robot's own clock forward, or back where negative, within one of its periods."""
@@ -91,14 +83,6 @@ class Simulator:
     def _mistreat(self, asked: dict[str, object]) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
             out.sendto(json.dumps(asked).encode(), ("127.0.0.1", self._control))
-
-    def lost(self) -> str:
-        """Return how its process has ended, in words; empty while it runs."""
-        return program.ended("the simulator", self.process)
-
-    def close(self) -> None:
-        """End the process and wait until it is gone. Idempotent."""
-        program.end([self.process])
 
 
 class WireFleet(Fleet, Generic[S]):

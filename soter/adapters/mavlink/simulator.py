@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import socket
-from typing import Final
 
-from soter.sdk import program
-
-_MODULE: Final = "soter_sim.mavlink"
+from soter.sdk.program import Program
 
 
 def free_port() -> int:
@@ -17,29 +14,8 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-class MavlinkSimulator:
-    """Simulated vehicles in a process, which ends with this one, however this one ends.
-
-    Attributes:
-        process: the child.
-        truth: where it tells what really happens, as host:port.
-
-    Raises:
-        RobotUnavailable: it does not start.
-    """
+class MavlinkSimulator(Program):
+    """Simulated vehicles that send to a UDP port of this host."""
 
     def __init__(self, world: bytes, port: int, *options: str) -> None:
-        self.process: Final = program.start(_MODULE, "--udp", str(port), *options)
-        try:
-            self.truth: Final[str] = program.hand_over(self.process, _MODULE, world)["truth"]
-        except BaseException:
-            self.close()
-            raise
-
-    def lost(self) -> str:
-        """Return how the process has ended, in words; empty while it runs."""
-        return program.ended("the simulator of the vehicles", self.process)
-
-    def close(self) -> None:
-        """End the process and wait until it is gone. Idempotent."""
-        program.end([self.process])
+        super().__init__("the simulator of the vehicles", "soter_sim.mavlink", world, "--udp", str(port), *options)
