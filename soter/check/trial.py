@@ -134,7 +134,7 @@ class TriedModule(Protocol):
 
     @property
     def dimensions(self) -> int:
-        """Of the cube."""
+        """How many coordinates a point has."""
 
     @property
     def patience_s(self) -> float:

@@ -123,12 +123,12 @@ def tune(mission: MissionFile) -> Tuning:
 
 
 def tune_for(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Tuning:
-    """Do the same for robots that promise so much, by id."""
+    """`tune` for given promises, by robot id."""
     return _Search(mission, workspace, capabilities).tuning()
 
 
 def what_would_do(mission: MissionFile) -> Tuning:
-    """Do the same, and where no number would do for the separation of the collision module, raise that first.
+    """`tune`, after first raising the collision separation if no value would do.
 
     Raises:
         ConfigError: bad input, or numbers that would do do not fit in the workspace.

@@ -18,7 +18,7 @@ _LEAST_COLUMNS: Final = 40
 
 
 def only(whole: typer.Typer, words: Container[str]) -> typer.Typer:
-    """Return the same commands, of which those that are not among the words have lost their options.
+    """Return the app; commands not named in `words` are listed without options, as only their help line is printed.
 
     Reading the options of all of them takes longer than everything else that `soter --help` does.
     """

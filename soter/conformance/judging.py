@@ -142,7 +142,7 @@ class Judging:
 
     @property
     def noise_rad(self) -> float:
-        """The same of a heading."""
+        """How far a heading that was seen may be off by what the robot promises; the truth is not."""
         return 0.0 if self.truth else self.caps.heading_noise_rad or 0.0
 
     @property

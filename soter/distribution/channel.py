@@ -161,7 +161,7 @@ class Channel:
         return self._peer != 0
 
     def send(self, message: ReliableMessage) -> None:
-        """Have a message delivered to the other end as it lives now; dropped while nobody has come.
+        """Send to the other end's present incarnation; dropped if none has connected.
 
         Raises:
             OverflowError: too many wait.

@@ -31,7 +31,7 @@ class Screen(Protocol):
 
     @property
     def port(self) -> int:
-        """Of 127.0.0.1, where it can be looked at from the beginning on."""
+        """The TCP port on 127.0.0.1; viewers can connect as soon as this object exists."""
 
     def show(self, recording: GrowingRecording) -> None:
         """Show a run until its recording ends.

@@ -36,7 +36,7 @@ Ending = tuple["StateTable | None", Any, "Handler | None", "Event | None"]
 class MachineContext(Intake):
     """What the runtime keeps for one machine.
 
-    The cell runs handlers and follows their results; the runtime decides when, and owns all that is between
+    The machine context runs handlers and follows their results; the runtime decides when, and owns all that is between
     machines.
     """
 

@@ -291,7 +291,7 @@ class Runtime:
         return None if context is None or context.halting else context.state.name
 
     def blocked(self) -> list[Blocked]:
-        """Return who waits in `receive` while nobody can do anything; nobody as long as any machine can do something.
+        """Return the machines waiting in `receive` if no machine can take a step, else an empty list.
 
         In a live mission that is normal. If nothing comes from outside and `next_timer_s` is None it is a
         deadlock.

@@ -1,4 +1,7 @@
-"""The gate at work on a robot: what it makes of what is heard, whatever carries it. Standard library only."""
+"""The velocity gate as a node of a robot. Standard library only.
+
+It takes orders and velocities, and passes on those of the controller in charge.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 class GateNode(ABC):
-    """One robot's gate between what is heard and what is said. Not thread-safe.
+    """Passes on the velocities of the controller in charge while its lease lives. Not thread-safe.
 
     Whoever carries the messages calls `hear_order` and `hear` with what arrives, `look` every `PERIOD_S`, and fills the
     underscored methods.
@@ -44,7 +47,7 @@ class GateNode(ABC):
         self.senseless = 0
 
     def hear_order(self, text: str | bytes) -> None:
-        """Take an order, and say what becomes of it. What is none changes nothing: it is counted, the first is said."""
+        """Apply an order and report the gate's state; a malformed order is counted and the first one logged."""
         try:
             order = Order.decode(text)
         except ValueError as failure:

@@ -167,7 +167,7 @@ def read_number(values: Mapping[str, Any], name: str, what: str = "a number") ->
 
 
 def read_optional(values: Mapping[str, Any], name: str, what: str = "a number") -> float | None:
-    """The same, or None where there is none."""
+    """Return a number as `read_number` does, or None if the field is absent or null."""
     return None if values.get(name) is None else read_number(values, name, what)
 
 

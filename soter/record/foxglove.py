@@ -153,7 +153,7 @@ class LinePrimitive(Struct):
 
 
 class SceneEntity(Struct):
-    """Something in a scene; it takes the place of what had the same id on the same topic."""
+    """An object in a scene; replaces an earlier one with the same id and topic."""
 
     timestamp: FoxgloveTime
     frame_id: str

@@ -27,4 +27,4 @@ class Actuator(Protocol):
         """Return who is in charge as the robot itself reports it in a sample; None where it does not report that."""
 
     def insist(self) -> None:
-        """Say again who is in charge: the robot reports that it is somebody else."""
+        """Resend which controller is active: the robot reports another one."""

@@ -20,7 +20,7 @@ from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 logger = logging.getLogger(__name__)
 
 UNHEARD_S: Final = 3.0
-"""A robot that has not been heard of for longer is nobody's: whatever it is told may reach nobody."""
+"""A robot unheard for longer is uncontrolled: orders may not reach it."""
 
 ALARM_S: Final = 0.3
 """A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
@@ -86,7 +86,7 @@ class RobotSupervisor:
 
     @property
     def uncontrolled(self) -> str:
-        """Why the robot is under nobody's control, as far as that is known; empty while it does what it is told."""
+        """Why the robot does not obey its supervisor; empty while it does."""
         return self._disobeys if self.situation.now_s < self._disobeyed_until_s else ""
 
     def fail_ac(self, cause: str) -> None:

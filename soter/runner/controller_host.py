@@ -50,7 +50,7 @@ class _Driver:
 
 
 class ControllerHost:
-    """An `MissionHost` with controllers behind it. No planner, no machines, no targets.
+    """A `MissionHost` with controllers behind it. No planner, no machines, no targets.
 
     A controller that fails costs its own robots their AC, and nothing else.
 

@@ -41,7 +41,7 @@ HERE: Final = "local"
 
 
 class MachineHost:
-    """An `MissionHost`: the machines, run between the ticks, and what the ports and the planner report to them.
+    """A `MissionHost`: the machines, run between the ticks, and what the ports and the planner report to them.
 
     Args:
         mission: what to do.

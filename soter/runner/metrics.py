@@ -258,7 +258,7 @@ class Metrics:
 
     @property
     def ac_share_without_charging(self) -> float:
-        """The same, leaving out the time with the battery module in SC."""
+        """Part of the robots' time with the AC in control, not counting time in which the battery module is in SC."""
         return self._ac_ticks / self._busy_ticks if self._busy_ticks else 0.0
 
     @property

@@ -83,7 +83,7 @@ WALL_CLOCK: Final = "it ran on a wall clock"
 
 
 class RemoteMissionHost:
-    """An `MissionHost` that speaks for another one, in a process of its own.
+    """A `MissionHost` that speaks for another one, in a process of its own.
 
     The process is killed when it fails, when the run ends, and by the kernel when this process ends, however it does.
 

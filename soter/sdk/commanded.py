@@ -74,7 +74,7 @@ class CommandedRobot(Robot):
             if report.robot != self.id:
                 raise ValueError(f"it is of robot {report.robot}, at the address of robot {self.id}")
         except Exception as failure:  # noqa: BLE001 - a bug in `_decode` must not end the thread that hears all robots
-            # Whoever it is from goes on being old until it sends something better.
+            # The sender ages, and its link goes down, until a valid message comes.
             self.__dropped += 1
             if self.__dropped == 1:
                 logger.warning("robot %d: a message that makes no sense was dropped: %r", self.id, failure)
@@ -153,7 +153,7 @@ class CommandedRobot(Robot):
                 self.__command = self.__command._replace(controller=Controller.SC.value, goal=None, renewed_s=None)
                 latest = self.__latest
                 lost = latest is None or self.clock.now() - latest[0].stamp_s > self.stale_after_s
-                # Who is not heard any more has been stopped by its lease; it may still come back, but not many do.
+                # A robot that is no longer heard has been stopped by its lease: wait at most _LOST_S.
                 self.__settle(min(timeout_s, _LOST_S) if lost else timeout_s)
         finally:
             self._release()

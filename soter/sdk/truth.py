@@ -103,7 +103,7 @@ class ToldTruth:
 
 
 class StreamedTruth(ToldTruth):
-    """The same, heard in a thread of its own, line by line on a TCP socket.
+    """Reads the truth line by line from a TCP socket, in a thread of its own.
 
     Args:
         address: `host:port` of the world's truth.

@@ -76,5 +76,5 @@ class Peers:
 
     @property
     def unlike(self) -> Mapping[int, PeerBounds]:
-        """The same as `each` where robots differ in what they respect; nothing where they are all alike."""
+        """Bounds by peer, as `each`; empty if those of all peers are `worst`."""
         return {} if all(each == self.worst for each in self.each.values()) else self.each

@@ -35,7 +35,7 @@ _SYSTEM_AT: Final = 5
 
 
 class MavlinkRelay(ImpairedRelay):
-    """Passes datagrams on, both ways. What is for everybody gets through to nobody while any vehicle is cut off.
+    """Passes datagrams on, both ways. Broadcasts are dropped while any vehicle is cut off.
 
     Args:
         adapter_port: on which the adapter listens.

@@ -195,7 +195,7 @@ class MavlinkRobot(Robot):
             vehicle.set_mode(KEEPER, kind.stop)
             return
         lost = sample is None or self.clock.now() - sample.stamp_s > self.stale_after_s
-        # Who is not heard any more has stopped by itself; it may still come back, but not many do.
+        # A robot that is no longer heard has stopped by itself: wait at most _LOST_S.
         self._repeat(self._stop, self._stands, min(timeout_s, _LOST_S) if lost else timeout_s)
         if self._preparation.armed_it and not kind.flies:
             arm = mav.MAV_CMD_COMPONENT_ARM_DISARM

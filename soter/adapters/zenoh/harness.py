@@ -131,7 +131,7 @@ class ZenohHarness(RelayedHarness):
 
 
 class RoutedHarness(ZenohHarness):
-    """The same with a router between all of them: every one is its client, and it is a process of its own."""
+    """`ZenohHarness` through a router: every session is its client; the router is a process of its own."""
 
     name = "zenoh, routed"
 

@@ -146,13 +146,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         ended = Ending(given.parent)
         session = open_session(options)
         try:
-            station = ZenohGateNode(
+            node = ZenohGateNode(
                 session, keys, gate, given.robot, clock=given.clock, stamped=given.stamped, rate=given.speedup
             )
             if given.parent is None:
                 logger.info("%s; Ctrl-C ends it", connections(session, given.robot))
             favour()
-            station.run(ended)
+            node.run(ended)
         finally:
             close_session(session)
 

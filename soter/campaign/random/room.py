@@ -117,7 +117,7 @@ class DrawnRoom:
 
     @classmethod
     def read(cls, path: Path) -> DrawnRoom:
-        """Read a workspace file that SOTER accepts, of those that are written here, with a reader of its own."""
+        """Read a workspace file this package wrote, with its own reader (independent of SOTER's)."""
         return cls._read_toml(path) if path.suffix == ".toml" else cls._read_xml(path)
 
     @classmethod

@@ -129,7 +129,7 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
         f"after its clock has shown a multiple of {every_s:g} s the sample is said to be {said_s:.1f} s old: stamps "
         f"are {what}, which began anew, and what comes after that is dropped as older",
     )
-    # Whoever throws a goto away while the lease is dead is somebody else's to find.
+    # Whether a goto is dropped while the lease is dead is judged by another clause; wait until the robot acts.
     bench.run(caps.latency_s + 2 * TICK_S)
     bench.go(
         robot, bench.place(robot, -0.3),

@@ -58,7 +58,7 @@ class SandboxRules:
 
 @dataclass(slots=True)
 class InForce:
-    """What a box consists of: what is taken, and by what; and what is not, and why."""
+    """Which restrictions are in force: `by` says what enforces each, `lacks` why one is missing."""
 
     by: dict[str, str] = field(default_factory=dict)
     lacks: dict[str, str] = field(default_factory=dict)

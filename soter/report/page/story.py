@@ -51,7 +51,7 @@ class IncrementalSeries(Generic[S]):
         self._told = min(self._told, count)
 
     def whole(self) -> tuple[int, S]:
-        """Return 0 and all values. What is told to one who comes late is no news for the others."""
+        """Return index 0 and all values, for a viewer that joins late; does not count as told to the others."""
         return 0, self.values
 
     def news(self) -> tuple[int, S]:
