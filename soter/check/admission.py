@@ -23,8 +23,11 @@ from soter.stack.actuator import PortForwarder
 from soter.stack.declaration import Declared, declare, terrains_of
 from soter.stack.infrastructure import standing
 from soter.stack.peers import Peers
-from soter.stack.right_of_way import BATTERY, RightOfWay
+from soter.stack.right_of_way import BATTERY, WAIT_S, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
+
+LONGEST_DWELL_S: Final = 0.8 * WAIT_S
+"""A rule about pairs may keep a robot for no longer once it holds again: who dwells counts as waiting."""
 
 _STEPS: Final = 20
 """Halvings of the range in which the highest speed-up is looked for; far finer than the figure in the message."""
@@ -216,6 +219,15 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                     f"its rule does not hold where robot {robot_id} starts, at ({each.place.x_m:g}, "
                     f"{each.place.y_m:g}): the margin is {margin:.3f} {region.unit}; a start where it is 0 or more "
                     "would do",
+                )
+            if module.of_pairs and each.others and module.dwell_s > LONGEST_DWELL_S:
+                key = "rta.module" if module.name in mission.rta.module else "rta"
+                raise IllFormedModule(
+                    module.name,
+                    "P2b",
+                    f"{key}.{module.name}.dwell_s is {module.dwell_s:g} s, and robots that wait for each other for "
+                    f"{WAIT_S:g} s begin to take turns, so that those that only dwell hold each other up; at most "
+                    f"{LONGEST_DWELL_S:g} s would do",
                 )
             safer, of_users = module.phi_safer, module.name in mission.rta.module
             if of_users and region is not None and not module.of_pairs and looks_at_peers(region, begins):

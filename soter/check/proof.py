@@ -8,17 +8,21 @@ construction. What is left is whether the figures allow that at all, and how muc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
 from typing import Final
 
 from soter.check.conditions import Certainty, Finding
 from soter.config import MissionFile
+from soter.errors import ceil_m
+from soter.faults import read_faults
+from soter.faults.vehicle import WheelSlipOptions
 from soter.rta import Region, RTAModule
 from soter.sdk import Capabilities
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.infrastructure import standing
 from soter.stack.own_rules import broken_on
+from soter.stack.return_path import DETOUR_M
 from soter.stack.right_of_way import BATTERY, COLLISION
 from soter.stack.terrain import length_m
 
@@ -130,9 +134,18 @@ def _crossed(name: str, rule: Region, robot_id: int, made: Declared) -> list[Fin
 def _retreat(mission: MissionFile, made: Declared, promised: Capabilities, module: RTAModule) -> list[Finding]:
     if premise := _premise(made, module.name, promised):
         return [premise]
-    recovery, station = made.recovery, made.dock.place
-    way = made.refuges.way(standing(made.place.id, {made.place.id: station}), 0.0)
-    way_m = length_m([station, *way])
+    recovery, refuges, place = made.recovery, made.refuges, made.place
+    # Without the battery's module nothing drives to the station.
+    name, begin = ("station", made.dock.place) if BATTERY in mission.rta.order else ("start", (place.x_m, place.y_m))
+    way = refuges.way(standing(place.id, {place.id: begin}), 0.0)
+    if not way:
+        text = (
+            f"robot {place.id} never gets back to its AC: from its {name} at ({begin[0]:g}, {begin[1]:g}) no place can "
+            f"be reached that is {ceil_m(max(refuges.fence_m, 0.0))} m from the fence and "
+            f"{ceil_m(refuges.clearance_m)} m from boxes; a smaller phi_safer_inset_m or phi_safer_m would do"
+        )
+        return [Finding(module.name, "P2b", Certainty.REJECTED, text)]
+    way_m = length_m([begin, *way])
     home_m = made.dock.longest_m
     back_s = (way_m + home_m) / promised.v_max_m_s + 2.0 * _start_s(mission, promised) + module.dwell_s + module.delta_s
     figures = {"path_m": recovery.path_m, "keep": module.keep, "way_m": way_m, "home_m": home_m}
@@ -141,7 +154,7 @@ def _retreat(mission: MissionFile, made: Declared, promised: Capabilities, modul
     )
     returns = (
         f"one robot: where no refuge is in sight the return path, of {home_m:.2f} m where the roadmap shows one, and "
-        f"{way_m:.2f} m from the station lead to one; {back_s:.0f} s at the declared speeds"
+        f"{way_m:.2f} m from the {name} lead to one; {back_s:.0f} s at the declared speeds"
     )
     return [
         Finding(module.name, "P2a", Certainty.PROVED, stays, figures),
@@ -153,18 +166,23 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
     if premise := _premise(made, module.name, promised):
         return [premise]
     battery, dock, robot_id = mission.battery, made.dock, made.place.id
-    legs, start_s = _most_legs(dock.path.roomy.next), _start_s(mission, promised)
-    # What driving at the declared speed does not account for: coming to rest and turning at every corner.
-    extra = legs * (start_s + promised.v_max_m_s / promised.brake_m_s2) / battery.drive_s
-    home_s = legs * start_s + dock.longest_m / promised.v_max_m_s
+    legs, leg_s, part = dock.path.most_legs, _leg_s(mission, promised), _grip(mission, made)
+    longest_s = dock.longest_m / promised.v_max_m_s
+    # What driving at the declared speed does not account for: coming to rest and turning at every corner, and slip.
+    extra = (legs * leg_s / part + longest_s * (1.0 / part - 1.0)) / battery.drive_s
+    home_s = (legs * leg_s + longest_s) / part
     figures = {"longest_m": dock.longest_m, "legs": legs, "extra": extra, "reserve": module.keep}
     if extra > module.keep:
-        factor = math.ceil(mission.rta.battery.reserve_factor * extra / module.keep * 10) / 10
+        more = (extra - module.keep) / (dock.longest_m * dock.cost_per_m)
+        factor = math.ceil((mission.rta.battery.reserve_factor + more) * 10) / 10
+        slips = f", and wheels that leave {100 * part:.0f} % of the speed," if part < 1.0 else ""
         text = (
-            f"robot {robot_id}: {legs} turns on the return path use up to {100 * extra:.2f} % of a charge, more than "
-            f"the reserve of {100 * module.keep:.2f} %; reserve_factor = {factor:g} would do"
+            f"robot {robot_id}: {legs} turns on the return path{slips} use up to {100 * extra:.2f} % of a charge, more "
+            f"than the reserve of {100 * module.keep:.2f} %; reserve_factor = {factor:g} would do"
         )
         return [Finding(BATTERY, "P2a", Certainty.REJECTED, text, figures)]
+    if short := _starts_low(mission, made, promised, extra):
+        return [short]
     others = len(made.others)
     waiting = f"; waiting for {others} other{'s'[: others != 1]} is tested, not proved" if others else ""
     stays = (
@@ -198,12 +216,32 @@ def _start_s(mission: MissionFile, promised: Capabilities) -> float:
     return promised.latency_s + promised.v_max_m_s / promised.brake_m_s2 + mission.base_tick_s + turn_s
 
 
-def _most_legs(following: Sequence[int]) -> int:
-    """Return the largest number of legs of any path: index 0 is the station, the others say what comes next."""
-    most = 1
-    for start in range(1, len(following)):
-        legs, here = 2, start
-        while following[here] != 0 and legs <= len(following):
-            here, legs = following[here], legs + 1
-        most = max(most, legs)
-    return most
+def _leg_s(mission: MissionFile, promised: Capabilities) -> float:
+    """Return how much longer a leg takes than its length at the declared speed: to stop, look, turn, and speed up."""
+    v_max_m_s, accel_m_s2 = promised.v_max_m_s, promised.accel_m_s2
+    speed_up_s = v_max_m_s / promised.brake_m_s2
+    return _start_s(mission, promised) + max(speed_up_s, v_max_m_s / (2.0 * accel_m_s2) if accel_m_s2 else 0.0)
+
+
+def _grip(mission: MissionFile, made: Declared) -> float:
+    """Return the part of a robot's speed that is left by the wheel slip that it is declared to have."""
+    return math.prod(
+        min(table.options.left, table.options.right)
+        for table in read_faults(mission, [each.id for each in (made.place, *made.others)])
+        if table.hits(made.place.id) and isinstance(table.options, WheelSlipOptions) and table.options.declared
+    )
+
+
+def _starts_low(mission: MissionFile, made: Declared, promised: Capabilities, extra: float) -> Finding | None:
+    """Return that a robot whose first charge the mission decides cannot pay for its way home with it, or None."""
+    place, dock = made.place, made.dock
+    charge = mission.initial_charge(place.id)
+    way_m = dock.path.shortest_m(place.x_m, place.y_m) + DETOUR_M
+    needed = way_m * dock.cost_per_m + extra
+    if charge >= needed or not (promised.in_process or place.id in (mission.battery.initial or {})):
+        return None
+    text = (
+        f"robot {place.id} starts with a charge of {charge:.4f}, and its way home of {way_m:.2f} m, with its turns, "
+        f"uses up to {needed:.4f}; battery.initial.{place.id} = {math.ceil(needed * 1000) / 1000:g} would do"
+    )
+    return Finding(BATTERY, "P2a", Certainty.REJECTED, text, {"charge": charge, "needed": needed})

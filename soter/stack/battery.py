@@ -36,7 +36,7 @@ class Dock:
 
     @property
     def longest_m(self) -> float:
-        """Length of the longest roomy path."""
+        """Length of the longest path that the roadmaps show."""
         return self.path.longest_m
 
     def docked(self, situation: Situation) -> bool:

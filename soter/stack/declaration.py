@@ -15,7 +15,7 @@ from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Dock, GoHome
-from soter.stack.infrastructure import check_infrastructure
+from soter.stack.infrastructure import check_infrastructure, check_start
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules import declare_module, geofence, obstacle
 from soter.stack.own_rules import OwnRule, apart_m, forbidden
@@ -82,11 +82,12 @@ class Declared:
         """
         for module in self.modules:
             module.check(self.timing, base_tick_s)
-            if module.name == BATTERY:
-                check_infrastructure(
-                    self.place, self.others, self.dock.path, self.refuges, self.recovery, self.peers.worst.sample_age_s,
-                    self.timing.noise_m,
-                )  # fmt: skip
+        check_start(self.place, self.recovery)
+        if any(module.name == BATTERY for module in self.modules):
+            check_infrastructure(
+                self.place, self.others, self.dock.path, self.refuges, self.recovery, self.peers.worst.sample_age_s,
+                self.timing.noise_m,
+            )  # fmt: skip
 
 
 def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Final
 
 from soter.stack.recovery import RecoveryPlanner
@@ -79,7 +78,7 @@ class ReturnPath:
     Attributes:
         place: the station.
         roomy: paths that keep so far from everything that no other module steps in.
-        longest_m: length of the longest roomy path.
+        longest_m: length of the longest path, of the narrow ones too: where no other is, they are driven.
     """
 
     def __init__(
@@ -96,21 +95,20 @@ class ReturnPath:
         self._recovery: Final = recovery
         self._occupied: Final = tuple(occupied)
         self.roomy: Final = routes_to(terrain, place, clearance_m, inset_m, self._occupied)
-        self.longest_m: Final = self.roomy.longest_m
         rules = recovery.rules
         self._fence_m: Final = recovery.path_m if rules.fence else -math.inf
         self._boxes_m: Final = recovery.path_m if rules.boxes else 0.0
         self._cap_m: Final = max(0.25, recovery.v_max_m_s * LOOK_S)
         self._anchor: _Anchor | None = None
         self._last: Point | None = None
-        if not terrain.convex:
-            # A large site's roadmap takes longer than a decision may: it is made before anything moves.
-            _ = self.narrow
+        # Paths that keep only what certificates need.
+        self.narrow: Final = routes_to(terrain, place, self._boxes_m, self._fence_m, self._occupied)
+        self.longest_m: Final = max(self.roomy.longest_m, self.narrow.longest_m)
 
-    @cached_property
-    def narrow(self) -> Routes:
-        """Paths that keep only what certificates need."""
-        return routes_to(self._terrain, self.place, self._boxes_m, self._fence_m, self._occupied)
+    @property
+    def most_legs(self) -> int:
+        """The largest number of legs of any path that the roadmaps show."""
+        return max(self.roomy.most_legs, self.narrow.most_legs)
 
     def shortest_m(self, x_m: float, y_m: float) -> float:
         """Return the length of the path that the roadmaps show from a point; infinite where they show none."""

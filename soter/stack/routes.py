@@ -164,6 +164,17 @@ class Routes:
         lengths = [length for length in self._looks() if length < math.inf]
         return max(lengths, default=0.0) + self._terrain.look_m
 
+    @cached_property
+    def most_legs(self) -> int:
+        """Return the largest number of legs of any of the ways."""
+        most = 1
+        for start in range(1, len(self.next)):
+            legs, here = 2, start
+            while self.next[here] != 0 and legs <= len(self.next):
+                here, legs = self.next[here], legs + 1
+            most = max(most, legs)
+        return most
+
     def _looks(self) -> Iterator[float]:
         """Yield the lengths of the shortest ways from places that are spread evenly."""
         if isinstance(self.roadmap, Roadmap):

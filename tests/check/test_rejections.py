@@ -83,6 +83,15 @@ def users_rule(modules: list[str], *robots: RobotPlace, name: str = "right") -> 
     admitted(asked, workspace, backend, read_options(backend, asked, workspace), ill_formed=False, unproved=True)
 
 
+def dwelling(dwell_s: float) -> None:
+    """Admit two robots whose rule about pairs keeps them for so long once it holds again."""
+    asked = load_mission(
+        ROOT / "examples" / "surveillance.toml", {"backend": "kinematic", "rta.collision.dwell_s": dwell_s}
+    )
+    backend, workspace = load_backend("kinematic"), asked.read_workspace()
+    admitted(asked, workspace, backend, read_options(backend, asked, workspace), ill_formed=False, unproved=True)
+
+
 def users_pairs() -> None:
     """Declare a rule about pairs that takes a faster peer for one like the robot."""
     asked = load_mission(
@@ -155,6 +164,8 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
         "P2b", lambda: station(2.5, 2.5, beside=(RobotPlace(2, 4.0, 4.0, Box(2.6, 2.4, 2.8, 2.6)),)),
     ),
     "no place can be reached": ("P2b", lambda: station(3.0, 0.175, Box(0.0, 0.35, 5.0, 0.6), start=(1.0, 0.175))),
+    "robot 1 starts at (2.5, 0), 0.000 m from the fence": ("A13", lambda: station(2.5, 2.5, start=(2.5, 0.0))),
+    "at most 24 s would do": ("P2b", lambda: dwelling(30.0)),
     "which a robot does not promise": (
         "P3", lambda: limits(heading_noise_rad=None).motion("geofence", "unicycle"),
     ),
