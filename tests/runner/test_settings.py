@@ -46,7 +46,7 @@ def promised(asked: MissionFile) -> None:
 ADMITTED = [
     ticked(0.1),
     ticked(0.02, **{"backends.kinematic.promise.sample_age_s": 0.05}),
-    {f"rta.{name}.dwell_s": 60.0 for name in MODULES},
+    {f"rta.{name}.dwell_s": 24.0 if name == "collision" else 60.0 for name in MODULES},
     {"rta.battery.phi_safer": 1.0, "rta.battery.dwell_s": 3.0, **LOW},
     {"rta.battery.delta_s": 60.0},
     {"rta.geofence.phi_safer_inset_m": 2.4},
