@@ -92,7 +92,8 @@ def _battery(rng: Random, scale: float) -> Table:
 
 
 def _wheel_slip(rng: Random, scale: float) -> Table:
-    left = round(rng.uniform(1.0 - 0.5 * scale, 0.99), 3)
+    # Mostly little, and now and then so much that the way home takes several times as long.
+    left = round(0.99 - 0.85 * scale * rng.random() ** 2, 3)
     right = round(min(1.0, left + rng.uniform(-0.05, 0.05) * min(1.0, scale)), 3)
     return {"left": left, "right": right} if rng.random() < 0.8 else {"left": round(rng.uniform(0.95, 0.99), 3)}
 

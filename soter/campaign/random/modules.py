@@ -100,7 +100,7 @@ def draw_rta(rng: Random, floor: Floor, figures: Figures, nasty: bool) -> Rta:
         table.setdefault("path", {})["delta_s"] = tick_s
     for name in MODULES:
         if rng.random() < 0.25:
-            table.setdefault(name, {})["dwell_s"] = round(rng.uniform(0.0, 3.0 if nasty else 1.0), 2)
+            table.setdefault(name, {})["dwell_s"] = round(30.0 * rng.random() ** 4 if nasty else rng.random(), 2)
         promise = figures.promise
         promised = None not in (promise.accel_m_s2, promise.speed_noise_m_s, promise.heading_noise_rad)
         if name != "battery" and rng.random() < 0.2 and (promised or (nasty and rng.random() < 0.1)):
