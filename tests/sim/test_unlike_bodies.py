@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from soter.adapters.pybullet import PyBulletBackend
 from soter.sdk.values import RobotSpec
 from soter_sim import World
 from tests.sim.worlds import constant, empty, promising
@@ -56,3 +57,26 @@ def test_a_robot_that_turns_back_brakes_at_one_rate_and_speeds_up_at_the_other()
     falls = [before - after for before, after in zip([1.0, *speeds], speeds, strict=False)]
     assert all(fall <= 1.5 * 0.05 + 1e-9 for fall, after in zip(falls, speeds, strict=True) if after >= 0.0)
     assert all(fall <= 0.8 * 0.05 + 1e-9 for fall, after in zip(falls, speeds, strict=True) if after < 0.0)
+
+
+@pytest.mark.pybullet
+@pytest.mark.parametrize("radius_m", [0.05, 0.105, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize(("v_m_s", "brake_m_s2"), [(0.22, 1.0), (0.22, 4.0), (1.0, 1.0), (1.0, 4.0), (3.0, 4.0)])
+def test_rigid_bodies_of_every_size_brake_and_speed_up_as_promised(
+    radius_m: float, v_m_s: float, brake_m_s2: float
+) -> None:
+    figures = {"v_max_m_s": v_m_s, "brake_m_s2": brake_m_s2, "accel_m_s2": 4.0, "yaw_rate_max_rad_s": 6.0}
+    noise_m_s = PyBulletBackend.robot_class.declared.speed_noise_m_s
+    with World(empty(), [promising(RobotSpec(1, 5.0, 5.0, 0.3), radius_m, **figures)], "pybullet") as world:
+        world.set_control(1, constant(v_m_s))
+        for period in range(1, 41):
+            world.advance(0.05 * period)
+            assert math.hypot(*world.engine.velocity(0)) <= 4.0 * 0.05 * period + noise_m_s
+        speed_m_s, before = math.hypot(*world.engine.velocity(0)), (world.bodies.x[0], world.bodies.y[0])
+        world.set_control(1, None)
+        for period in range(1, 21):
+            world.advance(2.0 + 0.05 * period)
+            most_m_s = max(speed_m_s - brake_m_s2 * 0.05 * period, 0.0) + noise_m_s
+            assert math.hypot(*world.engine.velocity(0)) <= most_m_s
+        gone_m = math.dist(before, (world.bodies.x[0], world.bodies.y[0]))
+        assert gone_m <= v_m_s**2 / (2.0 * brake_m_s2)
