@@ -226,8 +226,9 @@ class PyBulletEngine:
             bullet.changeDynamics(
                 robot,
                 link,
-                # The body slides along what it touches, and so do the two sliders that keep it upright.
-                lateralFriction=0.0 if link < 0 else 1.0,
+                # The body slides along what it touches, and so do the two sliders that keep it upright. Wheels grip as
+                # a larger body needs: what turns it as fast as a small one grows with its radius, its weight does not.
+                lateralFriction=0.0 if link < 0 else max(1.0, scale),
                 spinningFriction=0.0,
                 rollingFriction=0.0,
                 restitution=0.0,

@@ -62,21 +62,26 @@ def test_a_robot_that_turns_back_brakes_at_one_rate_and_speeds_up_at_the_other()
 @pytest.mark.pybullet
 @pytest.mark.parametrize("radius_m", [0.05, 0.105, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize(("v_m_s", "brake_m_s2"), [(0.22, 1.0), (0.22, 4.0), (1.0, 1.0), (1.0, 4.0), (3.0, 4.0)])
+@pytest.mark.parametrize("turn_rad_s", [0.0, 1.0])
 def test_rigid_bodies_of_every_size_brake_and_speed_up_as_promised(
-    radius_m: float, v_m_s: float, brake_m_s2: float
+    radius_m: float, v_m_s: float, brake_m_s2: float, turn_rad_s: float
 ) -> None:
     figures = {"v_max_m_s": v_m_s, "brake_m_s2": brake_m_s2, "accel_m_s2": 4.0, "yaw_rate_max_rad_s": 6.0}
-    noise_m_s = PyBulletBackend.robot_class.declared.speed_noise_m_s
+    noise_m_s = PyBulletBackend.robot_class.declared.speed_noise_m_s or 0.0
     with World(empty(), [promising(RobotSpec(1, 5.0, 5.0, 0.3), radius_m, **figures)], "pybullet") as world:
+
+        def speed_m_s(at_s: float) -> float:
+            world.advance(at_s)
+            return math.hypot(*world.engine.velocity(0))
+
         world.set_control(1, constant(v_m_s))
-        for period in range(1, 41):
-            world.advance(0.05 * period)
-            assert math.hypot(*world.engine.velocity(0)) <= 4.0 * 0.05 * period + noise_m_s
-        speed_m_s, before = math.hypot(*world.engine.velocity(0)), (world.bodies.x[0], world.bodies.y[0])
+        for period in range(1, 31):
+            assert speed_m_s(0.05 * period) <= 4.0 * 0.05 * period + noise_m_s
+        world.set_control(1, constant(v_m_s, turn_rad_s))
+        began_m_s, before = speed_m_s(1.6), (world.bodies.x[0], world.bodies.y[0])
+        assert began_m_s <= v_m_s + noise_m_s
         world.set_control(1, None)
         for period in range(1, 21):
-            world.advance(2.0 + 0.05 * period)
-            most_m_s = max(speed_m_s - brake_m_s2 * 0.05 * period, 0.0) + noise_m_s
-            assert math.hypot(*world.engine.velocity(0)) <= most_m_s
-        gone_m = math.dist(before, (world.bodies.x[0], world.bodies.y[0]))
-        assert gone_m <= v_m_s**2 / (2.0 * brake_m_s2)
+            most_m_s = max(began_m_s - brake_m_s2 * 0.05 * period, 0.0)
+            assert speed_m_s(1.6 + 0.05 * period) <= most_m_s + noise_m_s
+        assert math.dist(before, (world.bodies.x[0], world.bodies.y[0])) <= v_m_s**2 / (2.0 * brake_m_s2)
