@@ -13,6 +13,7 @@ from soter.errors import ConfigError
 from soter.faults.fault import ROUNDING_S, Context, Fault, FaultOptions
 from soter.faults.telemetry import ClockStepOptions
 from soter.loading import known_target, load_class
+from soter.sdk import Link, RobotState
 from soter.sdk.robot import FUTURE_S
 
 BUILT_IN: Final[Mapping[str, str]] = {
@@ -68,7 +69,31 @@ def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTa
                         f"allowed: below {FUTURE_S:g} s in all, since stamps farther ahead are not believed; or "
                         "declared = false",
                     )
+        _check_first_sample(mission, tables, robot_id)
     return tables
+
+
+def _check_first_sample(mission: MissionFile, tables: Sequence[FaultTable], robot_id: int) -> None:
+    """Refuse a fault that hides a robot from the beginning: without a sample nothing is known of it, and no run begins.
+
+    Raises:
+        ConfigError: names the fault, and when it may begin.
+    """
+    active = [table for table in tables if table.hits(robot_id) and table.options.active(0.0)]
+    ready = RobotState(robot_id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
+    faults = [table.made_for(robot_id, mission.seed, mission.base_tick_s) for table in active]
+    for fault in faults:
+        # As when the robot gets ready.
+        fault.sample(0.0, False, ready)
+    sample: RobotState | None = ready
+    for table, fault in zip(active, faults, strict=True):
+        sample = fault.sample(0.0, True, sample)
+        if sample is None or sample.stamp_s > FUTURE_S:
+            raise mission.refusal(
+                f"fault.{table.index}.start_s",
+                f"it is {table.options.start_s:g}, but a run begins with a sample of each robot, and none of robot "
+                f"{robot_id} would be seen; allowed: above 0, such as {mission.base_tick_s:g}",
+            )
 
 
 def _read(mission: MissionFile, index: int, raw: Mapping[str, Any], robot_ids: Sequence[int]) -> FaultTable:

@@ -11,11 +11,15 @@ from soter.sdk import Controller, GoalStatus, Link, RobotSpec, Waypoint
 from tests.faults.bench import Bench, FakeFleet, ImpairableRobot, fleet_of, mission
 from tests.sdk.fake import FakeRobot, capabilities
 
-VEHICLE = ({"kind": "wheel_slip", "left": 0.95}, {"kind": "weak_brakes", "factor": 0.8}, {"kind": "kill"})
+VEHICLE = (
+    {"kind": "wheel_slip", "left": 0.95},
+    {"kind": "weak_brakes", "factor": 0.8},
+    {"kind": "kill", "start_s": 1.0},
+)
 
 
 def test_robots_without_faults_are_what_they_were() -> None:
-    fleet = fleet_of({"kind": "kill", "robot": 2}, robots=3, kind=ImpairableRobot)
+    fleet = fleet_of({"kind": "kill", "robot": 2, "start_s": 1.0}, robots=3, kind=ImpairableRobot)
     assert [type(robot) is ImpairableRobot for robot in fleet.robots] == [True, False, True]
     assert [robot.id for robot in fleet.robots] == [1, 2, 3]
 

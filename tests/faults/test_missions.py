@@ -184,7 +184,7 @@ class WholeBackend(KinematicBackend):
 def test_a_backend_without_the_hook_refuses_faults_of_vehicles_before_anything_moves() -> None:
     backend = "tests.faults.test_missions:WholeBackend"
     with pytest.raises(Unsupported, match="a WholeRobot cannot"):
-        run({"kind": "kill"}, backend=backend)
+        run({"kind": "kill", "start_s": 1.0}, backend=backend)
     assert WholeRobot.started == 0
     assert run({"kind": "bias", "x_m": 0.02}, backend=backend, duration_s=60.0).violations is not None
 

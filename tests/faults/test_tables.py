@@ -11,7 +11,9 @@ import pytest
 from soter.config import load_mission, parse_mission
 from soter.errors import ConfigError
 from soter.faults import BUILT_IN, Fault, FaultOptions, read_faults
+from soter.runner import run_mission
 from tests.faults.bench import mission
+from tests.project.source import ROOT
 
 HEAD = 'workspace = "room.xml"\n'
 ENOUGH: dict[str, dict[str, Any]] = {
@@ -24,7 +26,7 @@ ENOUGH: dict[str, dict[str, Any]] = {
     "battery": {"offset": -0.1},
     "wheel_slip": {"left": 0.96},
     "weak_brakes": {"factor": 0.9},
-    "kill": {},
+    "kill": {"start_s": 0.05},
 }
 """The least that each kind must be told."""
 
@@ -50,15 +52,28 @@ def test_every_kind_has_defaults_and_names_unknown_keys(kind: str) -> None:
     (table,) = read_faults(mission({"kind": kind, **ENOUGH[kind]}), [1, 2])
     assert table.hits(1)
     assert table.hits(2)
-    assert table.options.start_s == 0.0
+    assert table.options.start_s == ENOUGH[kind].get("start_s", 0.0)
     assert table.options.declared
     assert "fault.0.strength: unknown key; allowed: kind, robot, start_s" in refusal(
         kind=kind, strength=3, **ENOUGH[kind]
     )
 
 
+def test_a_fault_that_hides_a_robot_from_the_beginning_is_refused_and_what_it_names_runs() -> None:
+    tables: list[dict[str, Any]] = [
+        {"kind": "kill"}, {"kind": "kill", "duration_s": 0.5, "every_s": 1.0}, {"kind": "kill", "start_s": 1e-12},
+        {"kind": "clock_step", "step_s": 10.0, "declared": False},
+    ]  # fmt: skip
+    for table in tables:
+        with pytest.raises(ConfigError, match=r"fault\.0\.start_s: it is .*robot 2.*above 0, such as 0\.05"):
+            read_faults(mission({**table, "robot": 2}), [1, 2])
+        again = {**table, "robot": 2, "start_s": 0.05}
+        asked = {"backend": "kinematic", "planner": "straight-line", "duration_s": 1.0, "fault": [again]}
+        assert run_mission(load_mission(ROOT / "examples" / "surveillance.toml", asked)).result.status == "completed"
+
+
 def test_a_fault_can_hit_one_robot() -> None:
-    (table,) = read_faults(mission({"kind": "kill", "robot": 2}), [1, 2])
+    (table,) = read_faults(mission({"kind": "kill", "robot": 2, "start_s": 0.05}), [1, 2])
     assert [table.hits(robot) for robot in (1, 2)] == [False, True]
 
 
