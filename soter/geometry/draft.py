@@ -196,7 +196,8 @@ def _check_size(draft: Draft) -> None:
             "simplify them",
             most.line,
         )
-    if not draft.fences and not draft.keep_outs and not draft.stations:
+    # What could not be read may have been any of these.
+    if not (draft.problems or draft.fences or draft.keep_outs or draft.stations):
         draft.note("file", "there is neither a boundary nor anything to keep out of, nor a station in it")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Final, TypeGuard
 
 from soter.errors import ConfigError
 from soter.geometry.site import GeoOrigin
@@ -80,9 +80,14 @@ class Projection:
         return north, (cos_lon, sin_0 * sin_lon)
 
 
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether what a file says is a number: `true` is none, although Python takes it for 1."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def check_degrees(name: str, lat_deg: object, lon_deg: object) -> str:
     """Return what is wrong with a latitude and a longitude, or nothing."""
-    if not isinstance(lat_deg, (int, float)) or not isinstance(lon_deg, (int, float)):
+    if not is_number(lat_deg) or not is_number(lon_deg):
         return f"{name} is {lat_deg!r}, {lon_deg!r}, allowed: latitude and longitude as numbers of degrees"
     if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
         return "a coordinate is not a finite number"

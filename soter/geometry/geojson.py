@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from soter.errors import ConfigError, nearest
 from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
-from soter.geometry.earth import Projection, check_degrees, middle_of
+from soter.geometry.earth import Projection, check_degrees, is_number, middle_of
 from soter.geometry.site import GeoOrigin
 from soter.problems import cut, shown_value
 
@@ -103,11 +103,11 @@ def _looks_right(draft: Draft, number: int, feature: Any) -> bool:
         return False
     for key in ("height_m", "radius_m", "side_m", "heading_deg"):
         value = properties.get(key, 1.0)
-        if not isinstance(value, (int, float)) or not math.isfinite(value) or (key != "heading_deg" and value <= 0.0):
+        if not is_number(value) or not math.isfinite(value) or (key != "heading_deg" and value <= 0.0):
             draft.note(name, f"its property {key} is {shown_value(value)}, allowed: a number above 0")
             return False
-    if not isinstance(properties.get("robot", 1), int):
-        draft.note(name, f"its property robot is {shown_value(properties['robot'])}, allowed: a whole number")
+    if not isinstance(robot := properties.get("robot", 1), int) or isinstance(robot, bool):
+        draft.note(name, f"its property robot is {shown_value(robot)}, allowed: a whole number")
         return False
     return True
 

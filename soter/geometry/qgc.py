@@ -7,7 +7,7 @@ from typing import Any
 
 from soter.errors import ConfigError
 from soter.geometry.draft import Draft, Outline, Spot, circle
-from soter.geometry.earth import Projection, check_degrees, middle_of
+from soter.geometry.earth import Projection, check_degrees, is_number, middle_of
 from soter.geometry.geojson import json_object
 from soter.geometry.site import GeoOrigin
 from soter.problems import shown_value
@@ -64,7 +64,7 @@ def read(data: bytes, source: str) -> Draft:
         outline = Outline(name, [project(*at) for at in ring if at is not None])
         _add(draft, outline, inclusion)
     for name, inclusion, middle, radius_m in discs:
-        if not isinstance(radius_m, (int, float)) or not math.isfinite(radius_m) or radius_m <= 0.0:
+        if not is_number(radius_m) or not math.isfinite(radius_m) or radius_m <= 0.0:
             draft.note(name, f"its radius is {shown_value(radius_m)}, allowed: above 0, in metres")
         elif middle is not None:
             _add(

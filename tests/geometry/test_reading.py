@@ -181,6 +181,26 @@ def test_bad_geojson_is_refused_by_feature(change: Any, said: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
+    "change",
+    [
+        lambda each: each["geometry"].update(coordinates=[True, 47.6]),
+        lambda each: each["geometry"].update(coordinates=[9.4, False]),
+        lambda each: each["geometry"].update(coordinates="x"),
+        lambda each: each.update(geometry=None),
+        lambda each: each["properties"].update(side_m=True),
+        lambda each: each["properties"].update(side_m=-1),
+        lambda each: each["properties"].update(robot=True),
+    ],
+)
+def test_one_feature_that_is_wrong_is_all_that_is_complained_of(change: Any, tmp_path: Path) -> None:
+    bad = geojson()
+    change(bad["features"][2])
+    said = refusal(tmp_path / "bad.geojson", bad)
+    assert "feature 3: " in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
     ("change", "said"),
     [
         (lambda each: each.update(fileType="Mission"), "fileType"),
