@@ -44,6 +44,11 @@ class _Driver:
         return type(self.controller).__name__
 
     @property
+    def whose(self) -> str:
+        """Its robots, in words."""
+        return f"{'robot' if len(self.robot_ids) == 1 else 'robots'} {', '.join(map(str, self.robot_ids))}"
+
+    @property
     def acts(self) -> str:
         """What runs at a tick, in messages."""
         return "step" if type(self.controller).act is Controller.act else "act"
@@ -120,8 +125,8 @@ class ControllerHost:
                 logger.error("%s", failure)
             except KeyboardInterrupt:
                 raise
-            except BaseException:
-                logger.exception("%s could not be closed", driver.name)
+            except BaseException as failure:  # noqa: BLE001 - it is untrusted, and the run is over
+                logger.warning("%s: %s could not be closed: %s", driver.whose, driver.name, account_of(failure))
 
     def _act(self, driver: _Driver, now_s: float, tick: int, controller: Controller) -> None:
         controller.act(now_s, tick)
@@ -140,8 +145,7 @@ class ControllerHost:
             raise
         except BaseException as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
             cause = f"{driver.name} failed: {account_of(failure)}"
-            whose = "robot" if len(driver.robot_ids) == 1 else "robots"
-            logger.error("%s %s: %s", whose, ", ".join(map(str, driver.robot_ids)), cause)
+            logger.error("%s: %s", driver.whose, cause)
             self.failures.update(dict.fromkeys(driver.robot_ids, cause))
         finally:
             self.current_handler = None

@@ -323,9 +323,13 @@ def test_a_call_that_does_not_return_ends_the_run_by_name(
 
 
 @pytest.mark.parametrize("name", ["CannotBeClosed", "NeverCloses"])
-def test_one_that_cannot_be_closed_spoils_no_run(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_cannot_be_closed_spoils_no_run(
+    folder: Path, name: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     monkeypatch.setattr("soter.runner.run.SLOW_S", 0.1)
     assert run_mission(mission(folder, name, duration_s=1.0)).result.status == "completed"
+    assert all(name in line for line in caplog.messages)
+    assert [record.exc_info for record in caplog.records] == [None, None]
 
 
 def test_numbers_that_cannot_be_read_are_no_place_and_the_robot_goes_on(folder: Path) -> None:
