@@ -171,6 +171,8 @@ class RTAModule:
         peers_within_m: how far away a peer may be and still matter to the rule; a module never misses one that is
             nearer. Everybody by default, which costs the square of the number of robots; 0 for a rule without peers.
         premise: checks what else has to hold on a robot, and raises `IllFormedModule` where it does not.
+        most_edge: the largest margin that the edge of any phi_safer can have.
+        instead: what would do where no phi_safer does, for who reads that none does.
     """
 
     name: str
@@ -186,6 +188,8 @@ class RTAModule:
     lets_go_s: float = math.inf
     peers_within_m: float = math.inf
     premise: Callable[[RTAModule, Timing], None] | None = None
+    most_edge: float = math.inf
+    instead: str = ""
 
     @property
     def of_pairs(self) -> bool:
@@ -281,8 +285,11 @@ class RTAModule:
             return
         unit = phi_safe.unit
         needed = reach + noise + self.keep
-        remedy = "no phi_safer"
-        if needed < math.inf:
+        remedy, instead = "no phi_safer", ""
+        if needed > self.most_edge + _ROUNDING:
+            instead = f", since its edge has a margin of at most {self.most_edge:.3f} {unit}"
+            instead += f"; {self.instead} would" if self.instead else ""
+        elif needed < math.inf:
             # Rounded up, because who takes this value must pass.
             remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
         wrong = f" and be wrong by {noise:.3f} {unit}" if noise > 0.0 else ""
@@ -296,7 +303,7 @@ class RTAModule:
             self.name,
             "P3",
             f"within {head} + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}"
-            f"{wrong}, but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do",
+            f"{wrong}, but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do{instead}",
         )
 
     def _largest_delta_s(self, model: ReachModel, most: float, timing: Timing, base_tick_s: float) -> float | None:

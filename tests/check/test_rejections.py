@@ -71,6 +71,25 @@ def station(
     declared[1].check(asked.base_tick_s)
 
 
+@pytest.mark.parametrize(
+    ("battery", "words"),
+    [
+        (
+            {"drive_s": 0.1, "idle_s": 0.1},
+            "no phi_safer would do, since .* battery.drive_s, or .*reserve_factor, would",
+        ),
+        ({"drive_s": 100.0, "idle_s": 100.0, "reserve_factor": 1.0, "phi_safer": 0.5}, "no phi_safer .*drive_s would"),
+        ({"drive_s": 1000.0, "idle_s": 1000.0, "phi_safer": 0.1}, r"a phi_safer whose edge has .* 0\.\d+ of a charge"),
+    ],
+)
+def test_what_would_do_for_a_battery_is_no_more_than_a_charge(battery: dict[str, float], words: str) -> None:
+    tables = {f"{'rta.' * (name not in ('drive_s', 'idle_s'))}battery.{name}": value for name, value in battery.items()}
+    asked = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "kinematic", **tables})
+    declared = declare_all(asked, asked.read_workspace(), {1: PROMISED, 2: PROMISED})
+    with pytest.raises(IllFormedModule, match=words):
+        declared[1].module("battery").check(declared[1].timing, asked.base_tick_s)
+
+
 def users_rule(modules: list[str], *robots: RobotPlace, name: str = "right") -> None:
     """Admit robots with a module of the user's; `right` wants them east of 1 m."""
     own = {"declare": f"tests.check.planted:{name}"}
