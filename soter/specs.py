@@ -119,17 +119,17 @@ def _check_tick(mission: MissionFile, declared: Capabilities) -> None:
     if tick_s > declared.lease_s + _ROUNDING:
         raise mission.refusal(
             "base_tick_s",
-            f"it is {tick_s:g}, but a lease lasts {declared.lease_s:g} s, so that robots would stop between two ticks; "
-            f"allowed: at most {declared.lease_s:g}, or robots that promise a longer lease_s",
+            f"it is {tick_s:.12g}, but a lease lasts {declared.lease_s:.12g} s, so that robots would stop between two "
+            f"ticks; allowed: at most {declared.lease_s:.12g}, or robots that promise a longer lease_s",
         )
     ticks = max(1, round(tick_s / period_s))
     whole = math.isclose(ticks * period_s, tick_s, rel_tol=1e-9)
     if declared.in_process and not whole and declared.sample_age_s < period_s:
         raise mission.refusal(
             "base_tick_s",
-            f"it is {tick_s:g}, but these robots move in periods of {period_s:g} s, so that samples would be up to "
-            f"{period_s:g} s old and not {declared.sample_age_s:g} s as promised; allowed: a multiple of {period_s:g}; "
-            f"the nearest is {ticks * period_s:g}",
+            f"it is {tick_s:.12g}, but these robots move in periods of {period_s:.12g} s, so that samples would be up "
+            f"to {period_s:g} s old and not {declared.sample_age_s:g} s as promised; allowed: a multiple of "
+            f"{period_s:.12g}; the nearest is {ticks * period_s:.12g}",
         )
 
 

@@ -124,13 +124,15 @@ class MissionFile(Table):
     def _whole_ticks(self) -> Self:
         if self.targets is not None and "targets" in self.mission.options:
             raise wrong(("targets",), self.targets, "one of targets and mission.targets")
-        for name in (*MODULES, "path"):
+        for name in (*MODULES, *(["path"] if self.rta.path.enabled else [])):
             delta_s = getattr(self.rta, name).delta_s
             ticks = round(delta_s / self.base_tick_s)
             # Both are decimals: 0.15 is three ticks of 0.05 although not in binary.
             if ticks < 1 or not math.isclose(ticks * self.base_tick_s, delta_s, rel_tol=1e-9):
                 nearest_s = max(1, ticks) * self.base_tick_s
-                allowed = f"a multiple of base_tick_s, which is {self.base_tick_s:g}; the nearest is {nearest_s:g}"
+                allowed = (
+                    f"a multiple of base_tick_s, which is {self.base_tick_s:.12g}; the nearest is {nearest_s:.12g}"
+                )
                 raise wrong(("rta", name, "delta_s"), delta_s, allowed)
         return self
 
@@ -195,8 +197,8 @@ class MissionFile(Table):
                 message = f"{self.workspace} has no outer boundary that the geofence module could keep"
                 problems.append(self._problem("rta.modules", f"{message}; give it one, or leave the module out"))
         elif 2.0 * inset_m >= least_m:
-            message = f"it is {inset_m:g}, which leaves nothing of a workspace {least_m:g} m wide"
-            allowed = f"allowed: below {least_m / 2.0:g}"
+            message = f"it is {inset_m:.12g}, which leaves nothing of a workspace {least_m:.12g} m wide"
+            allowed = f"allowed: below {least_m / 2.0:.12g}"
             problems.append(self._problem("rta.geofence.phi_safer_inset_m", f"{message}; {allowed}"))
         count = self.robots.count
         if count is not None and count > len(ids):

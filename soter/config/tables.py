@@ -81,7 +81,7 @@ class DistanceTable(ModuleTable):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.phi_safer_m <= self.phi_safe_m:
-            raise wrong(("phi_safer_m",), self.phi_safer_m, f"above phi_safe_m, which is {self.phi_safe_m:g}")
+            raise wrong(("phi_safer_m",), self.phi_safer_m, f"above phi_safe_m, which is {self.phi_safe_m:.12g}")
         return self
 
 
@@ -267,7 +267,7 @@ class BatteryTable(Table):
     @model_validator(mode="after")
     def _waits_cheaply(self) -> Self:
         if self.idle_s < self.drive_s:
-            allowed = f"at least drive_s, which is {self.drive_s:g}: standing still costs no more than driving"
+            allowed = f"at least drive_s, which is {self.drive_s:.12g}: standing still costs no more than driving"
             raise wrong(("idle_s",), self.idle_s, allowed)
         return self
 

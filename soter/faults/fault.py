@@ -45,7 +45,9 @@ class FaultOptions(Table):
     @model_validator(mode="after")
     def _repeats_after_its_end(self) -> Self:
         if self.every_s is not None and (self.duration_s is None or self.duration_s >= self.every_s):
-            least = "a fault with a duration_s" if self.duration_s is None else f"above duration_s, {self.duration_s:g}"
+            least = (
+                "a fault with a duration_s" if self.duration_s is None else f"above duration_s, {self.duration_s:.12g}"
+            )
             raise wrong(("every_s",), self.every_s, least)
         return self
 

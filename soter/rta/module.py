@@ -255,8 +255,8 @@ class RTAModule:
                 raise IllFormedModule(
                     self.name,
                     "P1a",
-                    f"the {role} '{node.name}' has a period of {node.period_s:g} s, longer than Delta = "
-                    f"{self.delta_s:g} s; a period of {self.delta_s:g} s or a Delta of {fits:g} s would do",
+                    f"the {role} '{node.name}' has a period of {node.period_s:.12g} s, longer than Delta = "
+                    f"{self.delta_s:.12g} s; a period of {self.delta_s:.12g} s or a Delta of {fits:.12g} s would do",
                 )
         ticks = self.delta_s / base_tick_s
         if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
@@ -264,7 +264,8 @@ class RTAModule:
             raise IllFormedModule(
                 self.name,
                 "P1a",
-                f"Delta = {self.delta_s:g} s is no multiple of the base tick of {base_tick_s:g} s; {fits:g} s would do",
+                f"Delta = {self.delta_s:.12g} s is no multiple of the base tick of {base_tick_s:.12g} s; {fits:.12g} s "
+                "would do",
             )
         if set(self.ac.publishes) != set(self.sc.publishes) or not self.ac.publishes:
             raise IllFormedModule(

@@ -172,12 +172,38 @@ WRONG: list[tuple[str, str]] = [
             "nearest is 0.1"
         ),
     ),
+    (
+        "base_tick_s = 0.05000001\n",
+        (
+            "m.toml: rta.collision.delta_s: it is 0.05, allowed: a multiple of base_tick_s, which is 0.05000001; the "
+            "nearest is 0.05000001"
+        ),
+    ),
+    (
+        "[rta.collision]\nphi_safer_m = 0.5\nphi_safe_m = 0.50000001\n",
+        "m.toml:3: rta.collision.phi_safer_m: it is 0.5, allowed: above phi_safe_m, which is 0.50000001",
+    ),
+    (
+        "[battery]\ndrive_s = 600.00000001\nidle_s = 600\n",
+        (
+            "m.toml:4: battery.idle_s: it is 600.0, allowed: at least drive_s, which is 600.00000001: standing still "
+            "costs no more than driving"
+        ),
+    ),
+    (
+        "[rta.path]\nenabled = true\ndelta_s = 0.12\n",
+        "m.toml:4: rta.path.delta_s: it is 0.12, allowed: a multiple of base_tick_s, which is 0.05; the nearest is 0.1",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("text", "expected"), WRONG, ids=[text[:40].strip() for text, _ in WRONG])
 def test_what_is_wrong_is_named(text: str, expected: str) -> None:
     assert error(text) == expected
+
+
+def test_the_period_of_what_is_off_is_not_looked_at() -> None:
+    assert not parse_mission(b'workspace = "room.xml"\n[rta.path]\ndelta_s = 0.12\n', "m.toml").rta.path.enabled
 
 
 def test_the_workspace_must_be_given() -> None:
