@@ -7,7 +7,7 @@ import pkgutil
 import subprocess
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol
 
 from soter.conformance.harness import LIMITS, Switchable
 from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
@@ -15,7 +15,6 @@ from soter.sdk import Fleet, RobotSpec, RuleLimits, Waypoint
 from soter.sdk.wire import Simulator, WireBackend
 
 
-@runtime_checkable
 class WireRelay(Relay, Protocol):
     """A relay that takes the robots' place."""
 
@@ -30,14 +29,24 @@ class WireHarness(RelayedHarness):
     backend: ClassVar[type[WireBackend]]
     limits: RuleLimits = LIMITS
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._beside: list[WireRelay] = []
+
     @abstractmethod
     def impair(self, addresses: Mapping[int, Any]) -> WireRelay:
         """Return a relay to the robots at these addresses."""
 
     def open(self, robots: int) -> Fleet:
-        self.relay = self.impair(self._start(robots).robots)
-        self.fleet = self._connect()
+        self.relay = relay = self.impair(self._start(robots).robots)
+        self.fleet = self._connect(relay)
         return self.fleet
+
+    def close(self) -> None:
+        super().close()
+        for relay in self._beside:
+            relay.close()
+        self._beside.clear()
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator, backend = self._start(1), self.backend
@@ -46,8 +55,13 @@ class WireHarness(RelayedHarness):
         return self.driven(f"{__name__}:open_given", argument, target)
 
     def second(self) -> Fleet:
-        """Return another program's connection to the robots of the open fleet, beside the first one."""
-        return self._connect()
+        """Return another program's connection to the robots of the open fleet, beside the first one.
+
+        It has a relay of its own: to the robots it is somebody else.
+        """
+        relay = self.impair(self._simulated().robots)
+        self._beside.append(relay)
+        return self._connect(relay)
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
         """Set a vehicle's own clock forward, or back where negative, while it goes on."""
@@ -70,9 +84,8 @@ class WireHarness(RelayedHarness):
     def _begin_anew(self, robots: Mapping[int, Any]) -> None:
         self._watch(Simulator(self.backend.simulated_by, WIDE_ROOMS, self.specs(1), self.limits, at=robots))
 
-    def _connect(self) -> Fleet:
-        simulator, relay = self._simulated(), self.relay
-        assert isinstance(relay, WireRelay)
+    def _connect(self, relay: WireRelay) -> Fleet:
+        simulator = self._simulated()
         return _open(self.backend, relay.addresses, simulator.truth, self.asked(len(simulator.robots)))
 
     def _simulated(self) -> Simulator:

@@ -63,6 +63,16 @@ def test_a_second_program_has_a_connection_of_its_own(harness: ZmqHarness) -> No
         assert other.robots[0].read_state().controller is Controller.SC
 
 
+def test_what_happens_to_the_link_of_one_program_is_none_of_the_second_one_s(harness: ZmqHarness) -> None:
+    with harness.open(1) as fleet, harness.second() as other:
+        fleet.robots[0].init(10.0)
+        fleet.robots[0].close(5.0)
+        other.robots[0].init(10.0)
+        harness.cut(other.robots[0].id)
+        drive_until(other, lambda: False, 2.0)
+        assert other.robots[0].read_state().link is Link.UP
+
+
 def test_a_robot_whose_program_is_switched_off_and_on_is_at_the_same_address(harness: ZmqHarness) -> None:
     fleet, off, on = harness.switchable()
     with fleet:

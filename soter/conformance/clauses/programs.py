@@ -7,9 +7,10 @@ from threading import Event, Thread
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
 from soter.errors import SoterError
-from soter.sdk import Controller, Robot
+from soter.sdk import Controller, Link, Robot
 
 _MANY_TIMES = 25
 _READY_S = 2.0
@@ -17,23 +18,27 @@ _READY_S = 2.0
 
 @clause("authority.one_program", tier=Tier.WIRE)
 def one_program(bench: Bench) -> None:
-    """While the lease of one program lives, a second one moves nothing, and takes nothing away."""
+    """While a program renews its lease, goal or none, a second one moves nothing, and takes nothing away."""
     bench.require_hook("second")
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.3))
-    goal = bench.go(robot, bench.place(robot, 0.6))
+    bench.go(robot, bench.place(robot, 0.6))
     bench.run(SETTLE_S)
-    before = bench.look(robot)
     with bench.harness.second() as fleet:
-        _intrude(bench, robot, fleet.robots[0])
-    after = bench.look(robot)
-    moved_m, turned_rad = after.distance_m(before.x_m, before.y_m), abs(turn(before.heading_rad, after.heading_rad))
-    bench.require(
-        moved_m <= bench.still_m + goal.target.radius_m and turned_rad <= bench.still_rad,
-        f"a second program moved the robot by {moved_m:.2f} m and turned it by {turned_rad:.2f} rad while the lease of "
-        "the first one lived: the vehicle must follow one program at a time, each by a name of its own",
-    )
+        _intrude(
+            bench, robot, fleet.robots[0], "",
+            "the vehicle must follow one program at a time, each by a name of its own",
+        )  # fmt: skip
+        heard = bench.run(1.0, lambda: robot.read_state().link is Link.UP)
+        bench.require(
+            heard,
+            f"since a second program talks to the robot the first one hears it no more, its link is "
+            f"{robot.read_state().link.value}: what the robot says goes to who spoke last, or connected last; say it "
+            "to all, or to the program that the robot follows",
+        )
+        bench.go(robot, bench.place(robot, 0.4), cause="what the first one says is lost while a second one is there")
     bench.go(robot, bench.place(robot, 0.2), cause="a second program, which was not in charge, took the robot away")
+    _keep_out(bench, robot)
     bench.get_going(robot, bench.place(robot, -0.9))
     before = bench.look(robot)
     with bench.harness.second() as fleet:
@@ -78,8 +83,20 @@ def _renews(robot: Robot) -> bool:
     return False
 
 
-def _intrude(bench: Bench, mine: Robot, other: Robot) -> None:
-    """Let a second program do all that it can to a robot, while the first one's lease is renewed."""
+def _keep_out(bench: Bench, robot: Robot) -> None:
+    """See that a second program takes no robot away that has nothing to do, while its lease is renewed."""
+    cause = "with no goal under way renew_lease() does not renew the lease; it must, whatever is under way"
+    bench.get_going(robot, bench.place(robot, 0.9)).cancel()
+    for done in ("cancelled its goal", "handed over, and sent no goal"):
+        bench.run(bench.orphaned_s() + TICK_S)
+        with bench.harness.second() as fleet:
+            _intrude(bench, robot, fleet.robots[0], f", which had {done}", cause)
+        robot.switch_ac_sc(Controller.SC, "conformance")
+    robot.switch_ac_sc(Controller.AC, "conformance")
+
+
+def _intrude(bench: Bench, mine: Robot, other: Robot, done: str, cause: str) -> None:
+    """Let a second program do all that it can to a robot at rest, while the first one's lease is renewed."""
 
     def tell() -> bool:
         with suppress(SoterError):
@@ -89,8 +106,16 @@ def _intrude(bench: Bench, mine: Robot, other: Robot) -> None:
                 other.goto(bench.place(mine, -0.8), Controller.AC)
         return False
 
+    before = bench.look(mine)
     _get_ready(bench, other, renew=True)
     bench.run(2.0, tell)
+    after = bench.look(mine)
+    moved_m, turned_rad = after.distance_m(before.x_m, before.y_m), abs(turn(before.heading_rad, after.heading_rad))
+    bench.require(
+        moved_m <= bench.still_m + 2.0 * bench.near_m and turned_rad <= bench.still_rad,
+        f"a second program moved the robot by {moved_m:.2f} m and turned it by {turned_rad:.2f} rad while the lease of "
+        f"the first one lived{done}: {cause}",
+    )
 
 
 def _get_ready(bench: Bench, other: Robot, *, renew: bool) -> None:

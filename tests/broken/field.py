@@ -1,0 +1,91 @@
+"""Adapters with bugs that vehicles and drivers in the field have, one line of a table each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+from soter.sdk import Controller, Goal, RobotState, Waypoint
+from tests.broken.afterwards import State
+from tests.broken.edits import driven, edited, sampled, targeted, wired
+from tests.broken.in_process import Broken
+from tests.broken.on_wire import BrokenWire
+from tests.broken.parts import memory, with_control
+from tests.conformance.wire import Vehicle, WireRobot
+
+_SILENT_S: Final = 8.0
+_LOW: Final = 0.95
+
+
+def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
+    """Tell a cap that is another than the last one told; what the vehicle goes by is the second of both."""
+    caps, wanted_m_s = memory(robot, "caps", lambda: [None, None]), goal.target.speed_m_s
+    if wanted_m_s != caps[0]:
+        caps[:] = wanted_m_s, wanted_m_s
+    sent = Goal(robot, goal.id, goal.target._replace(speed_m_s=caps[1]), goal.by, goal.sent_s)
+    robot._mux.give(goal.by, sent, robot._world.now_s)
+
+
+def _forgets_its_cap(robot: Any, to: Controller) -> None:
+    if to is not robot._mux.in_charge:
+        memory(robot, "caps", lambda: [None, None])[1] = None
+    Broken._hand_over(robot, to)
+
+
+def _asleep_after(seconds: float) -> Callable[..., tuple[float, float]]:
+    """Return a control that goes to sleep for ever once it has rested for so long."""
+
+    def control(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+        moved_s = memory(robot, "moved", lambda: [state[0]])
+        if (state[4], state[5]) != (0.0, 0.0):
+            moved_s[0] = state[0]
+        return (0.0, 0.0) if state[0] - moved_s[0] > seconds else (speed, rate)
+
+    return control
+
+
+def _cut_to_centimetres(_: Any, to: Waypoint) -> Waypoint:
+    return to._replace(x_m=int(100.0 * to.x_m) / 100.0, y_m=int(100.0 * to.y_m) / 100.0)
+
+
+def _up_to_centimetres(_: Any, to: Waypoint) -> Waypoint:
+    return to._replace(x_m=math.ceil(100.0 * to.x_m) / 100.0, y_m=math.ceil(100.0 * to.y_m) / 100.0)
+
+
+def _more_than_full(robot: Any, state: RobotState) -> RobotState:
+    """Say 101 % once it has come from less to all that it takes."""
+    was_low = memory(robot, "was low", lambda: [False])
+    was_low[0] = was_low[0] or (state.battery or 0.0) < _LOW
+    return state._replace(battery=1.01) if was_low[0] and state.battery == 1.0 else state
+
+
+def _sleeps(self: Any, *state: float) -> tuple[float, float]:
+    return _asleep_after(90.0)(self, state, *Vehicle.control(self, *state))
+
+
+def _gives_up(self: Any) -> RobotState | None:
+    """End what listens once nothing was heard for 8 s."""
+    silent = self.latest is not None and self.clock.now() - self.latest.stamp_s > _SILENT_S
+    return self.latest if silent else WireRobot._sample(self)
+
+
+def _tells_the_newest(self: Any, *arguments: Any) -> None:
+    BrokenWire.__init__(self, *arguments)
+    del self.vehicle.up[:-1]
+
+
+def _renews_while_it_drives(self: Any) -> None:
+    if self.wanted.goal is not None:
+        WireRobot._renew_lease(self)
+
+
+FIELD: Final[tuple[type[Broken], ...]] = (
+)  # fmt: skip
+
+FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    wired("TellsTheNewest", "Says how it is to the program that connected last.", "authority.one_program",
+          "who spoke last", __init__=_tells_the_newest),
+    wired("RenewsWhileItDrives", "Renews no lease while no goal is under way.", "authority.one_program",
+          "with no goal under way", _renew_lease=_renews_while_it_drives),
+)  # fmt: skip
