@@ -81,6 +81,8 @@ def _renews_while_it_drives(self: Any) -> None:
 
 
 FIELD: Final[tuple[type[Broken], ...]] = (
+    edited("CapsThatChange", "Sends a speed cap if it has changed, and the vehicle forgets it at each hand-over.",
+           "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
 )  # fmt: skip
 
 FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
