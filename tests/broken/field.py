@@ -86,6 +86,8 @@ FIELD: Final[tuple[type[Broken], ...]] = (
 )  # fmt: skip
 
 FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    wired("GivesUpAfterAWhile", "Gives a link up for good once it was silent for 8 s.", "link.no_success",
+          "gives up for good", _sample=_gives_up),
     wired("TellsTheNewest", "Says how it is to the program that connected last.", "authority.one_program",
           "who spoke last", __init__=_tells_the_newest),
     wired("RenewsWhileItDrives", "Renews no lease while no goal is under way.", "authority.one_program",

@@ -72,17 +72,28 @@ def age(bench: Bench) -> None:
 
 @clause("link.no_success", tier=Tier.WIRE, hooks=("cut",))
 def no_success(bench: Bench) -> None:
-    """No goal is REACHED while the link is cut."""
+    """No goal is REACHED while the link is cut, and after a long cut the robot is heard and obeys again."""
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.9, timeout_s=bench.way_s() + 5.0))
     _cut(bench, robot)
     # By when it would have arrived, had it gone on.
-    bench.run(bench.harness.room_m / bench.caps.v_max_m_s + 3.0)
+    silent_s = bench.harness.room_m / bench.caps.v_max_m_s + 3.0
+    bench.run(silent_s)
     bench.require(
         goal.status is not GoalStatus.REACHED,
         "a goal is REACHED although nothing has been heard of the robot: arrival is predicted, or silence counts as "
         "success",
     )
+    bench.harness.restore(robot.id)
+    bench.require(
+        bench.run(5.0, lambda: robot.read_state().link is Link.UP),
+        f"the link was cut for {silent_s:.0f} s, and 5 s after it came back the robot is not heard: what hears gives "
+        "up for good after some seconds of silence; it must go on for as long as the robot is open",
+    )
+    bench.go(
+        robot, bench.place(robot, -0.2, 0.3),
+        cause=f"after a silence of {silent_s:.0f} s samples came back, but the way to the robot did not",
+    )  # fmt: skip
 
 
 @clause("link.stops", tier=Tier.WIRE, hooks=("cut",))
