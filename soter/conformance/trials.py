@@ -170,7 +170,7 @@ class Shuttle:
         bench, robot = self._bench, self._robot
         called_s = bench.now_s
         call()
-        bench.get_going(robot, self.end, closely=True)
+        bench.get_going(robot, self.end, closely=True, cause=cause)
         bench.run(2.0 * CRUISE_S, closely=True)
         start = fit_start(bench.tracks[robot.id], called_s)
         bench.require(start is not None, "it did not keep an even speed on a straight leg: it stops and goes")

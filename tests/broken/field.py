@@ -83,9 +83,13 @@ def _renews_while_it_drives(self: Any) -> None:
 FIELD: Final[tuple[type[Broken], ...]] = (
     edited("CapsThatChange", "Sends a speed cap if it has changed, and the vehicle forgets it at each hand-over.",
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
+    edited("SleepsForEver", "Takes no goal any more once it has rested for 80 s.", "goto.wakes", "wake up",
+           _connect=with_control(_asleep_after(80.0))),
 )  # fmt: skip
 
 FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    driven("SleepsForEver", "Takes no goal any more once it has rested for 90 s.", "deadman.stays", "gone to sleep",
+           control=_sleeps),
     wired("GivesUpAfterAWhile", "Gives a link up for good once it was silent for 8 s.", "link.no_success",
           "gives up for good", _sample=_gives_up),
     wired("TellsTheNewest", "Says how it is to the program that connected last.", "authority.one_program",

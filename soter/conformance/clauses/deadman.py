@@ -25,6 +25,9 @@ _FIRST_S = 1.0
 _STAYS_S = 70.0
 """Longer than 16 bits of milliseconds."""
 
+_RESTS_S = 25.0
+"""With what it has rested before, longer than vehicles mostly wait until they sleep."""
+
 _SLOW = 0.25
 _LEFT_S = 0.2
 _STALL_SHARE = 0.3
@@ -125,7 +128,7 @@ def first(bench: Bench) -> None:
 
 @clause("deadman.stays")
 def stays(bench: Bench) -> None:
-    """When its lease has ended a robot stays where it came to rest, and a switch behind that revives nothing."""
+    """When its lease has ended a robot stays where it is; a switch revives nothing, and long after that it obeys."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.run(bench.orphaned_s() + TICK_S + bench.caps.sample_age_s, renew=False)
@@ -143,8 +146,14 @@ def stays(bench: Bench) -> None:
     robot.switch_ac_sc(Controller.SC, "conformance")
     bench.run(bench.caps.latency_s + 2 * TICK_S)
     bench.expect_still(
-        robot, 1.5, "a switch is lost where the lease is long dead: the renewal behind it resumes what was interrupted"
-    )
+        robot, _RESTS_S,
+        "a switch is lost where the lease is long dead: the renewal behind it resumes what was interrupted",
+    )  # fmt: skip
+    bench.go(
+        robot, bench.place(robot, -0.4), Controller.SC,
+        cause=f"after {_STAYS_S + _RESTS_S:.0f} s of rest it takes no goal: it has gone to sleep, or was disarmed for "
+        "having nothing to do, and neither a renewal nor a goto wakes it up",
+    )  # fmt: skip
 
 
 @clause("deadman.reading", truth=True)
