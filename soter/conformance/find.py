@@ -51,9 +51,9 @@ class InProcessHarness(Harness):
         """Return robots of which the last is of its own kind, in a fresh world."""
         return self._opened(specs_at(_places(robots), promised))
 
-    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
         """Return a robot with a charge of its own in a fresh world."""
-        return self._opened(specs_at(_places(1), None, charge, lasts_s))
+        return self._opened(specs_at(_places(1), None, charge, lasts_s, charge_s))
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         """Return some robots of a workspace that has places for all, in a fresh world."""

@@ -41,6 +41,7 @@ def specs_at(
     promised: Capabilities | None = None,
     charge: float | None = None,
     lasts_s: float = FOR_EVER_S,
+    charge_s: float = FOR_EVER_S,
 ) -> list[RobotSpec]:
     """Return simulated robots at these places, for the kit to judge.
 
@@ -49,12 +50,13 @@ def specs_at(
         promised: what the last of them is asked to promise.
         charge: what is left in their batteries, and stays; None for a low charge that changes as they drive.
         lasts_s: how long a full one lasts then, whatever they do.
+        charge_s: how long it takes then to charge one.
     """
     specs = [RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S) for at in places]
     specs[-1] = replace(specs[-1], promised=promised)
     if charge is None:
         return specs
-    return [replace(each, battery=charge, drive_s=lasts_s, idle_s=lasts_s, charge_s=FOR_EVER_S) for each in specs]
+    return [replace(each, battery=charge, drive_s=lasts_s, idle_s=lasts_s, charge_s=charge_s) for each in specs]
 
 
 class Switchable(NamedTuple):
@@ -200,10 +202,11 @@ class Harness(ABC):
         """
         raise NotImplementedError
 
-    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
         """Return a fleet of one fresh robot, as `open` does, that has this charge, and has it still minutes later.
 
-        Where `lasts_s` is given, a full battery of its is empty after so long, whether it drives or not.
+        Where `lasts_s` is given, a full battery of its is empty after so long, whether it drives or not; where
+        `charge_s` is, an empty one is full after so long at a charger.
         """
         raise NotImplementedError
 

@@ -77,10 +77,14 @@ things up.
 
 
 def in_wide_rooms(
-    robots: int, promised: Capabilities | None = None, charge: float | None = None, lasts_s: float = FOR_EVER_S
+    robots: int,
+    promised: Capabilities | None = None,
+    charge: float | None = None,
+    lasts_s: float = FOR_EVER_S,
+    charge_s: float = FOR_EVER_S,
 ) -> list[RobotSpec]:
     """Return the first robots of `WIDE_ROOMS`, see `soter.conformance.harness.specs_at`."""
-    return specs_at(WIDE_ROOMS.robots[:robots], promised, charge, lasts_s)
+    return specs_at(WIDE_ROOMS.robots[:robots], promised, charge, lasts_s, charge_s)
 
 
 class RelayedHarness(Harness):
@@ -108,13 +112,13 @@ class RelayedHarness(Harness):
         self._drivers: list[subprocess.Popen[bytes]] = []
         self._promised: Capabilities | None = None
         self._charge: float | None = None
-        self._lasts_s = FOR_EVER_S
+        self._lasts_s = self._charge_s = FOR_EVER_S
         self._order: Sequence[int] | None = None
         self._stalls: list[subprocess.Popen[bytes]] = []
 
     def specs(self, robots: int) -> list[RobotSpec]:
         """Return the first robots of `WIDE_ROOMS`, with what the last of them is asked to promise, and their charge."""
-        return in_wide_rooms(robots, self._promised, self._charge, self._lasts_s)
+        return in_wide_rooms(robots, self._promised, self._charge, self._lasts_s, self._charge_s)
 
     def asked(self, robots: int) -> list[RobotSpec]:
         """Return which of so many robots the adapter is asked for: all, unless some were chosen."""
@@ -125,8 +129,8 @@ class RelayedHarness(Harness):
         self._promised = promised
         return self.open(robots)
 
-    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
-        self._charge, self._lasts_s = charge, lasts_s
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
+        self._charge, self._lasts_s, self._charge_s = charge, lasts_s, charge_s
         return self.open(1)
 
     def choosing(self, order: Sequence[int]) -> Fleet:

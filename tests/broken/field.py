@@ -85,6 +85,7 @@ FIELD: Final[tuple[type[Broken], ...]] = (
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
     edited("SleepsForEver", "Takes no goal any more once it has rested for 80 s.", "goto.wakes", "wake up",
            _connect=with_control(_asleep_after(80.0))),
+    sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 
 FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

@@ -48,8 +48,8 @@ class SimulatedHarness(Harness):
     def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
         return SimulatedFleet(self.kind, specs_of(robots, promised), self.engine)
 
-    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
-        return SimulatedFleet(self.kind, specs_of(1, None, charge, lasts_s), self.engine)
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
+        return SimulatedFleet(self.kind, specs_of(1, None, charge, lasts_s, charge_s), self.engine)
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         there = specs_of(self.robots_most)
@@ -62,6 +62,10 @@ class SimulatedHarness(Harness):
 
 
 def specs_of(
-    robots: int, promised: Capabilities | None = None, charge: float | None = None, lasts_s: float = FOR_EVER_S
+    robots: int,
+    promised: Capabilities | None = None,
+    charge: float | None = None,
+    lasts_s: float = FOR_EVER_S,
+    charge_s: float = FOR_EVER_S,
 ) -> list[RobotSpec]:
-    return specs_at(open_floor().robots[:robots], promised, charge, lasts_s)
+    return specs_at(open_floor().robots[:robots], promised, charge, lasts_s, charge_s)

@@ -327,8 +327,8 @@ class WireHarness(Harness):
     def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
         return self._opened(specs_of(robots, promised))
 
-    def charged(self, charge: float, lasts_s: float = FOR_EVER_S) -> Fleet:
-        return self._opened(specs_of(1, None, charge, lasts_s))
+    def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
+        return self._opened(specs_of(1, None, charge, lasts_s, charge_s))
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         self._opened(specs_of(self.robots_most))

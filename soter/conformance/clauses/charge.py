@@ -12,7 +12,7 @@ from soter.conformance.driver import ROUNDING
 from soter.conformance.figure import NotTested
 from soter.conformance.trials import ToAndFro
 from soter.errors import RobotUnavailable
-from soter.sdk import Controller, Robot, RobotState, Truth, Waypoint
+from soter.sdk import Controller, Link, Robot, RobotState, Truth, Waypoint
 
 _PERCENT = 0.01
 _DRIVES_S = 10.0
@@ -25,6 +25,9 @@ _AHEAD_M = 0.4
 _FLAT = 0.002
 """So little that whole per cent show nothing, which some take for unknown."""
 
+_NEARLY_FULL = 0.94
+_CHARGES_FULL_S = 80.0
+_FULL_S = 5.0
 _EMPTIES_S = 30.0
 _AROUND = 0.03
 _LATE_S = 0.05
@@ -139,6 +142,36 @@ def nearly_flat(bench: Bench) -> None:
         robot, f"its lease does not count: {low}", extra_s=bench.caps.lease_s, renew=False
     )  # fmt: skip
     _says_that_it_is_flat(bench)
+
+
+@clause("state.full", needs=("reports_battery",))
+def full(bench: Bench) -> None:
+    """While a battery becomes full at its charger and stays so, samples keep coming, of a charge of no more than 1."""
+    bench.require_hook("charged")
+    if not bench.harness.charges_at_start:
+        raise NotTested("not declared: the harness's attribute 'charges_at_start'")
+    bench.opener = lambda: bench.harness.charged(_NEARLY_FULL, charge_s=_CHARGES_FULL_S)
+    robot, truth = bench.open_one(), bench.fleet.truth
+    lasts_s = (1.0 - _NEARLY_FULL) * _CHARGES_FULL_S + 1.0
+
+    def is_full() -> bool:
+        charges = {} if truth is None else truth.report().charges
+        return charges.get(robot.id, 0.0) >= 1.0
+
+    # Where no truth tells when, that is known of those that are simulated.
+    bench.run(lasts_s, is_full)
+    bench.run(_FULL_S)
+    state = robot.read_state()
+    bench.require(
+        robot.discarded == 0 and state.link is Link.UP,
+        f"when its battery is full at its charger {robot.discarded} samples of it are discarded, and its link is "
+        f"{state.link.value}: with a charge of more than 1, such as 101 %, no sample counts; clamp it, or scale it",
+    )
+    bench.measure(
+        "full_off", 1.0 - _charge(state), _PERCENT, 1e-3,
+        f"its battery is full at its charger, and the charge is said to be {_charge(state):.3f}: it never is 1, as of "
+        "a voltage or another full one",
+    )  # fmt: skip
 
 
 @clause("state.emptying", needs=("reports_battery",))
