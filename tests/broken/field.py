@@ -85,6 +85,10 @@ FIELD: Final[tuple[type[Broken], ...]] = (
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
     edited("SleepsForEver", "Takes no goal any more once it has rested for 80 s.", "goto.wakes", "wake up",
            _connect=with_control(_asleep_after(80.0))),
+    targeted("TargetsCutOff", "Cuts targets off to whole centimetres.", "bounds.overshoot", "rounded one|cut off",
+             _cut_to_centimetres),
+    targeted("TargetsUpwards", "Rounds targets up to whole centimetres.", "bounds.overshoot", "rounded up",
+             _up_to_centimetres),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 

@@ -31,6 +31,12 @@ _FAR_FROM = 0.8
 _FAR_TO = 4.0
 _LONG_LEGS, _FEW_LONG_LEGS = 4, 2
 _WEST_RAD = (0.06, -0.05)
+_CUT_AT = 0.3
+_CENTIMETRE_M = 0.01
+_NEXT_M = 0.0099
+"""Places in whole centimetres are off by so much where they are cut off, to the south-west."""
+
+_CUT_OFF = "they are cut off, or rounded up, such as to centimetres"
 _BACK_AT = ((0.5, 0.1), (-0.5, 0.3))
 
 
@@ -170,12 +176,33 @@ def overshoot(bench: Bench) -> None:
     bench.go(robot, wide)
     bench.run(SETTLE_S)
     legs.append((began, wide, bench.since(robot, began_s)))
-    furthest = max((0.0, *(beyond for leg in legs for beyond, _ in along_and_across(*leg))))
-    bench.measure(
-        "overshoot_m", furthest, bench.caps.overshoot_m, bench.off_m,
+    late = (
         "it brakes too late for its target, is sent to a place beyond it, such as a rounded one, or overshoot_m is "
-        "declared too small",
-    )  # fmt: skip
+        "declared too small"
+    )
+    for seen, cause in (
+        (legs, late),
+        (_cut_off(bench, robot), f"where the places of a target have many digits {_CUT_OFF}; or {late}"),
+    ):
+        furthest = max((0.0, *(beyond for leg in seen for beyond, _ in along_and_across(*leg))))
+        bench.measure("overshoot_m", furthest, bench.caps.overshoot_m, bench.off_m, cause)
+
+
+def _cut_off(bench: Bench, robot: Robot) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
+    """Drive legs across both axes to places that lie farther on once they are cut off, or rounded up."""
+    at_m = _CUT_AT * bench.harness.room_m / 2.0
+    x_m, y_m, _ = bench.home(robot)
+    bench.go(robot, Waypoint(x_m + at_m, y_m + at_m, radius_m=bench.near_m))
+    legs = []
+    for side, digits in ((-1.0, _NEXT_M), (1.0, _CENTIMETRE_M - _NEXT_M))[: bench.trials(2)]:
+        bench.run(SETTLE_S)
+        began, began_s = bench.look(robot), bench.now_s
+        x_to_m, y_to_m = (_CENTIMETRE_M * math.floor((to + side * at_m) / _CENTIMETRE_M) + digits for to in (x_m, y_m))
+        target = Waypoint(x_to_m, y_to_m, radius_m=bench.near_m)
+        bench.go(robot, target)
+        bench.run(1.0)
+        legs.append((began, target, bench.since(robot, began_s)))
+    return legs
 
 
 @clause("bounds.pivot", truth=True, needs=("pivots_first",))
