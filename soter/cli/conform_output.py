@@ -32,7 +32,7 @@ class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
     """Shows outcomes as they come: a line each, and below them, on a terminal, what is being tried.
 
     Attributes:
-        load: programs that ran or waited to for each core of the host as a clause failed, at most.
+        load: programs that ran or waited to for each core of the host as a clause failed by something late, at most.
     """
 
     def __init__(self, console: Console, total: int) -> None:
@@ -59,7 +59,7 @@ class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
     def add(self, outcome: Outcome) -> None:
         """Print one outcome."""
         self._done += 1
-        if outcome.verdict is Verdict.FAIL:
+        if any(each.timed and not each.kept for each in outcome.figures):
             self.load = max(self.load, os.getloadavg()[0] / (os.cpu_count() or 1))
         self._console.print(_line(outcome), soft_wrap=True)
 
@@ -160,7 +160,7 @@ def print_summary(console: Console, record: Record, host_s: float, load: float =
             console.print(f"    not shown: {each.clause.contract} ({each.clause.id})", soft_wrap=True)
     if load >= _BUSY and not in_process:
         console.print(
-            f"  the host was busy, with {load:.1f} programs a core, as clauses failed: what was late may have been its "
+            f"  the host was busy, with {load:.1f} programs a core, as something was late: that may have been its "
             "doing, not the adapter's; try again with --jobs 1, and nothing beside it",
             soft_wrap=True,
         )

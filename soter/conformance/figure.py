@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from soter.conformance.driver import ROUNDING
 from soter.conformance.track import quantile
+
+_RATES: Final = ("m_s", "rad_s")
+_WAYS: Final = ("_run_m", "_reaction_m", "stopping_distance_m")
 
 
 class Failed(Exception):
@@ -64,3 +68,8 @@ class Figure:
         if self.bound is None:
             return True
         return self.value >= self.bound - ROUNDING if self.at_least else self.value <= self.bound + ROUNDING
+
+    @property
+    def timed(self) -> bool:
+        """Whether it is a time, or a way that gets longer where something is late: what a busy host may spoil."""
+        return self.name.endswith(_WAYS) or (self.name.endswith("_s") and not self.name.endswith(_RATES))

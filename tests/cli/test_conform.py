@@ -85,14 +85,24 @@ def test_it_says_what_was_not_tested_and_which_of_that_may_not_be_left_out() -> 
 
 
 @pytest.mark.parametrize(
-    ("verdict", "load", "said"), [(Verdict.FAIL, 14.0, True), (Verdict.FAIL, 1.0, False), (Verdict.PASS, 14.0, False)]
+    ("name", "seen", "load", "said"),
+    [
+        ("latency_s", 0.2, 14.0, True),
+        ("cut_run_m", 0.2, 14.0, True),
+        ("latency_s", 0.2, 1.0, False),
+        ("latency_s", 0.1, 14.0, False),
+        ("v_max_m_s", 0.2, 14.0, False),
+        ("overshoot_m", 0.2, 14.0, False),
+    ],
 )
-def test_it_says_that_the_host_was_busy_as_clauses_failed(
-    verdict: Verdict, load: float, said: bool, monkeypatch: pytest.MonkeyPatch
+def test_it_says_that_the_host_was_busy_as_something_was_late(
+    name: str, seen: float, load: float, said: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0))
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    outcomes = [Outcome(CLAUSES["bounds.latency"], verdict, "late", (), 0.0)]
+    figure = Figure.of(name, seen, 0.1)
+    verdict = Verdict.PASS if figure.kept else Verdict.FAIL
+    outcomes = [Outcome(CLAUSES["bounds.latency"], verdict, "", (figure,), 0.0)]
     console = make_console(stderr=False)
     with console.capture() as captured, Outcomes(console, 1) as shown:
         shown.add(outcomes[0])
