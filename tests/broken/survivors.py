@@ -78,6 +78,11 @@ SURVIVORS: Final = (
         "with a battery that is nearly flat.",
     ),
     Survivor(
+        "Sleeps for ever, or gives a link up for good, after minutes without anything to do or to hear.",
+        "A robot is driven after 95 s of rest, in process after 100 s, and after 14 s in which its link is cut.",
+        "It takes no goal after a long stop: it stands, and is lost for the rest of the run.",
+    ),
+    Survivor(
         "Lets its session, its login or its licence end after more than three minutes.",
         "No clause has a fleet open for longer: on rigid bodies an hour takes a minute.",
         "Nothing that it is told counts any more: its lease ends, it stands, and is lost for the rest of the run.",
