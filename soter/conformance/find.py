@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from soter.conformance.given import Given, GivenHarness
-from soter.conformance.harness import FOR_EVER_S, LEG_M, LIMITS, Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, LEG_M, LIMITS, Harness, beside_leg, specs_at
 from soter.errors import BackendError, ConfigError, UnknownBackend, nearest
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
@@ -20,12 +20,12 @@ _STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2), (37, 142.7, 70.
 
 
 def open_floor() -> Workspace:
-    """Return a floor without boxes, with room for three robots."""
+    """Return a floor with room for three robots, and a box beside the long leg of the first."""
     places = tuple(
         RobotPlace(number, x_m, y_m, Box(x_m - 0.3, y_m - 0.3, x_m + 0.3, y_m + 0.3, 0.0), heading_rad)
         for number, x_m, y_m, heading_rad in _STARTS
     )
-    return Workspace(148.0, 76.0, (), places)
+    return Workspace(148.0, 76.0, (beside_leg(_STARTS[0][1:3]),), places)
 
 
 class InProcessHarness(Harness):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from soter.geometry.workspace import RobotPlace
+from soter.geometry.workspace import Box, RobotPlace
 from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
 
 HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", "observe")
@@ -34,6 +34,12 @@ FOR_EVER_S: Final = 1e6
 
 LIMITS: Final = RuleLimits(separation_m=0.45)
 """What truth judges simulated robots by, which no world does by itself."""
+
+
+def beside_leg(start: tuple[float, float]) -> Box:
+    """Return a box beside the end of the long leg to the west of a place: no robot that passes is to mind it."""
+    x_m, y_m = start
+    return Box(x_m - LEG_M, y_m - 1.3, x_m - 0.9 * LEG_M, y_m - 0.91)
 
 
 def specs_at(

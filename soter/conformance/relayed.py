@@ -9,7 +9,7 @@ from typing import Final, Protocol
 
 from soter.clock import VehicleClock
 from soter.conformance import driver
-from soter.conformance.harness import FOR_EVER_S, LEG_M, LIMITS, Harness, specs_at
+from soter.conformance.harness import FOR_EVER_S, LEG_M, LIMITS, Harness, beside_leg, specs_at
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.sdk import Capabilities, Fleet, RobotSpec, RuleLimits, Waypoint
 from soter.sdk.truth import StreamedTruth
@@ -62,14 +62,14 @@ class Tells(Closes, Protocol):
 
 
 WIDE_ROOMS: Final = Workspace(
-    150.0, 78.0, (),
+    150.0, 78.0, (beside_leg((142.5, 73.5)),),
     (
         RobotPlace(7, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
         RobotPlace(3, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
         RobotPlace(37, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
     ),
 )  # fmt: skip
-"""Three rooms of 2.4 m, for robots that take their time to stop.
+"""Three rooms of 2.4 m, for robots that take their time to stop; and a box beside the long leg of the first.
 
 Ids are neither 1 and 2 nor in order: they are no indices. One begins with another, as names do by which a wire may look
 things up.

@@ -16,6 +16,8 @@ from tests.conformance.wire import Vehicle, WireRobot
 
 _SILENT_S: Final = 8.0
 _LOW: Final = 0.95
+_SEES_M: Final = 0.45
+_PUSH: Final = 0.12
 
 
 def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
@@ -51,6 +53,25 @@ def _cut_to_centimetres(_: Any, to: Waypoint) -> Waypoint:
 
 def _up_to_centimetres(_: Any, to: Waypoint) -> Waypoint:
     return to._replace(x_m=math.ceil(100.0 * to.x_m) / 100.0, y_m=math.ceil(100.0 * to.y_m) / 100.0)
+
+
+def _keeps_away(robot: Any, timeout_s: float) -> Any:
+    """Drive as if it were nearer to a box than it is, as a vehicle with an avoidance of its own does."""
+    found, vehicle = Broken._connect(robot, timeout_s), robot._vehicle
+
+    def control(now_s: float, x_m: float, y_m: float, *turned: float) -> tuple[float, float]:
+        for box in robot._world.workspace.boxes:
+            push = _PUSH * max(0.0, 1.0 - box.distance_m(x_m, y_m) / _SEES_M)
+            x_m, y_m = (
+                at + push * math.copysign(1.0, to - at) * (abs(to - at) > half)
+                for at, to, half in zip(
+                    (x_m, y_m), box.centre, (box.high_x_m - box.centre[0], box.high_y_m - box.centre[1]), strict=True
+                )
+            )
+        return vehicle.control(now_s, x_m, y_m, *turned)  # type: ignore[no-any-return]
+
+    robot._world.set_control(robot.id, control)
+    return found
 
 
 def _more_than_full(robot: Any, state: RobotState) -> RobotState:
@@ -89,6 +110,8 @@ FIELD: Final[tuple[type[Broken], ...]] = (
              _cut_to_centimetres),
     targeted("TargetsUpwards", "Rounds targets up to whole centimetres.", "bounds.overshoot", "rounded up",
              _up_to_centimetres),
+    edited("KeepsAway", "Is pushed aside by boxes that stand within 0.45 m of its way.", "truth.bounds.leg",
+           "keeps away by itself", _connect=_keeps_away),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 
