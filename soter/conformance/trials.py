@@ -82,12 +82,12 @@ class ToAndFro:
         self.end = next(self._ends)
         self.goal = robot.goto(self.end, Controller.AC)
 
-    def go_on(self, *, anew: bool = False) -> bool:
-        """Send it on where it has arrived, or in any case; return False, so that driving goes on."""
+    def go_on(self, *, anew: bool = False, speed_m_s: float | None = None) -> bool:
+        """Send it on where it has arrived, or in any case, so fast; return False, so that driving goes on."""
         if not self.goal.active:
             self.end = next(self._ends)
         if anew or not self.goal.active:
-            self.goal = self._robot.goto(self.end, Controller.AC)
+            self.goal = self._robot.goto(self.end._replace(speed_m_s=speed_m_s), Controller.AC)
         return False
 
 

@@ -16,6 +16,8 @@ from tests.conformance.wire import Vehicle, WireRobot
 
 _SILENT_S: Final = 8.0
 _LOW: Final = 0.95
+_FLUSHES_S: Final = 25.0
+_FLASH_S: Final = 0.25
 _SEES_M: Final = 0.45
 _PUSH: Final = 0.12
 
@@ -74,6 +76,14 @@ def _keeps_away(robot: Any, timeout_s: float) -> Any:
     return found
 
 
+def _stands_still(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Drive on as before for a quarter of a second, every 25 s."""
+    last = memory(robot, "driven", lambda: [speed, rate])
+    if state[0] % _FLUSHES_S >= _FLASH_S:
+        last[:] = speed, rate
+    return last[0], last[1]
+
+
 def _more_than_full(robot: Any, state: RobotState) -> RobotState:
     """Say 101 % once it has come from less to all that it takes."""
     was_low = memory(robot, "was low", lambda: [False])
@@ -112,6 +122,8 @@ FIELD: Final[tuple[type[Broken], ...]] = (
              _up_to_centimetres),
     edited("KeepsAway", "Is pushed aside by boxes that stand within 0.45 m of its way.", "truth.bounds.leg",
            "keeps away by itself", _connect=_keeps_away),
+    edited("WaitsForItsFlash", "Drives on as it did for 0.25 s every 25 s, and hears and talks meanwhile.",
+           "endurance.pace", "what drives stands still", _connect=with_control(_stands_still)),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 

@@ -22,6 +22,7 @@ from soter.conformance.clauses import ramps as ramps
 from soter.conformance.clauses import contact as contact
 from soter.conformance.clauses import asked as asked
 from soter.conformance.clauses import endurance as endurance
+from soter.conformance.clauses import pace as pace
 from soter.conformance.clauses import anything as anything
 from soter.conformance.clauses import link as link
 from soter.conformance.clauses import process as process

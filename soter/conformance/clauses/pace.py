@@ -1,0 +1,121 @@
+"""Pace: what drives a robot goes on, and not only what hears and talks for it."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import deque
+from collections.abc import Sequence
+from statistics import median
+from typing import Final
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import clause
+from soter.conformance.driver import ROUNDING, TICK_S
+from soter.conformance.figure import NotTested
+from soter.conformance.track import TrackSample, quantile
+from soter.conformance.trials import ToAndFro
+from soter.sdk import Robot
+
+_LASTS_S: Final = 60.0
+_SLOWER: Final = 0.55
+_EVEN: Final = 0.25
+_LEAST: Final = 0.01
+_MANY: Final = 200
+_GIVES_UP_S: Final = 1.0
+_FEW: Final = 20
+
+
+@clause("endurance.pace")
+def pace(bench: Bench) -> None:
+    """In a minute of driving faster and slower in turn no goal changes the speed late."""
+    robot = bench.open_one()
+    even_m_s = _EVEN * (1.0 - _SLOWER) * bench.caps.v_max_m_s
+    if 2.0 * bench.speed_noise_m_s > even_m_s:
+        raise NotTested("not declared: a speed_noise_m_s small enough to see speeds change")
+    changes = _Changes(bench, robot, even_m_s)
+    bench.run(_LASTS_S, changes.look, closely=True)
+    # On a wire one may be the host's; what is the robot's comes again.
+    excused = 0 if bench.caps.in_process else 1
+    if sum(each > changes.most_s + changes.off_s for each in changes.late_s()) == excused == 1:
+        bench.run(_LASTS_S, changes.look, closely=True)
+    late_s = changes.late_s()
+    if len(late_s) >= _FEW:
+        bench.measure(
+            "speed_rare_s", sorted(late_s)[-1 - excused], changes.most_s, changes.off_s,
+            f"of {len(late_s)} goals that change its speed some change it late: now and then what drives stands still, "
+            "while what hears and talks goes on, or it does something else first", spread=late_s,
+        )  # fmt: skip
+
+
+class _Changes:
+    """Has a robot go faster and slower in turn, and takes note of how soon it does.
+
+    Args:
+        bench: where.
+        robot: which.
+        even_m_s: how far a speed may be from what was asked for to count as even.
+
+    Attributes:
+        most_s: how late it may be.
+        off_s: how far that may be off.
+    """
+
+    def __init__(self, bench: Bench, robot: Robot, even_m_s: float) -> None:
+        caps, by_m_s = bench.caps, (1.0 - _SLOWER) * bench.caps.v_max_m_s
+        self.most_s: Final = caps.latency_s + caps.jitter_s
+        self.off_s: Final = bench.fit_s + 2.0 * bench.speed_noise_m_s / caps.brake_m_s2
+        self._bench: Final = bench
+        self._robot: Final = robot
+        self._shuttle: Final = ToAndFro(bench, robot)
+        self._speeds_m_s: Final = (_SLOWER * caps.v_max_m_s, caps.v_max_m_s)
+        self._even_m_s: Final = even_m_s
+        shortest_s = self.most_s + caps.sample_age_s + by_m_s / caps.brake_m_s2
+        self._every_s: Final = TICK_S * math.ceil(shortest_s / TICK_S)
+        self._free_m: Final = caps.v_max_m_s * (self._every_s + TICK_S) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
+        # By the slower and the faster speed: from each goto to the stamp of the first sample that is nearer to it.
+        self._took_s: Final = (array("d"), array("d"))
+        self._gaps_s: Final[deque[float]] = deque(maxlen=_MANY)
+        self._fast, self._sent_s = 1, math.nan
+        self._looked_s = self._due_s = bench.now_s
+        self._last = bench.look(robot)
+
+    def late_s(self) -> list[float]:
+        """Return how late each change was, at least: those that took least say what else is in these times."""
+        return [each for took_s in self._took_s for each in self._beyond_least_s(took_s)]
+
+    def _beyond_least_s(self, took_s: Sequence[float]) -> list[float]:
+        least_s = quantile(took_s, _LEAST) + median(self._gaps_s) if took_s else 0.0
+        return [max(each - least_s, 0.0) for each in took_s]
+
+    def look(self) -> bool:
+        """Take note of a change, and change the speed where it is time to; return False, so that driving goes on."""
+        now_s, last, at = self._bench.now_s, self._last, self._bench.tracks[self._robot.id][-1]
+        gap_s = at.at_s - last.at_s
+        if now_s - self._looked_s > 2.0 * TICK_S or gap_s > 2.0 * median(self._gaps_s or [gap_s]) + self._bench.read_s:
+            # The host stood still, here or there, and what was under way meanwhile says nothing of the robot.
+            self._sent_s = math.nan
+        self._looked_s, self._last = now_s, at
+        if gap_s > 0.0:
+            self._gaps_s.append(gap_s)
+        nearer_to_faster = at.speed_m_s > sum(self._speeds_m_s) / 2.0
+        if at.at_s > self._sent_s and nearer_to_faster == bool(self._fast):
+            self._note(at.at_s)
+        if now_s - self._sent_s > self.most_s + _GIVES_UP_S:
+            self._note(now_s)
+        if now_s >= self._due_s and math.isnan(self._sent_s):
+            self._change(now_s, at)
+        return False
+
+    def _note(self, at_s: float) -> None:
+        if self._sent_s < at_s:
+            self._took_s[self._fast].append(at_s - self._sent_s)
+        self._sent_s = math.nan
+
+    def _change(self, now_s: float, at: TrackSample) -> None:
+        end, even = self._shuttle.end, abs(at.speed_m_s - self._speeds_m_s[self._fast]) <= self._even_m_s
+        self._fast, self._due_s = 1 - self._fast, now_s + self._every_s - ROUNDING
+        self._shuttle.go_on(anew=True, speed_m_s=self._speeds_m_s[self._fast])
+        # What brakes for its target, or turns to the next one, changes its speed by itself.
+        free = self._shuttle.end is end and at.distance_m(end.x_m, end.y_m) - end.radius_m > self._free_m
+        self._sent_s = now_s if even and free else math.nan
