@@ -10,16 +10,15 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib.resources import files
 from math import atan2, cos, dist, sin
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 from soter.errors import BackendError
 from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
+from soter.scratch import Scratch
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
 from soter_sim.judge import Judge
@@ -212,8 +211,8 @@ class PyBulletEngine:
     def _put(self, spec: RobotSpec, scale: float) -> int:
         """Put a robot on the ground, its motors braked; return its body's id."""
         client = self._client
-        with TemporaryDirectory() as folder:
-            model = Path(folder, "robot.urdf")
+        with closing(Scratch("robot")) as folder:
+            model = folder.path / "robot.urdf"
             model.write_text(_model(scale))
             robot = bullet.loadURDF(
                 str(model),

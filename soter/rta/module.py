@@ -171,7 +171,7 @@ class RTAModule:
         peers_within_m: how far away a peer may be and still matter to the rule; a module never misses one that is
             nearer. Everybody by default, which costs the square of the number of robots; 0 for a rule without peers.
         premise: checks what else has to hold on a robot, and raises `IllFormedModule` where it does not.
-        most_edge: the largest margin that the edge of any phi_safer can have.
+        most_edge: the largest margin that the edge of any phi_safer can have; None where there is none.
         instead: what would do where no phi_safer does, for who reads that none does.
     """
 
@@ -188,7 +188,7 @@ class RTAModule:
     lets_go_s: float = math.inf
     peers_within_m: float = math.inf
     premise: Callable[[RTAModule, Timing], None] | None = None
-    most_edge: float = math.inf
+    most_edge: float | None = None
     instead: str = ""
 
     @property
@@ -287,7 +287,7 @@ class RTAModule:
         unit = phi_safe.unit
         needed = reach + noise + self.keep
         remedy, instead = "no phi_safer", ""
-        if needed > self.most_edge + _ROUNDING:
+        if self.most_edge is not None and needed > self.most_edge + _ROUNDING:
             instead = f", since its edge has a margin of at most {self.most_edge:.3f} {unit}"
             instead += f"; {self.instead} would" if self.instead else ""
         elif needed < math.inf:
