@@ -26,7 +26,7 @@ from soter.stack.peers import Peers
 from soter.stack.right_of_way import BATTERY, WAIT_S, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 
-LONGEST_DWELL_S: Final = 0.8 * WAIT_S
+_LONGEST_DWELL_S: Final = 0.8 * WAIT_S
 """A rule about pairs may keep a robot for no longer once it holds again: who dwells counts as waiting."""
 
 _STEPS: Final = 20
@@ -220,16 +220,16 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                     f"{each.place.y_m:g}): the margin is {margin:.3f} {region.unit}; a start where it is 0 or more "
                     "would do",
                 )
-            if module.of_pairs and each.others and module.dwell_s > LONGEST_DWELL_S:
-                key = "rta.module" if module.name in mission.rta.module else "rta"
+            safer, of_users = module.phi_safer, module.name in mission.rta.module
+            if module.of_pairs and each.others and module.dwell_s > _LONGEST_DWELL_S:
+                key = "rta.module" if of_users else "rta"
                 raise IllFormedModule(
                     module.name,
                     "P2b",
                     f"{key}.{module.name}.dwell_s is {module.dwell_s:g} s, and robots that wait for each other for "
                     f"{WAIT_S:g} s begin to take turns, so that those that only dwell hold each other up; at most "
-                    f"{LONGEST_DWELL_S:g} s would do",
+                    f"{_LONGEST_DWELL_S:g} s would do",
                 )
-            safer, of_users = module.phi_safer, module.name in mission.rta.module
             if of_users and region is not None and not module.of_pairs and looks_at_peers(region, begins):
                 raise IllFormedModule(
                     module.name,

@@ -14,7 +14,7 @@ from soter.geometry.workspace import Box, RobotPlace, Workspace, grown
 from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
-from soter.stack.battery import Charged, Dock, GoHome
+from soter.stack.battery import Dock, GoHome
 from soter.stack.infrastructure import check_infrastructure, check_start
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules import declare_module, geofence, obstacle
@@ -160,13 +160,7 @@ def declare(
     )  # fmt: skip
 
     def made(name: str) -> RTAModule:
-        module = declare_module(mission, replace(kit, name=name, waypoint=Topic(WAYPOINT)), ac.waypoint)
-        if name != BATTERY or module.phi_safe is None:
-            return module
-        less = ", or a smaller rta.battery.reserve_factor," if rta.battery.reserve_factor > 1.0 else ""
-        # No charge is above 1.
-        most_edge = module.phi_safe.edge_margin(Charged(1.0))
-        return replace(module, most_edge=most_edge, instead=f"a larger battery.drive_s{less}")
+        return declare_module(mission, replace(kit, name=name, waypoint=Topic(WAYPOINT)), ac.waypoint)
 
     own = {name: made(name) for name in rta.module}
     for module in own.values():

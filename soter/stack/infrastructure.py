@@ -9,8 +9,8 @@ a robot to, it can go back to its station, and from there to where every static 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from soter.errors import IllFormedModule, ceil_m, floor_m
 from soter.geometry.workspace import RobotPlace
@@ -22,7 +22,14 @@ from soter.stack.refuge import RefugeFinder
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY
 
-OF_RULES: Final = {"the fence": "geofence", "a box": "obstacle"}
+
+class _TooNear(NamedTuple):
+    """What a place is too near to for the end of a path, the module of that rule, and the distances in metres."""
+
+    module: str
+    what: str
+    found_m: float
+    needed_m: float
 
 
 def check_infrastructure(
@@ -79,34 +86,34 @@ def check_start(robot: RobotPlace, recovery: RecoveryPlanner) -> None:
     Raises:
         IllFormedModule: names the place, the figures and what would do.
     """
-    for name, found_m, needed_m in _too_near(recovery, robot.x_m, robot.y_m):
+    if near := _too_near(recovery, robot.x_m, robot.y_m):
         raise IllFormedModule(
-            OF_RULES[name], "A13",
-            f"robot {robot.id} starts at ({robot.x_m:g}, {robot.y_m:g}), {floor_m(found_m)} m from {name}, and a robot "
-            f"that drives away from there needs {ceil_m(needed_m)} m; a start so far from it would do",
+            near.module, "A13",
+            f"robot {robot.id} starts at ({robot.x_m:g}, {robot.y_m:g}), {floor_m(near.found_m)} m from {near.what}, "
+            f"and a robot that drives away from there needs {ceil_m(near.needed_m)} m; a start so far from it would do",
         )  # fmt: skip
 
 
-def _too_near(recovery: RecoveryPlanner, x_m: float, y_m: float) -> Iterator[tuple[str, float, float]]:
-    """Yield what a place is too near to for the end of a path: what it is, how far that is, and what is needed."""
+def _too_near(recovery: RecoveryPlanner, x_m: float, y_m: float) -> _TooNear | None:
+    """Return what a place is too near to, or None where a path may end."""
     terrain = recovery.terrain
     # Beside the sides of a rectangle straight inwards is away from the fence.
     fence_m = recovery.certified_m if terrain.convex else recovery.path_m
-    for name, on, found_m, needed_m in (
-        ("the fence", recovery.rules.fence, terrain.fence_m(x_m, y_m), fence_m),
-        ("a box", recovery.rules.boxes, terrain.clearance_m(x_m, y_m), recovery.path_m),
-    ):
-        if on and found_m < needed_m:
-            yield name, found_m, needed_m
+    looks = (
+        (recovery.rules.fence, _TooNear("geofence", "the fence", terrain.fence_m(x_m, y_m), fence_m)),
+        (recovery.rules.boxes, _TooNear("obstacle", "a box", terrain.clearance_m(x_m, y_m), recovery.path_m)),
+    )
+    return next((near for on, near in looks if on and near.found_m < near.needed_m), None)
 
 
 def _check_station(robot: RobotPlace, path: ReturnPath, recovery: RecoveryPlanner, noise_m: float) -> None:
     x_m, y_m = path.place
-    for name, found_m, needed_m in _too_near(recovery, x_m, y_m):
+    if near := _too_near(recovery, x_m, y_m):
         raise IllFormedModule(
             BATTERY, "P2b",
-            f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {floor_m(found_m)} m from {name}, "
-            f"and a robot that drives there needs {ceil_m(needed_m)} m; a station so far from it would do",
+            f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {floor_m(near.found_m)} m from "
+            f"{near.what}, and a robot that drives there needs {ceil_m(near.needed_m)} m; a station so far from it "
+            "would do",
         )  # fmt: skip
     box = robot.charger
     half_m = min(box.high_x_m - box.low_x_m, box.high_y_m - box.low_y_m) / 2.0

@@ -16,10 +16,11 @@ from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import clause
 from soter.conformance.clauses.bounds import turns_at_least
 from soter.conformance.driver import ROUNDING, TICK_S
-from soter.conformance.track import quantile, turn
+from soter.conformance.lateness import Regularity
+from soter.conformance.track import turn
 from soter.conformance.trials import Shuttle, ToAndFro, measure_braking
 from soter.conformance.usage import usage
-from soter.sdk import Controller, Robot, RobotState, Waypoint
+from soter.sdk import Controller, Robot, Waypoint
 
 _ROUND_S: Final = 22.0
 _ROUNDS, _ROUNDS_IN_PROCESS = 3, 4
@@ -49,7 +50,6 @@ _GROWS: Final = {
 """By what is held, how much more of it may be held after each round, and the likely cause of more."""
 
 _GROWS_S: Final = 0.01
-_LEAST: Final = 0.01
 _KEPT: Final = 20
 _MANY: Final = 200
 
@@ -181,42 +181,34 @@ class _Commands:
         self._bench: Final = bench
         self._robot: Final = robot
         self._sent: Final[deque[tuple[int, float]]] = deque()
-        self._gaps_s: Final[deque[float]] = deque(maxlen=_MANY)
-        self._state: RobotState = robot.read_state()
-        self._looked_s = self._said_s = bench.now_s
+        state = robot.read_state()
+        self._stamp_s = state.stamp_s
+        self._regular: Final = Regularity(bench, state.stamp_s)
+        self._said_s = bench.now_s
         self.ages_s: Final[deque[float]] = deque(maxlen=_MANY)
 
     def drive(self, seconds: float) -> None:
         """Go on for so long."""
-        self._looked_s = self._bench.now_s
+        self._regular.begin()
         self._sent.clear()
         self._bench.run(seconds, self._look, closely=True)
 
     def late_s(self) -> list[float]:
-        """Return how late each was taken, at least.
-
-        A command takes no less than no time, and what else is in these times differs by no more than from one sample to
-        the next: those that took least say how much it is, whatever the host did to the others.
-        """
-        least_s = quantile(self.took_s, _LEAST) + median(self._gaps_s) if self.took_s else 0.0
-        return [max(took_s - least_s, 0.0) for took_s in self.took_s]
+        """Return how late each was taken, at least."""
+        return self._regular.late_s(self.took_s)
 
     def _look(self) -> bool:
         bench, now_s = self._bench, self._bench.now_s
         track = bench.tracks[self._robot.id]
         del track[:-_KEPT]
-        before, self._state = self._state, track[-1].state
-        gap_s = self._state.stamp_s - before.stamp_s
-        if now_s - self._looked_s > 2.0 * TICK_S or gap_s > 2.0 * median(self._gaps_s or [gap_s]) + bench.read_s:
-            # The host stood still, here or there, and what was under way meanwhile says nothing of the robot.
+        state = track[-1].state
+        if self._regular.broken(state.stamp_s):
             self._sent.clear()
-        self._looked_s = now_s
-        self.ages_s.append(now_s - self._state.stamp_s)
-        if gap_s > 0.0:
-            self._gaps_s.append(gap_s)
-            named = self._state.goal_id
+        self.ages_s.append(now_s - state.stamp_s)
+        if state.stamp_s > self._stamp_s:
+            self._stamp_s, named = state.stamp_s, state.goal_id
             while named is not None and self._sent and self._sent[0][0] <= named:
-                self.took_s.append(self._state.stamp_s - self._sent.popleft()[1])
+                self.took_s.append(state.stamp_s - self._sent.popleft()[1])
         if now_s - self._said_s >= TICK_S - ROUNDING:
             self._said_s = now_s
             self.shuttle.go_on(anew=True)

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections import deque
-from collections.abc import Sequence
-from statistics import median
 from typing import Final
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
-from soter.conformance.track import TrackSample, quantile
+from soter.conformance.lateness import Regularity
+from soter.conformance.track import TrackSample
 from soter.conformance.trials import ToAndFro
 from soter.sdk import Robot
 
 _LASTS_S: Final = 60.0
 _SLOWER: Final = 0.55
 _EVEN: Final = 0.25
-_LEAST: Final = 0.01
-_MANY: Final = 200
 _GIVES_UP_S: Final = 1.0
 _FEW: Final = 20
 
@@ -40,12 +36,13 @@ def pace(bench: Bench) -> None:
     if sum(each > changes.most_s + changes.off_s for each in changes.late_s()) == excused == 1:
         bench.run(_LASTS_S, changes.look, closely=True)
     late_s = changes.late_s()
-    if len(late_s) >= _FEW:
-        bench.measure(
-            "speed_rare_s", sorted(late_s)[-1 - excused], changes.most_s, changes.off_s,
-            f"of {len(late_s)} goals that change its speed some change it late: now and then what drives stands still, "
-            "while what hears and talks goes on, or it does something else first", spread=late_s,
-        )  # fmt: skip
+    if len(late_s) < _FEW:
+        raise NotTested(f"{len(late_s)} changes of speed in {_LASTS_S:g} s say little: {_FEW} would do, in more room")
+    bench.measure(
+        "speed_rare_s", sorted(late_s)[-1 - excused], changes.most_s, changes.off_s,
+        f"of {len(late_s)} goals that change its speed some change it late: now and then what drives stands still, "
+        "while what hears and talks goes on, or it does something else first", spread=late_s,
+    )  # fmt: skip
 
 
 class _Changes:
@@ -75,29 +72,19 @@ class _Changes:
         self._free_m: Final = caps.v_max_m_s * (self._every_s + TICK_S) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
         # By the slower and the faster speed: from each goto to the stamp of the first sample that is nearer to it.
         self._took_s: Final = (array("d"), array("d"))
-        self._gaps_s: Final[deque[float]] = deque(maxlen=_MANY)
         self._fast, self._sent_s = 1, math.nan
-        self._looked_s = self._due_s = bench.now_s
-        self._last = bench.look(robot)
+        self._due_s = bench.now_s
+        self._regular: Final = Regularity(bench, bench.look(robot).at_s)
 
     def late_s(self) -> list[float]:
-        """Return how late each change was, at least: those that took least say what else is in these times."""
-        return [each for took_s in self._took_s for each in self._beyond_least_s(took_s)]
-
-    def _beyond_least_s(self, took_s: Sequence[float]) -> list[float]:
-        least_s = quantile(took_s, _LEAST) + median(self._gaps_s) if took_s else 0.0
-        return [max(each - least_s, 0.0) for each in took_s]
+        """Return how late each change was, at least."""
+        return [each for took_s in self._took_s for each in self._regular.late_s(took_s)]
 
     def look(self) -> bool:
         """Take note of a change, and change the speed where it is time to; return False, so that driving goes on."""
-        now_s, last, at = self._bench.now_s, self._last, self._bench.tracks[self._robot.id][-1]
-        gap_s = at.at_s - last.at_s
-        if now_s - self._looked_s > 2.0 * TICK_S or gap_s > 2.0 * median(self._gaps_s or [gap_s]) + self._bench.read_s:
-            # The host stood still, here or there, and what was under way meanwhile says nothing of the robot.
+        now_s, at = self._bench.now_s, self._bench.tracks[self._robot.id][-1]
+        if self._regular.broken(at.at_s):
             self._sent_s = math.nan
-        self._looked_s, self._last = now_s, at
-        if gap_s > 0.0:
-            self._gaps_s.append(gap_s)
         nearer_to_faster = at.speed_m_s > sum(self._speeds_m_s) / 2.0
         if at.at_s > self._sent_s and nearer_to_faster == bool(self._fast):
             self._note(at.at_s)

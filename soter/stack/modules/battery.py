@@ -18,16 +18,21 @@ def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
     """Declare the module of one robot."""
     dock, v_max_m_s = kit.dock, kit.capabilities.v_max_m_s
     tube = 2.0 * kit.recovery.path_m * dock.cost_per_m
+    paid = ChargeForTheWayHome(dock)
+    less = ", or a smaller rta.battery.reserve_factor," if table.reserve_factor > 1.0 else ""
     return RTAModule(
         kit.name,
         kit.ac,
         kit.home,
         table.delta_s,
-        ChargeForTheWayHome(dock),
+        paid,
         Charged(table.phi_safer),
         DischargeBound(1.0 / kit.battery.drive_s, v_max_m_s, dock.cost_per_m, tube),
         dwell_s=table.dwell_s,
         keep=_reserve(kit, table),
+        # No charge is above 1.
+        most_edge=paid.edge_margin(Charged(1.0)),
+        instead=f"a larger battery.drive_s{less}",
     )
 
 
