@@ -181,7 +181,8 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
             f"than the reserve of {100 * module.keep:.2f} %; reserve_factor = {factor:g} would do"
         )
         return [Finding(BATTERY, "P2a", Certainty.REJECTED, text, figures)]
-    if short := _starts_low(mission, made, promised, extra):
+    # Where others are in the way from the very beginning, the whole reserve is what waiting for them takes.
+    if short := _starts_low(mission, made, promised, module.keep if made.others else extra):
         return [short]
     others = len(made.others)
     waiting = f"; waiting for {others} other{'s'[: others != 1]} is tested, not proved" if others else ""
@@ -232,16 +233,18 @@ def _grip(mission: MissionFile, made: Declared) -> float:
     )
 
 
-def _starts_low(mission: MissionFile, made: Declared, promised: Capabilities, extra: float) -> Finding | None:
+def _starts_low(mission: MissionFile, made: Declared, promised: Capabilities, reserve: float) -> Finding | None:
     """Return that a robot whose first charge the mission decides cannot pay for its way home with it, or None."""
     place, dock = made.place, made.dock
     charge = mission.initial_charge(place.id)
     way_m = dock.path.shortest_m(place.x_m, place.y_m) + DETOUR_M
-    needed = way_m * dock.cost_per_m + extra
+    needed = way_m * dock.cost_per_m + reserve
     if charge >= needed or not (promised.in_process or place.id in (mission.battery.initial or {})):
         return None
+    waiting = " and waiting for others" if made.others else ""
     text = (
-        f"robot {place.id} starts with a charge of {charge:.4f}, and its way home of {way_m:.2f} m, with its turns, "
-        f"uses up to {needed:.4f}; battery.initial.{place.id} = {math.ceil(needed * 1000) / 1000:g} would do"
+        f"robot {place.id} starts with a charge of {charge:.4f}, and its way home of {way_m:.2f} m, with what "
+        f"turns{waiting} may take, uses up to {needed:.4f}; "
+        f"battery.initial.{place.id} = {math.ceil(needed * 1000) / 1000:g} would do"
     )
     return Finding(BATTERY, "P2a", Certainty.REJECTED, text, {"charge": charge, "needed": needed})

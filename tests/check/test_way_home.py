@@ -179,6 +179,21 @@ def test_a_first_charge_that_does_not_pay_for_the_way_home_is_refused(tmp_path: 
     assert run_mission(alone).result.status == "completed"
 
 
+def test_where_others_begin_on_the_way_too_a_first_charge_pays_for_the_whole_reserve(tmp_path: Path) -> None:
+    room = open_room(tmp_path)
+    two = room.read_text().replace("</robots>", '<robot id="2"><start x="4.0" y="1.0" heading="0"/></robot></robots>')
+    station = '<box><low x="3.8" y="3.8" z="0"/><high x="4.2" y="4.2" z="0"/></box></charging_stations>'
+    room.write_text(two.replace("</charging_stations>", station))
+    asked = mission(tmp_path, room, battery__initial={"1": 0.02, "2": 1.0})
+    refused(asked, "robot 1 starts with a charge of 0.0200", "waiting for others")
+    enough = float(found(asked, "battery", "P2a").text.partition("battery.initial.1 = ")[2].split()[0])
+    keep = declared(asked).module("battery").keep
+    assert isinstance(keep, float)
+    assert enough >= keep
+    more = mission(tmp_path, room, battery__initial={"1": enough, "2": 1.0})
+    assert found(more, "battery", "P2a").verdict is Certainty.PROVED
+
+
 @pytest.mark.parametrize("modules", [["geofence"], ["geofence", "battery"]])
 def test_a_start_at_the_fence_is_refused_with_and_without_a_battery(tmp_path: Path, modules: list[str]) -> None:
     asked = mission(tmp_path, open_room(tmp_path, 2.5, 0.0), rta__modules=modules)

@@ -20,7 +20,7 @@ from tests.project.source import ROOT
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 PERIOD_S = 0.05
 MODULES = ("collision", "obstacle", "geofence", "battery")
-LOW = {"battery.initial": [0.05, 0.05], "battery.charge_s": 5.0}
+LOW = {"battery.initial": [0.1, 0.1], "battery.charge_s": 5.0}
 
 
 def ticked(tick_s: float, **changes: Any) -> dict[str, Any]:
