@@ -286,6 +286,8 @@ def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...]
         return f"it is {value}, allowed: {expected}{hint}"
     if kind == NOT_ALLOWED:
         return f"it is {value}, allowed: {context['allowed']}"
+    if kind == "model_type" and (fields := [name for name in _fields_at(model, where) if name not in hidden]):
+        return f"it is {value}, allowed: a table of {', '.join(fields)}"
     if kind in _ALLOWED:
         # Limits of whole numbers are shown to the last digit.
         shown = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()}

@@ -70,7 +70,13 @@ WRONG: list[tuple[str, str]] = [
     ("seed = true\n", "m.toml:2: seed: it is True, allowed: a whole number"),
     ("backend = 3\n", "m.toml:2: backend: it is 3, allowed: a text in quotes"),
     ('planner = ""\n', "m.toml:2: planner: it is '', allowed: a text that is not empty"),
-    ("rta = 3\n", "m.toml:2: rta: it is 3, allowed: a table"),
+    (
+        "rta = 3\n",
+        (
+            "m.toml:2: rta: it is 3, allowed: a table of enabled, modules, collision, obstacle, geofence, battery, "
+            "path, module"
+        ),
+    ),
     ("rta.enabled = 1\n", "m.toml:2: rta.enabled: it is 1, allowed: true or false"),
     ('rta.modules = "battery"\n', "m.toml:2: rta.modules: it is 'battery', allowed: a list"),
     ("backends = 3\n", "m.toml:2: backends: it is 3, allowed: a table"),
@@ -82,10 +88,7 @@ WRONG: list[tuple[str, str]] = [
         'targets = "gird"\n',
         "m.toml:2: targets: it is 'gird', allowed: 'grid', 'uniform' or 'hostile', did you mean 'grid'?",
     ),
-    (
-        "mission = 3\n",
-        "m.toml:2: mission: it is 3, allowed: a table",
-    ),
+    ("mission = 3\n", "m.toml:2: mission: it is 3, allowed: a table of use"),
     (
         '[rta]\nmodules = ["battery", "batery"]\n',
         (
