@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
-
 from soter.campaign.job import Done, Job, carry_out
 
 SHORT_S = 6.0
 
 
-@pytest.mark.parametrize("seeds", [range(1, 25), range(25, 49), range(49, 73)], ids=str)
-def test_what_is_accepted_keeps_every_rule_by_both_judges(seeds: range) -> None:
+def test_what_is_accepted_keeps_every_rule_by_both_judges() -> None:
     found: dict[int, Done] = {}
-    for seed in seeds:
+    for seed in range(1, 73):
         found[seed] = carry_out(Job("random", seed, "", {"seed": seed, "duration_s": SHORT_S}, {}), lambda: False)
     assert {seed: each.findings or each.failure for seed, each in found.items() if each.status != "refused"} == {
         seed: "" for seed, each in found.items() if each.status == "done"

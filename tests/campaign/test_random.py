@@ -181,7 +181,7 @@ def test_what_is_drawn_covers_what_there_is() -> None:
     faults = [len(each.tables.get("fault", ())) for each in drawn()]
     assert max(faults) == 3
     assert sum(count >= 2 for count in faults) > 0.4 * len(faults)
-    assert len(STYLES) >= 8
+    assert len(STYLES) >= 10
 
 
 def test_a_seed_gives_one_configuration_and_files_say_all_of_it(tmp_path: Path) -> None:

@@ -10,11 +10,12 @@ from typing import Final
 
 import shapely  # type: ignore[import-untyped]
 
+from soter.adapters.pybullet import PERIOD_S
 from soter.campaign.random.acs import draw_ac
 from soter.campaign.random.configuration import Configuration, Tables
 from soter.campaign.random.faults import draw_faults
 from soter.campaign.random.figures import Figures, worst
-from soter.campaign.random.fleet import draw_fleet
+from soter.campaign.random.fleet import DrawnFleet, draw_fleet
 from soter.campaign.random.floor import Floor, draw_floor
 from soter.campaign.random.modules import draw_rta
 from soter.campaign.random.places import STATION_M, Needs, furnish
@@ -55,7 +56,7 @@ def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
     floor = draw_floor(rng, nasty).scaled(fleet.room(rng))
     if rng.random() < 0.35:
         floor = floor.reshaped(rng)
-    tick_s = rng.choice(_ODD_TICKS if nasty and rng.random() < 0.1 else _TICKS)
+    tick_s = rng.choice((nasty and rng.random() < 0.2 and _odd_ticks(fleet)) or _TICKS)
     if tick_s != 0.05 or rng.random() < 0.1:
         tables["base_tick_s"] = tick_s
     wanted = min(rng.choices(range(1, MOST_ROBOTS + 1), (20, 22, 14, 12, 8, 7, 6, 5, 4, 4))[0], _room_for(floor, nasty))
@@ -94,6 +95,18 @@ def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
     return Configuration({key: value for key, value in tables.items() if value != {}}, room)
 
 
+def _odd_ticks(fleet: DrawnFleet) -> list[float]:
+    """Return unusual base ticks that the robots can be driven with: in none a lease ends, or a sample is too old."""
+    promises = fleet.promises((), MOST_ROBOTS, PERIOD_S)
+    most_s, age_s = min(each.lease_s for each in promises), min(each.sample_age_s for each in promises)
+    periods = [round(tick_s / PERIOD_S, 6) for tick_s in _ODD_TICKS]
+    return [
+        tick_s
+        for tick_s, count in zip(_ODD_TICKS, periods, strict=True)
+        if tick_s <= most_s and (count.is_integer() or age_s >= PERIOD_S)
+    ]
+
+
 def _room_for(floor: Floor, nasty: bool) -> int:
     """Return about how many robots there is room for."""
     boxes = sum(shapely.Polygon(box).area for box in floor.boxes)
@@ -102,7 +115,6 @@ def _room_for(floor: Floor, nasty: bool) -> int:
 
 def _battery(rng: Random, floor: Floor, figures: Figures, module: Tables, ids: Sequence[int], nasty: bool) -> Tables:
     """Return the batteries, and put into the battery's module what they ask for."""
-    longest_m = (1.0 if not floor.boxes and len(floor.fence) == 4 else 2.0) * (floor.width + floor.depth)
     reserve = rng.uniform(1.0, 10.0) if nasty else rng.uniform(2.5, 6.0)
     if rng.random() < 0.3:
         reserve = 4.0
@@ -110,7 +122,7 @@ def _battery(rng: Random, floor: Floor, figures: Figures, module: Tables, ids: S
         reserve = module["reserve_factor"] = round(reserve, 2)
     drive_s = math.exp(rng.uniform(math.log(200.0), math.log(3600.0)))
     # What has to be in the battery before the AC may have the robot: the way home, its jump, and the reserve.
-    needed_s = (reserve + 2.0) * longest_m / figures.slowest_m_s
+    needed_s = (reserve + 2.0) * floor.longest_m / figures.slowest_m_s
     part = rng.uniform(0.3, 0.9) if nasty else rng.uniform(0.15, 0.7)
     table: Tables = {}
     if rng.random() < 0.15 and needed_s < part * 1800.0:

@@ -42,6 +42,19 @@ class Floor:
         """What is inside of the fence."""
         return shapely.Polygon(self.fence)
 
+    @property
+    def wide_m(self) -> float:
+        """The diameter of the largest disc that fits into it, beside the boxes."""
+        free = self.inside.difference(shapely.union_all([shapely.Polygon(box) for box in self.boxes]))
+        return 2.0 * float(shapely.maximum_inscribed_circle(free, 0.01).length)
+
+    @property
+    def longest_m(self) -> float:
+        """About how long the longest way through it is."""
+        if self.style == "serpentine":
+            return (len(self.boxes) + 2) * max(self.width, self.depth)
+        return (2.0 if self.boxes or len(self.fence) != 4 else 1.0) * (self.width + self.depth)
+
     def scaled(self, times: float) -> Floor:
         """Return the same room so many times as large."""
 
@@ -108,7 +121,8 @@ def _cut(polygon: shapely.Polygon, corner: tuple[float, float], reach_m: float) 
 def _ring(polygon: shapely.Polygon) -> Ring:
     """Return the corners of a polygon, to the millimetre, without such as stand on a straight line."""
     corners = shapely.orient_polygons(polygon.simplify(1e-4)).exterior.coords[:-1]
-    return tuple((round(x, 3), round(y, 3)) for x, y in corners)
+    # Corners a millimetre apart may be one and the same then.
+    return tuple(dict.fromkeys((round(x, 3), round(y, 3)) for x, y in corners))
 
 
 def _kept(box: Patch, width: float, depth: float) -> Patch:
@@ -212,6 +226,27 @@ def _rooms(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
     return found
 
 
+def _serpentine(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    """Lanes beside each other, joined at one end and at the other in turns."""
+    gap, thick = min(_gap(rng, nasty), 0.4 * depth), rng.uniform(*WALL_M)
+    count = min(int(width / (gap + thick)), rng.randint(2, 16))
+    walls = [index * (gap + thick) + gap for index in range(max(1, count))]
+    return [
+        Patch(at, *((gap, at + thick, depth) if index % 2 else (0.0, at + thick, depth - gap)))
+        for index, at in enumerate(walls)
+    ]
+
+
+def _bays(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
+    """Bays beside each other, as to park in, with a lane along them."""
+    gap, thick = _gap(rng, nasty), rng.uniform(*WALL_M)
+    deep = rng.uniform(0.3, 0.7) * depth
+    return [
+        Patch(index * (gap + thick) + gap, 0.0, (index + 1) * (gap + thick), deep)
+        for index in range(int(width / (gap + thick)))
+    ]
+
+
 Boxes = Callable[[Random, float, float, bool], list[Patch]]
 
 STYLES: Final[dict[str, tuple[float, Boxes]]] = {
@@ -223,5 +258,7 @@ STYLES: Final[dict[str, tuple[float, Boxes]]] = {
     "l-shape": (2.5, _l_shape),
     "gaps": (2.0, _gaps),
     "rooms": (3.5, _rooms),
+    "serpentine": (1.8, _serpentine),
+    "bays": (1.8, _bays),
 }
 """By style: how many metres a room needs for it at least, and its boxes."""

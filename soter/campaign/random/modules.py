@@ -151,7 +151,7 @@ def _obstacle(rng: Random, found: Rta, figures: Figures, nasty: bool) -> None:
 
 def _geofence(rng: Random, found: Rta, floor: Floor, figures: Figures, nasty: bool) -> None:
     delta_s, inset_m = 0.05, 0.1
-    least_m = min(floor.width, floor.depth)
+    least_m = floor.wide_m
     fits = _whole(delta_s, figures.tick_s) and inset_m >= figures.spare_m(delta_s) and inset_m < 0.35 * least_m
     if rng.random() > 0.3 or not fits:
         delta_s = _ticks(rng, figures.tick_s, 0.5)
