@@ -82,6 +82,7 @@ class RecoveryPlanner:
     Attributes:
         own_rules: what the user's own modules keep, which every leg keeps, too.
         v_max_m_s: top speed of the robot.
+        turn_s: how long a turn in place to a leg takes at most, at the top turn rate.
         certified_m: what the end of a leg keeps from fence and boxes.
         path_m: what paths keep from fence and boxes, so that every leg of theirs is certified from wherever the robot
             is by then: off a corner, off the line, and seen where it is not.
@@ -120,6 +121,8 @@ class RecoveryPlanner:
         own_m = extent_m(capabilities, period_s)
         self._pair_near_m = max(PAIR_NEAR_M, rules.separation_m + own_m + max(own_m, peer_extent_m))
         self._reverses = capabilities.reverses
+        # Who goes backwards as well turns no farther than that.
+        self.turn_s: Final = math.pi / (2.0 if self._reverses else 1.0) / capabilities.yaw_rate_max_rad_s
         self.no_certified_motion = 0
 
     def leg_m(self, age_s: float) -> float:

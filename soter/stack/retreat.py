@@ -20,6 +20,9 @@ LOOK_AGAIN_S: Final = 1.0
 STUCK_S: Final = 10.0
 """A robot that has stood on its way to a refuge for so long does not get there: a peer is in the way for good."""
 
+TURNS: Final = 1.5
+"""A robot at rest may be turning to its next leg for so many times as long as a turn takes at most."""
+
 PATIENT_S: Final = 2.0
 """A robot that has stood on its return path for so long, no leg of which is certified, gets out of the way first."""
 
@@ -140,14 +143,16 @@ class Retreat(SafeController):
         there = bool(self._legs) and math.dist(self._legs[-1], (own.x_m, own.y_m)) < AT_CORNER_M
         if there or not self._legs or self.recovery.moves(own) or math.isinf(self._moved_s):
             self._moved_s = situation.now_s
-        return situation.now_s - self._moved_s > STUCK_S
+        return situation.now_s - self._moved_s > max(STUCK_S, TURNS * self.recovery.turn_s)
 
     def _settled(self, situation: Situation) -> bool:
         """Whether the way is still good: it leads somewhere, no peer is near its end, and the robot gets along it."""
         if not self._legs or not self._refuges.good(situation, self._legs[-1], self._peer_m):
             return False
-        own = situation.own
+        own, recovery = situation.own, self.recovery
+        # From another heading it may find another refuge, turn to that, and so on for ever.
         return (
-            self.recovery.moves(own)
+            situation.now_s - self._looked_s < TURNS * recovery.turn_s
+            or recovery.moves(own)
             or math.hypot(self._legs[-1][0] - own.x_m, self._legs[-1][1] - own.y_m) < AT_CORNER_M
         )
