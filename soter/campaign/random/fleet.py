@@ -99,7 +99,7 @@ def _robot(rng: Random, nasty: bool, common: Tables) -> Tables:
         "v_max_m_s": 0.22 - rng.uniform(0.0, 0.18 if nasty else 0.14) if slow else _spread(rng, 0.22, 1.5),
         "brake_m_s2": 1.0 - rng.uniform(0.0, 0.85) * scale if slow else _spread(rng, 0.4, 3.0),
         "accel_m_s2": _spread(rng, 0.1, 3.0),
-        "yaw_rate_max_rad_s": _spread(rng, 0.3, 5.0),
+        "yaw_rate_max_rad_s": _spread(rng, 0.1, 5.0),
         "latency_s": 0.05 + rng.uniform(0.0, 0.2) * scale,
         "sample_age_s": rng.uniform(0.0, 0.2) * scale,
         "jitter_s": rng.uniform(0.0, 0.1) * scale,
