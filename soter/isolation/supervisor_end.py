@@ -51,6 +51,7 @@ class SupervisorEnd:
         self._silent_s: Final = silent_s
         self._steady: Final = steady
         self._ports: Ports = {}
+        self._peers: tuple[int, ...] = ()
         self._handovers: dict[int, int] = {}
         self._reports: Final[deque[messages.Reported]] = deque()
         self._sent = 0
@@ -87,7 +88,7 @@ class SupervisorEnd:
         capabilities: tuple[Capabilities, ...] = (),
     ) -> None:
         """Tell the mission that its robots are ready, what they promise, and which robots other processes command."""
-        self._ports = ports
+        self._ports, self._peers = ports, peers
         self._handovers = dict.fromkeys(ports, 0)
         self._heard_steady_s = self._steady()
         self._tell(messages.Begin(
@@ -179,12 +180,14 @@ class SupervisorEnd:
     def _check(self, turn: messages.Turn) -> None:
         if not self._answered < turn.tick <= self._sent:
             raise Garbage(f"an answer to tick {turn.tick}, expected: {self._answered + 1} to {self._sent}")
-        concerned = [
+        own = [
             *(ask.robot_id for ask in turn.asks),
-            *(each.robot_id for each in turn.news),
             *(each.robot_id for each in turn.failures if each.robot_id is not None),
         ]
-        unknown = [robot_id for robot_id in concerned if robot_id not in self._ports]
+        unknown = [robot_id for robot_id in own if robot_id not in self._ports]
+        # A task planner beside robots has targets for those of other processes, too.
+        heard_of = {*self._ports, *self._peers}
+        unknown += [each.robot_id for each in turn.news if each.robot_id not in heard_of]
         if unknown:
             raise Garbage(f"there is no robot {unknown[0]}")
         for each in turn.news:

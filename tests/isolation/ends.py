@@ -64,14 +64,18 @@ ROOM = Footprint(0.1, 0.5, 0.1)
 
 
 class Rig:
-    """The supervisor's end with two robots, begun; what ports report goes to the mission as it should."""
+    """The supervisor's end with two robots, begun; what ports report goes to the mission as it should.
 
-    def __init__(self) -> None:
+    Args:
+        peers: robots of other processes.
+    """
+
+    def __init__(self, peers: tuple[int, ...] = ()) -> None:
         self.now_s = 100.0
         self.child = FakeChild()
         self.end = SupervisorEnd(self.child, SILENT_S, steady=lambda: self.now_s)
         self.ports: dict[int, Port[Waypoint, RobotState]] = {i: Port(i, self.end.hear) for i in (1, 2)}
-        self.end.begin(self.ports, 0.0, (ROOM,) * len(self.ports))
+        self.end.begin(self.ports, 0.0, (ROOM,) * len(self.ports), peers=peers)
 
     def tick(self, *turns: Turn, lasts_s: float = 0.05) -> list[Turn]:
         """Tell of a tick, let time pass, say what the mission says, and take it."""

@@ -92,6 +92,15 @@ def test_a_turn_may_leave_ticks_out_but_answers_none_twice_nor_early() -> None:
     assert "garbage: an answer to tick 2, expected: 1 to 1" in rig.end.failure
 
 
+def test_a_task_planner_says_what_robots_of_other_processes_are_given_and_commands_none_of_them() -> None:
+    rig = Rig(peers=(7,))
+    news = (TargetGiven(7, 1, 2.0, 3.0), TargetEndedMessage(7, 1, "reached"), TargetGiven(1, 2, 4.0, 5.0))
+    assert rig.tick(Turn(1, news=news)) == [Turn(1, news=news)]
+    assert not rig.end.failure
+    rig.tick(Turn(2, (Ask(7, 0, 1, Waypoint(1.0, 2.0)),)))
+    assert "garbage: there is no robot 7" in rig.end.failure
+
+
 @pytest.mark.parametrize(
     ("turn", "words"),
     [
