@@ -178,7 +178,8 @@ def run_campaign(
     began_s, finished = time.monotonic(), 0
 
     def changed(row: RunRow | None) -> None:
-        totals.planned = sum(source.planned for source in all_sources)
+        # Runs that were under way when a stopping rule was met are finished all the same.
+        totals.planned = max(sum(source.planned for source in all_sources), totals.runs)
         if finished:
             totals.left_s = (time.monotonic() - began_s) / finished * (totals.planned - totals.runs)
         on_change(totals, row)

@@ -138,6 +138,15 @@ Axis = list[Any] | dict[str, dict[str, Any]]
 """Values of the key that the axis is named after; or by name the settings of several keys."""
 
 
+def _axes(tables: object) -> object:
+    """Refuse an axis that is named after a dotted key without quotation marks: TOML makes tables of it. For pydantic."""
+    for name, values in tables.items() if isinstance(tables, dict) else ():
+        for key, value in values.items() if isinstance(values, dict) else ():
+            if not isinstance(value, dict):
+                raise wrong((name, key), value, f'a table; if the axis is of one key: grid."{name}.{key}" = [...]')
+    return tables
+
+
 class PartTable(Table):
     """Runs that belong together.
 
@@ -162,7 +171,7 @@ class PartTable(Table):
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
     mission: Name
     set: dict[str, Any] = Field(default_factory=dict)
-    grid: dict[str, Axis] = Field(default_factory=dict)
+    grid: Annotated[dict[str, Axis], BeforeValidator(_axes)] = Field(default_factory=dict)
     sample: SampleTable | None = None
     seeds: SeedsTable | Annotated[list[Seed], Field(min_length=1)] = Field(default=[1])
     require: Annotated[tuple[Requirement, ...], Field(strict=False)] = ()

@@ -131,8 +131,10 @@ def compare(
         if not paired:
             raise ConfigError("no run on the left has one of the same seed and setting on the right", key="--left")
         found = compared(paired)
-        head = [each.replace(", ", ",\n").replace(" at ", "\nat ") for each in DIFFERENCE_HEAD]
-        print_table(make_console(), head, map(difference_cells, found))
+        head = [each.replace(", ", ",\n").replace(" at ", "\nat ").replace(" - ", "\n- ") for each in DIFFERENCE_HEAD]
+        # With its longest name in two lines the table has room for an interval in two, on a terminal of 80 columns.
+        rows = [[each.replace("_total", "_\ntotal") for each in difference_cells(one)] for one in found]
+        print_table(make_console(), head, rows, gives_way=len(head) - 2)
         words = f"left: {left} {' '.join(left_is or ())}, right: {right or left} {' '.join(right_is or ())}"
         files.write("--output", lambda: comparison_page(words, found).encode())
 

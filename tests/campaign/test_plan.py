@@ -98,6 +98,7 @@ def test_ids_tell_runs_apart(tmp_path: Path) -> None:
         ({"seed": 1}, "part.0.seed"),
         ({"set": {"duration": 1.0}}, "part.0.set"),
         ({"grid": {"targets": ["grid", "gird"]}}, "part.0.grid"),
+        ({"grid": {"mission": {"targets": ["grid"]}}}, 'if the axis is of one key: grid."mission.targets" = [...]'),
         ({"set": {"backend": "ros2"}}, "part.0.set.backend"),
         ({"mission": "none.toml"}, None),
         ({"require": ["violations is 0"]}, "part.0.require.0"),

@@ -169,7 +169,9 @@ def test_a_stopping_rule_ends_it_at_the_same_run_whatever_comes_first(tmp_path: 
     read = campaign(tmp_path, {"seeds": {"count": 60}, "until": "violations < 0.3 of runs at 95 %"})
     stores = [tmp_path / "one.sqlite", tmp_path / "many.sqlite"]
     first = ran(read, stores[0])
-    ran(read, stores[1], Here(7))
+    totals: list[Totals] = []
+    ran(read, stores[1], Here(7), on_change=lambda now, _: totals.append(replace(now)))
+    assert all(each.runs <= each.planned and (each.left_s or 0.0) >= 0.0 for each in totals)
     assert 9 < first.runs == first.planned < 15, "ln(0.05 / 0.5) / ln(0.7) = 10.3 is what no violation needs, or less"
     assert same(stores[0]) == same(stores[1])
     workers = Here()

@@ -159,6 +159,7 @@ def test_settings_are_compared_by_seed(store: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0
     (line,) = [line for line in done.stdout.splitlines() if "ac_share" in line]
     assert line.split()[1] == "6"
+    assert all(f" {name} " in done.stdout for name in ("violations", "longest_stall_s")), "no name is folded"
     assert "Paired by seed" in (tmp_path / "page.html").read_text()
     assert soter("campaign", "compare", store).exit_code == 2
     assert soter("campaign", "compare", store, "--left", "targets=none").exit_code == 2
