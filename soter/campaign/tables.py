@@ -139,7 +139,7 @@ Axis = list[Any] | dict[str, dict[str, Any]]
 
 
 def _axes(tables: object) -> object:
-    """Refuse an axis that is named after a dotted key without quotation marks: TOML makes tables of it. For pydantic."""
+    """Refuse an axis named after a dotted key without quotation marks, of which TOML makes tables; for pydantic."""
     for name, values in tables.items() if isinstance(tables, dict) else ():
         for key, value in values.items() if isinstance(values, dict) else ():
             if not isinstance(value, dict):

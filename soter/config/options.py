@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from soter.errors import ConfigError, account_of, nearest
-from soter.problems import Problem, config_error, key_lines, pydantic_problems, read_limited, split_key
+from soter.problems import (
+    Problem,
+    config_error,
+    dotted,
+    key_lines,
+    line_of,
+    pydantic_problems,
+    read_limited,
+    split_key,
+)
 
 COMMAND_LINE: Final = "command line"
 
@@ -62,9 +71,36 @@ def validate_options(
         raise ConfigError(
             f"these options cannot be checked: {account_of(failure)}", source=source, key=key
         ) from failure
+    for where, known in _ignored(options, raw):
+        at, name = (*prefix, *where), where[-1]
+        own = next((COMMAND_LINE for each in overridden if each == at[: len(each)]), None)
+        message = f"unknown key{nearest(name, known)}; allowed: {', '.join(known)}"
+        problems.append(Problem(message, dotted(*at), None if own else line_of(at, lines), own))
     if problems:
         raise config_error(problems, source)
     return options
+
+
+def _ignored(value: object, raw: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[str]]]:
+    """Yield the keys that a model took no notice of, as pydantic's do unless told otherwise, with those that it knows.
+
+    A model that says itself what becomes of unknown keys, by `extra`, is left to that.
+    """
+    if isinstance(value, BaseModel) and isinstance(raw, Mapping):
+        config, fields = type(value).model_config, type(value).model_fields
+        known = {field.alias or name: name for name, field in fields.items()}
+        if config.get("populate_by_name") or config.get("validate_by_name"):
+            known |= {name: name for name in fields}
+        if "extra" not in config:
+            yield from (((*at, key), [*known]) for key in raw if key not in known)
+        for key in known.keys() & raw.keys():
+            yield from _ignored(getattr(value, known[key]), raw[key], (*at, key))
+    elif isinstance(value, Mapping) and isinstance(raw, Mapping) and len(value) == len(raw):
+        for each, (key, of) in zip(value.values(), raw.items(), strict=True):
+            yield from _ignored(each, of, (*at, key))
+    elif isinstance(value, list | tuple) and isinstance(raw, list) and len(value) == len(raw):
+        for index, (each, of) in enumerate(zip(value, raw, strict=True)):
+            yield from _ignored(each, of, (*at, str(index)))
 
 
 def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:

@@ -250,6 +250,43 @@ def test_wrong_options_have_their_line(tmp_path: Path) -> None:
     ]
 
 
+def test_unknown_keys_of_models_inside_options_are_refused_unless_these_say_otherwise(tmp_path: Path) -> None:
+    class Leg(BaseModel):
+        x_m: float
+        timeout_s: float = Field(30.0, alias="limit_s")
+
+    class Notes(BaseModel, extra="allow"):
+        by: str
+
+    class Route(Options):
+        legs: list[Leg]
+        home: Leg | None = None
+        named: dict[str, Leg] = Field(default_factory=dict)
+        notes: Notes | None = None
+
+    def route(text: str) -> Route:
+        made = load_mission(written(tmp_path, text), {"backends.kinematic.home": {"x_m": 1, "limit": 2}})
+        table = made.backends["kinematic"]
+        given = {"workspace": "filled in"}
+        return validate_options(Route, table, made.source, "backends.kinematic", given, made.overridden)
+
+    legs = "[[backends.kinematic.legs]]\nx_m = 1\n[[backends.kinematic.legs]]\nx_m = 2\nlimit_s = 8\n"
+    with pytest.raises(ConfigError) as caught:
+        route(f"{legs}timeout = 8\n[backends.kinematic.named]\na = {{ x_m = 1, y_m = 2 }}\n")
+    known = "allowed: x_m, limit_s"
+    assert sorted(str(caught.value).splitlines()[1:]) == [
+        f"  {tmp_path / 'm.toml'}:7: backends.kinematic.legs.1.timeout: unknown key; {known}",
+        f"  {tmp_path / 'm.toml'}:9: backends.kinematic.named.a.y_m: unknown key, did you mean 'x_m'?; {known}",
+        f"  command line: backends.kinematic.home.limit: unknown key, did you mean 'limit_s'?; {known}",
+    ]
+    assert options({"rate_hz": 1}).rate_hz == 1
+    notes = validate_options(
+        Route, {"legs": [], "notes": {"by": "me", "on": "Monday"}}, None, "route", {"workspace": "filled in"}
+    ).notes
+    assert notes is not None
+    assert notes.model_extra == {"on": "Monday"}
+
+
 def test_options_without_their_file_still_have_their_key(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"gone\.toml: backends\.kinematic\.rate_hz: it is 0, allowed: above 0"):
         options({"rate_hz": 0}, str(tmp_path / "gone.toml"))
