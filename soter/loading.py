@@ -170,7 +170,10 @@ def _only_class(module: ModuleType, base: type | None, target: str, refused: Ref
 def described(failure: BaseException, path: Path | None) -> str:
     """Return an exception in words, with the last line of a file that it came through, if it did."""
     line = account_of(failure, lambda each: f"{type(each).__name__}: {each}")
-    if isinstance(failure, SyntaxError):
-        return line
+    return line if isinstance(failure, SyntaxError) else line + line_in(path, failure)
+
+
+def line_in(path: Path | None, failure: BaseException) -> str:
+    """Return the last line of a file that an exception came through, as a message ends; empty if there is none."""
     inside = [each for each in traceback.extract_tb(failure.__traceback__) if path and each.filename == str(path)]
-    return f"{line} ({path.name}, line {inside[-1].lineno})" if inside and path else line
+    return f" ({path.name}, line {inside[-1].lineno})" if inside and path else ""

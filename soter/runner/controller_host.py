@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from operator import methodcaller
+from pathlib import Path
 from typing import Final
 
 from soter.config import MissionFile
@@ -15,6 +17,7 @@ from soter.controllers import Arena, Controller, build
 from soter.errors import account_of
 from soter.geometry.workspace import Workspace
 from soter.isolation.messages import MAX_TEXT
+from soter.loading import line_in
 from soter.rta import Report
 from soter.runner.mission_host import MAX_INCIDENTS, Scene
 from soter.runner.part import Part
@@ -42,6 +45,12 @@ class _Driver:
     def name(self) -> str:
         """What it is called in messages."""
         return type(self.controller).__name__
+
+    @property
+    def file(self) -> Path | None:
+        """Where its class is."""
+        file = getattr(sys.modules.get(type(self.controller).__module__), "__file__", None)
+        return Path(file) if isinstance(file, str) else None
 
     @property
     def whose(self) -> str:
@@ -144,7 +153,7 @@ class ControllerHost:
         except KeyboardInterrupt:
             raise
         except BaseException as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
-            cause = f"{driver.name} failed: {account_of(failure)}"
+            cause = f"{driver.name} failed: {account_of(failure)}{line_in(driver.file, failure)}"
             logger.error("%s: %s", driver.whose, cause)
             self.failures.update(dict.fromkeys(driver.robot_ids, cause))
         finally:

@@ -310,6 +310,13 @@ def test_one_that_fails_costs_its_own_robot_the_ac_and_no_other(folder: Path, na
     assert not run.result.violated
 
 
+def test_one_that_raises_is_told_with_its_line_and_one_that_returns_nonsense_with_none(folder: Path) -> None:
+    (line,) = (number for number, text in enumerate(OWN.splitlines(), 1) if "ZeroDivisionError" in text)
+    cause = run_mission(mission(folder, "Raises", duration_s=2.0)).result.failed_robots[2]
+    assert cause == f"Raises failed: ZeroDivisionError('of two') (own.py, line {line})"
+    assert "line" not in run_mission(mission(folder, "GivesPairs", duration_s=2.0)).result.failed_robots[2]
+
+
 @pytest.mark.parametrize(("name", "handler"), [("Hangs", "step"), ("HangsHearing", "hear")])
 def test_a_call_that_does_not_return_ends_the_run_by_name(
     folder: Path, name: str, handler: str, monkeypatch: pytest.MonkeyPatch
