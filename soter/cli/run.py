@@ -150,8 +150,11 @@ def run(
         if no_rta and modules is not None:
             raise option_error("--modules", "it contradicts --no-rta; give one of them")
         if mission is None:
-            if what is None:
-                raise ConfigError("name a mission file, or with --mission what is to be done", source="command line")
+            if what is None and ac is None:
+                raise ConfigError(
+                    "name a mission file, with --mission what is to be done, or with --ac who drives",
+                    source="command line",
+                )
             from soter.missions import ROOM
 
             mission = ROOM

@@ -45,13 +45,18 @@ def test_a_run_without_violation_exits_with_0_and_sums_up() -> None:
     assert all(character == "\n" or character.isprintable() for character in done.stdout)
 
 
-def test_a_mission_in_one_file_needs_no_mission_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mission_in_one_file_or_a_controller_needs_no_mission_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     script = "from soter import Mission\n\nclass Stays(Mission):\n    async def run(self, robot):\n        pass\n"
     Path("stays.py").write_text(script)
     done = CliRunner().invoke(app, ["run", "--mission", "stays.py", "--no-record"], env={"COLUMNS": "100"})
     assert done.exit_code == 0, done.stderr
     assert "mission stays.py" in done.stdout
+    driven = ["run", "--ac", "adversary:chase", "--backend", "kinematic", "--duration", "2", "--no-record"]
+    done = CliRunner().invoke(app, driven, env={"COLUMNS": "100"})
+    assert (done.exit_code, "AC adversary:chase" in done.stdout) == (0, True), done.stderr
     done = CliRunner().invoke(app, ["run", "--no-record"])
     assert (done.exit_code, "--mission" in done.stderr) == (2, True)
 
