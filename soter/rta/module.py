@@ -268,11 +268,13 @@ class RTAModule:
                 "would do",
             )
         if set(self.ac.publishes) != set(self.sc.publishes) or not self.ac.publishes:
+            ac, sc = (sorted(map(str, node.publishes)) for node in (self.ac, self.sc))
+            by_name = all(isinstance(topic, str) for node in (self.ac, self.sc) for topic in node.publishes)
             raise IllFormedModule(
                 self.name,
                 "P1b",
-                f"the AC publishes {sorted(self.ac.publishes)}, the SC {sorted(self.sc.publishes)}; "
-                "both must publish the same topics, at least one",
+                f"the AC publishes {ac}, the SC {sc}; both must publish the same topics, at least one"
+                f"{'' if by_name else ', and name them, such as (kit.waypoint.name,)'}",
             )
 
     def _check_reach(self, phi_safe: Region, model: ReachModel, timing: Timing, base_tick_s: float) -> None:

@@ -26,6 +26,9 @@ class Topic(Generic[T]):
         self.value: T | None = None
         self.count = 0
 
+    def __repr__(self) -> str:
+        return f"Topic({self.name!r})"
+
     def publish(self, value: T | None) -> None:
         """Replace the value."""
         self.value = value

@@ -19,7 +19,7 @@ from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
-from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing
+from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing, Topic
 from soter.specs import read_options
 from soter.stack.collision import Separation, check_halves
 from soter.stack.reach import MotionLimits
@@ -138,6 +138,8 @@ def limits(**changes: object) -> MotionLimits:
 
 SLOW, OTHER = FakeNode("slow", period_s=1.0), FakeNode("other")
 OTHER.publishes = ("path",)
+UNNAMED = FakeNode("unnamed")
+UNNAMED.publishes = (Topic("waypoint"), Topic("path"))  # type: ignore[assignment] # what the user has got wrong
 
 # Declarations that fail P1 or P3, by what the text says.
 DECLARED: dict[str, tuple[str, RTAModule]] = {
@@ -149,6 +151,10 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
     "the SC 'slow' has a period of 1 s": ("P1a", module(sc=SLOW)),
     "no multiple of the base tick": ("P1a", module(delta_s=0.12)),
     "both must publish the same topics": ("P1b", module(sc=OTHER)),
+    "[\"Topic('path')\", \"Topic('waypoint')\"]; both must publish the same topics, at least one, and name them": (
+        "P1b",
+        module(sc=UNNAMED),
+    ),
     "the unit of phi_safe is 5": ("P3", module(phi_safe=InFives())),
     "it fails when it is asked": ("P3", module(phi_safer=EastOf())),
     "at the edge of phi_safer it is only 0.010 m": ("P3", module(phi_safer=Above(0.01))),
