@@ -357,7 +357,11 @@ class _Run:
         braking_s = capabilities.latency_s + capabilities.v_max_m_s / capabilities.brake_m_s2 + self._bench.base_tick_s
         where = f"robot {robot_id} at ({x_m:.2f}, {y_m:.2f}) left phi_safe by {-margin:.3f}{unit} after {now_s:.2f} s"
         if since_s is None:
-            return BrokenObligation(Obligation.P3, now_s, robot_id, x_m, y_m, f"{where}, while the AC was trusted")
+            # How far it was just before says whether the AC was trusted too long, or the margin leapt.
+            margins = [row.margin for row in self._rows if row.robot_id == robot_id]
+            before = f", with a margin of {margins[-2]:.3f}{unit} a tick before" if len(margins) > 1 else ""
+            text = f"{where}, while the AC was trusted{before}"
+            return BrokenObligation(Obligation.P3, now_s, robot_id, x_m, y_m, text)
         if robot_id in self._switched and now_s - since_s <= braking_s:
             late = f"{where}, {now_s - since_s:.2f} s after the switch: too late to stop"
             return BrokenObligation(Obligation.P3, now_s, robot_id, x_m, y_m, late)

@@ -104,10 +104,11 @@ class ModuleMonitor:
                 first = math.isnan(self._last_margin)
                 assumption = Assumption.START if first else Assumption.RECOVERY
                 self.found = BrokenAssumption(assumption, f"margin {margin:.3f}", -margin, self.unit)
-        elif 0.0 < fall < math.inf and fall > (most := self._fall_at_most(elapsed_s, model)):
+        if 0.0 < fall < math.inf and fall > (most := self._fall_at_most(elapsed_s, model)):
             self.surprises += 1
-            if not model.of_pairs:
-                # The samples are tested on their own: where they are right, it is the world that has changed.
+            if not model.of_pairs and self._last_margin >= 0.0:
+                # The samples are tested on their own: where they are right, it is the world that has changed, or the
+                # margin falls faster than its model says. Where that broke the rule, no safe controller could help.
                 cause = f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s"
                 self.found = BrokenAssumption(Assumption.WORKSPACE, cause, fall - most, self.unit)
         self._last_margin, self._last_s = margin, now_s

@@ -86,6 +86,17 @@ def test_the_first_margin_that_is_negative_is_one_of_the_start_and_later_ones_ar
     assert made.found == BrokenAssumption(Assumption.RECOVERY, "margin -1.500", 1.5, "m")
 
 
+def test_a_rule_that_was_broken_by_a_leap_is_no_failure_of_the_recovery() -> None:
+    made = monitor()
+    made.look(0.0, 1.0, AC, AC)
+    made.look(0.1, -1.0, AC, SC)
+    assert made.found is not None
+    assert (made.found.assumption, made.broken, made.surprises) == (Assumption.WORKSPACE, 1, 1)
+    assert made.found.cause == "the margin fell by 2.000 within 0.100 s"
+    made.look(0.2, -1.0, SC, SC)
+    assert made.found.assumption is Assumption.RECOVERY
+
+
 def test_noise_is_no_finding() -> None:
     made = monitor(noise=0.1)
     made.look(0.0, 0.3, AC, AC)
