@@ -12,7 +12,7 @@ from contextlib import closing
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from soter.config import load_mission
 from soter.errors import ConfigError, SoterError
@@ -47,6 +47,18 @@ class FinishedRun:
         self.recording: Final = recording
         if scratch is not None:
             weakref.finalize(self, scratch.close)
+
+    @classmethod
+    def read(cls, path: Path | str) -> Self:
+        """Return the run of a recording, such as one that `soter run` has made.
+
+        Raises:
+            ConfigError: it is no recording, it is damaged, or its run did not come to an end.
+        """
+        recording = Recording(Path(path))
+        if (result := recording.result_json) is None:
+            raise ConfigError("it has no result: its run did not come to an end", source=str(path))
+        return cls(RunResult.model_validate_json(result), recording)
 
     @cached_property
     def frames(self) -> Mapping[str, pd.DataFrame]:

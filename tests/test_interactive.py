@@ -43,6 +43,18 @@ def test_frames_have_every_tick_of_every_robot(run: FinishedRun) -> None:
     assert len(run.frames["violation"]) == 0
 
 
+def test_a_recording_that_is_there_is_read_as_the_same_run(run: FinishedRun, tmp_path: Path) -> None:
+    read = FinishedRun.read(run.recording.path)
+    assert read.result == run.result
+    pytest.importorskip("pandas")
+    assert len(read.frames["ticks"]) == 2 * 200
+    assert read.frames["modules"]["margin"].min() == run.frames["modules"]["margin"].min()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(run.recording.path.read_bytes()[:-2000])
+    with pytest.raises(ConfigError, match=r"cut\.mcap: it has no result"):
+        FinishedRun.read(cut)
+
+
 def test_it_shows_itself_as_a_picture_and_as_the_page(run: FinishedRun, tmp_path: Path) -> None:
     shown: list[dict[str, str | None]] = []
 
