@@ -55,17 +55,26 @@ class OutputPump:
         self._thread.join(_JOIN_S)
 
     def _pass_on(self) -> None:
+        begun = b""
         while data := os.read(self._read_fd, _READ_BYTES):
-            lines = data.decode("utf-8", "replace").splitlines()
-            for line in lines[:_PASSED_LINES]:
-                if line.strip():
-                    text = "".join(c if c.isprintable() else " " for c in line[:_PASSED_CHARACTERS])
-                    # What a script logs has the mission's name already, as in the process of the run.
-                    logger.warning("%s: %s", self._name, text.removeprefix(f"{self._name}: "))
-            if len(lines) > _PASSED_LINES:
-                logger.warning("%s: ... and %d lines more", self._name, len(lines) - _PASSED_LINES)
+            # A line may come in pieces, as from an interpreter that does not buffer; one that never ends is cut.
+            whole, newline, begun = (begun + data).rpartition(b"\n")
+            if not newline and len(begun) > _READ_BYTES:
+                whole, begun = begun, b""
+            self._say(whole)
             time.sleep(_PAUSE_S)
+        self._say(begun)
         os.close(self._read_fd)
+
+    def _say(self, words: bytes) -> None:
+        lines = words.decode("utf-8", "replace").splitlines()
+        for line in lines[:_PASSED_LINES]:
+            if line.strip():
+                text = "".join(c if c.isprintable() else " " for c in line[:_PASSED_CHARACTERS])
+                # What a script logs has the mission's name already, as in the process of the run.
+                logger.warning("%s: %s", self._name, text.removeprefix(f"{self._name}: "))
+        if len(lines) > _PASSED_LINES:
+            logger.warning("%s: ... and %d lines more", self._name, len(lines) - _PASSED_LINES)
 
 
 logger = logging.getLogger(__name__)

@@ -73,6 +73,19 @@ def test_what_is_printed_is_logged(words: tuple[OutputPump, int], caplog: pytest
     assert [record.getMessage() for record in caplog.records] == ["mission: hello", "mission:  [2Jworld \ufffd"]
 
 
+def test_a_line_that_comes_in_pieces_is_one(
+    words: tuple[OutputPump, int], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("soter.runner.remote_host._PAUSE_S", 0.0)
+    made, speaker = words
+    for piece in (b"hel", b"lo w\xc3", b"\xb6rld\nand", b" no end"):
+        os.write(speaker, piece)
+        time.sleep(0.02)
+    os.close(speaker)
+    made.close()
+    assert [record.getMessage() for record in caplog.records] == ["mission: hello w\xf6rld", "mission: and no end"]
+
+
 def test_a_flood_is_logged_in_part(words: tuple[OutputPump, int], caplog: pytest.LogCaptureFixture) -> None:
     made, speaker = words
     os.write(speaker, b"x" * 1000 + b"\n" + b"y\n" * 1000)
