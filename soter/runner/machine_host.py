@@ -237,8 +237,10 @@ class MachineHost:
     def _failed(self, failure: MachineError) -> None:
         """One robot's machine costs that robot its AC; the task planner's failure costs all of them theirs."""
         robot_id, words = self._owners.get(failure.machine), str(failure)
+        who = f"a machine of the mission failed: {failure.machine}"
         if isinstance(failure.__cause__, ScriptFailed):
             # Its author knows the line; the machine that drives it is nothing of theirs.
             words = f"its script failed: {failure.__cause__}"
-        logger.error("a machine of the mission failed: %s: %s", failure.machine, words)
+            who = who if robot_id is None else f"robot {robot_id}"
+        logger.error("%s: %s", who, words)
         self.failures.setdefault(robot_id, words)

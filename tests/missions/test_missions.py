@@ -145,11 +145,12 @@ def test_a_mission_may_bring_planner_and_executor_of_its_own() -> None:
 # --- failures --------------------------------------------------------------------------------------------------
 
 
-def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other() -> None:
+def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other(caplog: pytest.LogCaptureFixture) -> None:
     result = ran("Raises", duration_s=20.0).result
     assert (result.status, result.violated) == ("completed", False)
     assert set(result.failed_robots) == {1}
     assert result.failed_robots[1].startswith("its script failed: RuntimeError: out of ideas (scripts.py, line ")
+    assert f"robot 1: {result.failed_robots[1]}" in caplog.messages
     assert "machine" not in result.failed_robots[1]
     assert result.targets_reached >= 1
 
