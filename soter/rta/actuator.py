@@ -1,4 +1,4 @@
-"""The robot as its supervisor needs it: what stands between `soter.rta` and whatever drives."""
+"""The interface between a robot's supervisor and whatever drives the robot."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from soter.rta.situation import Sample
 
 
 class Actuator(Protocol):
-    """The robot as the supervisor needs it. Used from the supervisor's thread only."""
+    """What the supervisor needs of a robot. Used from the supervisor's thread only."""
 
     def read(self) -> Sample:
         """Return the latest sample without waiting."""
 
     def drive(self, command: Any, mode: Controller) -> None:
-        """Pass on a command of the controller in charge; None means stop."""
+        """Pass on a command of the active controller; None means stop."""
 
     def hand_over(self, mode: Controller, module: str, cause: str) -> None:
-        """Put another controller in charge; flush what the one before had in flight."""
+        """Make another controller the active one; drop what the previous one had in flight."""
 
     def renew(self) -> None:
         """Let the robot move on for another lease."""
 
     def reported(self, sample: Sample) -> Controller | None:
-        """Return who is in charge as the robot itself reports it in a sample; None where it does not report that."""
+        """Return the active controller that the robot reports in a sample; None if it reports none."""
 
     def insist(self) -> None:
-        """Resend which controller is active: the robot reports another one."""
+        """Resend which controller is active; called when the robot reports another one."""

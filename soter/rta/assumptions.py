@@ -1,4 +1,4 @@
-"""What the safety argument assumes, by stable numbers, and how a run notices that an assumption does not hold."""
+"""The numbered assumptions of the safety argument, and the log of those that a run saw fail."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final, NamedTuple, Self
 
 SPELL_S: Final = 2.0
-"""Fleet time: looks that find the same assumption broken belong to one spell while they are no farther apart."""
+"""Looks at which the same assumption fails belong to one spell if no more fleet time than this separates them."""
 
 
 class Assumption(Enum):
@@ -16,7 +16,7 @@ class Assumption(Enum):
     Attributes:
         id: its number, such as "A1".
         statement: what is assumed, in one sentence.
-        monitor: what notices, while a mission runs, that it does not hold; and what stays unseen.
+        monitor: how a running mission notices that it does not hold, and what goes unnoticed.
     """
 
     MOTION = (
@@ -148,8 +148,8 @@ class Worst(NamedTuple):
     """The look at which an assumption failed by the most, of all excesses in one unit.
 
     Attributes:
-        excess: by how much what was seen was more than is assumed.
-        unit: of that.
+        excess: by how much the observed value exceeded the assumed one.
+        unit: unit of the excess.
         time_s: fleet time.
         cause: what was seen then, in words.
     """
@@ -161,14 +161,14 @@ class Worst(NamedTuple):
 
 
 class Breach(NamedTuple):
-    """How often an assumption was seen not to hold for one robot.
+    """How often, and how badly, an assumption failed for one robot.
 
     Attributes:
-        times: looks at which it did not.
-        first_s: fleet time of the first.
-        cause: what was seen then, in words.
-        last_s: fleet time of the last.
-        worst: the worst look for each unit in which an excess was measured; empty where none could be.
+        times: number of looks at which it failed.
+        first_s: fleet time of the first of them.
+        cause: what was seen at the first, in words.
+        last_s: fleet time of the last of them.
+        worst: the worst look for each unit in which an excess was measured; empty if none was measured.
     """
 
     times: int
@@ -178,7 +178,7 @@ class Breach(NamedTuple):
     worst: tuple[Worst, ...] = ()
 
     def joined(self, later: Breach) -> Breach:
-        """Return both as one."""
+        """Return this breach and a later one of the same assumption as one breach."""
         worst = self.worst
         for new in later.worst:
             old = next((each for each in worst if each.unit == new.unit), None)
@@ -194,7 +194,7 @@ class AssumptionLog:
 
     Attributes:
         breaches: by assumption, in the order of their first breach.
-        spells: by assumption, the latest looks of those, back to where there were none for `SPELL_S`.
+        spells: by assumption, its current spell: the latest failed looks, each within `SPELL_S` of the one before.
     """
 
     __slots__ = ("breaches", "spells")
@@ -204,14 +204,14 @@ class AssumptionLog:
         self.spells: dict[Assumption, Breach] = {}
 
     def note(self, assumption: Assumption, now_s: float, cause: str, excess: float = math.nan, unit: str = "") -> None:
-        """Count one look at which the assumption did not hold; the first cause is kept, and the worst.
+        """Count one look at which the assumption failed; keep the first cause and the worst.
 
         Args:
-            assumption: which.
+            assumption: the one that failed.
             now_s: fleet time.
             cause: what was seen, in words.
-            excess: by how much that was more than is assumed; no number where it cannot be measured.
-            unit: of the excess.
+            excess: by how much the observed value exceeded the assumed one; NaN if that cannot be measured.
+            unit: unit of the excess.
         """
         worst = (Worst(excess, unit, now_s, cause),) if math.isfinite(excess) else ()
         seen = Breach(1, now_s, cause, now_s, worst)

@@ -23,34 +23,35 @@ STARTS: Final = "start"
 
 
 class Permission(Protocol):
-    """Who else has a say in giving a robot back to its AC: the arbiter."""
+    """The arbiter's say in giving a robot back to its AC."""
 
     def permits(self, module: str, situation: Situation) -> bool:
-        """Return whether this robot may go back to its AC now, as far as others are concerned."""
+        """Return whether the other robots allow this robot to go back to its AC now."""
 
 
 class DecisionModule:
     """One declared module, bound to one robot. Starts in SC.
 
-    Until it has given control to the AC for the first time, it does so wherever the AC could be trusted for a whole
-    horizon (margin - noise >= R(H)), which is what P3 asks of phi_safer: phi_safer is a hysteresis for robots that
-    have been disengaged, such as "charged to 85 %", and a robot at its start has not been.
+    The first time, it gives control to the AC wherever the AC can be trusted for a whole horizon (margin - noise >=
+    R(H)), which is what P3 asks of phi_safer. Only later does it wait for phi_safer, which is a hysteresis for robots
+    that have been disengaged, such as "charged to 85 %".
 
     Args:
         module: the declaration.
         timing: what the robot adds to every horizon.
         base_tick_s: period of the supervisor.
-        permission: who else has a say.
-        safer_alone: give back wherever phi_safer holds, for studies: as well formed as the module must be for that.
-        foreign: its code is the user's own, which may change what it is given.
+        permission: the arbiter; None if the module alone decides when to give control back.
+        safer_alone: for studies: phi_safer alone decides when to give control back, which is safe only if the module
+            is well-formed.
+        foreign: the module is the user's own code, which may change the situations that it is given.
 
     Attributes:
         module: the declaration.
-        rank: its place in the order of the right to drive, 0 for the first; set by the supervisor.
+        rank: its priority among the robot's modules, 0 for the highest; set by the supervisor.
         mode: AC or SC.
         cause: why it is in SC, in words.
-        margin: as last judged.
-        reach: R(H), with the sample's own age in place of A_max, as last judged; 0 for a rule given by predicates.
+        margin: the margin at the last look.
+        reach: R(H) at the last look, with the sample's own age in place of A_max; 0 for a rule given by predicates.
         since_s: fleet time of the last change of mode, or of the first look; infinite before that.
         monitor: the spec monitor and metrics.
     """
@@ -79,7 +80,7 @@ class DecisionModule:
         self._foreign = foreign
         self._judged_ok_since_s = math.nan
         self._was_engaged = False
-        # The age of the sample is known when it is judged; the horizon has its bound instead.
+        # Each look adds the sample's own age; the declared horizon has A_max in its place.
         self._look_s = timing.look_s(module.delta_s)
         self._phi_safe = module.phi_safe
         self._model = module.model
@@ -96,7 +97,7 @@ class DecisionModule:
         self._horizon_reach = math.inf if model is None else plain(model.bound(module.horizon_s(timing)))
 
     def decide(self, situation: Situation) -> bool:
-        """Judge the situation, as is done every Delta; return whether the mode changed."""
+        """Judge the situation; return whether the mode changed. Called every Delta."""
         before = self.mode
         changed = self._decide(situation.copy() if self._foreign else situation)
         self.monitor.look(situation.now_s, self.margin, before, self.mode)
@@ -121,7 +122,7 @@ class DecisionModule:
         return True
 
     def observe(self, situation: Situation) -> None:
-        """Follow the margin between two decisions while in SC, so that a dwell may be shorter than Delta."""
+        """Judge the margin between two decisions while in SC, so that a dwell may be shorter than Delta."""
         self._follow(situation.copy() if self._foreign else situation)
         self.monitor.look(situation.now_s, self.margin, self.mode, self.mode)
 
@@ -134,7 +135,7 @@ class DecisionModule:
             self._judged_ok_since_s = situation.now_s
 
     def force(self, now_s: float, cause: str) -> None:
-        """Go to SC, or stay there with the dwell begun anew, for a cause found outside the margin."""
+        """Go to SC, or stay there and restart the dwell, for a cause other than the margin."""
         if self.mode is Controller.AC:
             self.mode = Controller.SC
             self.since_s = now_s
@@ -142,7 +143,7 @@ class DecisionModule:
         self._judged_ok_since_s = math.nan
 
     def take(self, now_s: float, cause: str) -> None:
-        """Take the robot from its AC though the margin allows it, because others need it to."""
+        """Take the robot from its AC because other robots need it, although the margin would let the AC go on."""
         if self.mode is Controller.AC:
             self.monitor.to_sc += 1
             self.force(now_s, cause)
@@ -167,7 +168,7 @@ class DecisionModule:
         return True
 
     def _leaves_room(self, phi_safe: Region, situation: Situation, margin: float, reach: float) -> bool:
-        """Whether the safe controller could still move, wherever the AC may have taken the robot by then."""
+        """Return whether the safe controller can still move wherever the AC may have taken the robot by then."""
         return self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
 
     def _predicted_to_fail(self, situation: Situation) -> bool:
@@ -205,14 +206,14 @@ class DecisionModule:
 
 @dataclass(frozen=True)
 class Drivers:
-    """Who may drive one robot.
+    """The controllers that may drive one robot.
 
     Attributes:
-        modules: in the order of their right to drive; the first that is in SC drives.
+        modules: in order of priority; the first one that is in SC drives.
         ac: the forwarder of the AC's port.
         waypoint: the topic that AC and SCs publish.
-        without_ac: the name of the module that drives for good once the AC has failed, while no other one asks to; the
-            first in the order where it is none of them.
+        without_ac: the name of the module that drives once the AC has failed for good and no other module needs to; the
+            first module if no module has this name.
     """
 
     modules: Sequence[DecisionModule]

@@ -14,7 +14,7 @@ from soter.rta.situation import Sample
 from soter.rta.supervisor import RobotSupervisor
 
 PEER_SILENT_S: Final = 0.5
-"""A robot that is not heard of for longer may not be driven, nor may those that have not heard of it."""
+"""A robot that has been silent for longer may not be driven, nor may the robots that have not heard of it."""
 
 
 class RemotePeer(Protocol):
@@ -25,27 +25,27 @@ class RemotePeer(Protocol):
     def sample(self) -> Sample | None:
         """Return the latest sample, or None while there is none.
 
-        Its stamp is in this process's fleet time, never later than the sample really was taken, and never goes back.
+        Its stamp is in this process's fleet time, never later than the sample was really taken, and never goes back.
         """
 
     def heard_of(self, robot_id: int) -> float:
-        """Return the stamp of the latest sample of one of this process's robots that the peer has said it heard.
+        """Return the stamp of the latest sample of this process's robot that the peer has acknowledged.
 
-        In this process's fleet time; minus infinity while it has said nothing.
+        In this process's fleet time; minus infinity before the first acknowledgement.
         """
 
     def needs_charge(self) -> bool:
-        """Return whether it is on its way to charge, and low."""
+        """Return whether the peer is low on charge and on its way to charge."""
 
     def found(self) -> BrokenAssumption | None:
-        """Return what is wrong with what it reports of itself, if anything, and forget it."""
+        """Return, and forget, the assumption that the peer's reports about itself broke; None if none did."""
 
 
 @dataclass(frozen=True, slots=True)
 class StillSample:
-    """The last sample of a robot that has come to rest unheard, with a later stamp.
+    """The last sample of a silent robot that has come to rest, with a later stamp.
 
-    At its top speed from the stamp on it could get as far as it can really have got; see `StillPeers`.
+    The stamp is such that top speed from it on bounds where the robot can really be; see `StillPeers`.
     """
 
     robot_id: int
@@ -61,21 +61,21 @@ class StillSample:
 
 
 class StillPeers:
-    """Bounds the whereabouts of robots that are silent.
+    """Bounds the positions of silent robots.
 
-    A robot that its supervisor does not hear of is not driven on, its lease runs out, and it stands. A robot of another
-    supervisor holds when it does not know that it is heard. So both come to rest, and however long they
-    stay silent they are no farther from their last sample than top speed takes them in `still_s`.
+    The supervisor stops driving a robot that it does not hear of; the robot's lease runs out, and it stands. A robot of
+    another supervisor holds when it does not know that it is heard. So both come to rest, and however long they stay
+    silent, they are no farther from their last sample than top speed takes them in `still_s`.
 
     Args:
-        still_s: how long a silent robot moves on at most after its last sample, if braking counts as half.
+        still_s: how long a silent robot can move on after its last sample, with braking counted as half.
     """
 
     def __init__(self, still_s: float) -> None:
         self.still_s: Final = still_s
 
     def bounded(self, now_s: float, sample: Sample) -> Sample:
-        """Return a sample that bounds where the robot is now, the same one while the robot may still move."""
+        """Return a sample that bounds where the robot is now: the one given, while the robot may still move."""
         least_s = now_s - self.still_s
         if sample.stamp_s >= least_s:
             return sample
@@ -86,11 +86,11 @@ class StillPeers:
 
 
 FEW = 6
-"""Up to so many robots, everybody is everybody's peer: cheaper than sorting them."""
+"""Up to this many robots, all are peers of all: cheaper than sorting them into cells."""
 
 
 class Neighbours:
-    """Sorts robots into square cells as wide as the radius, and takes a cell's and its eight neighbours' as peers.
+    """Sorts robots into square cells as wide as the radius; peers are the robots of a cell and its eight neighbours.
 
     The cost grows linearly with the number of robots.
 
@@ -104,7 +104,7 @@ class Neighbours:
     def assign(
         self, robots: Sequence[RobotSupervisor], samples: Sequence[Sample], others: Sequence[Sample] = ()
     ) -> None:
-        """Refresh `situation.peers` of every robot; the others are peers of all, and not among them."""
+        """Refresh `situation.peers` of every robot; samples in `others` are those of remote robots, peers of all."""
         count = len(robots)
         if count <= FEW:
             for index, robot in enumerate(robots):
@@ -137,10 +137,10 @@ class Supervisor:
         base_tick_s: period of the tick.
         neighbour_radius_m: peers farther away than this are left out of a robot's situation; must exceed every
             distance at which a module or safe controller takes notice of a peer.
-        before_decisions: called once a tick, after all robots were sensed and before any decides: the arbiter.
-        peers: tests what robots report of themselves, for those that hear it; None where no module looks at peers.
-        still: bounds where silent robots are; None where no module looks at peers.
-        remote: robots of other supervisors, which are peers of all these.
+        before_decisions: the arbiter; called once a tick, after all robots were sensed and before any decides.
+        peers: tests what robots report of themselves to their peers; None if no module looks at peers.
+        still: bounds where silent robots are; None if no module looks at peers.
+        remote: robots of other supervisors, which are peers of all robots here.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class Supervisor:
         if self._peers is not None:
             for robot in robots:
                 if cause := robot.uncontrolled:
-                    # It may go wherever its promise lets it, and gives way to nobody.
+                    # An uncontrolled robot may go wherever its promise lets it, and gives way to nobody.
                     found.setdefault(
                         robot.robot_id, BrokenAssumption(Assumption.PEERS, f"robot {robot.robot_id}: {cause}")
                     )
@@ -193,9 +193,9 @@ class Supervisor:
         self._tick = tick + 1
 
     def _hear(self, now_s: float, found: dict[int, BrokenAssumption]) -> list[Sample]:
-        """Return what is known of the robots of other supervisors, and have all robots hold where that is not enough.
+        """Return the samples of remote robots; hold every robot that does not know enough of one of them.
 
-        Both sides hold: who does not hear the other, and who does not know that the other hears it.
+        Both sides hold: the robot that does not hear the other, and the robot that does not know that it is heard.
         """
         samples = []
         for peer in self._remote:
@@ -211,7 +211,7 @@ class Supervisor:
         return samples
 
     def _distrust(self, found: Mapping[int, BrokenAssumption]) -> None:
-        """Tell every robot which of its peers do not keep to what is assumed of them."""
+        """Tell every robot which of its peers broke what is assumed of peers."""
         if not found:
             return
         for robot in self._list:
@@ -222,7 +222,7 @@ class Supervisor:
 
 
 def _silence(now_s: float, peer: RemotePeer, sample: Sample | None, robot_id: int) -> BrokenAssumption | None:
-    """Return why a robot may not move because of a peer's silence; None if it may."""
+    """Return how a peer's silence keeps a robot from moving; None if it may move."""
     if sample is None:
         return BrokenAssumption(Assumption.PEERS, f"robot {peer.robot_id}: not heard of yet")
     silent_s = now_s - sample.stamp_s

@@ -1,4 +1,4 @@
-"""The declaration of a safety module, and the conditions under which its promise holds."""
+"""The declaration of a safety module, and the conditions under which it keeps its rule."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _ROUNDING = 1e-9
 
 
 def plain(value: Any) -> float:
-    """Return what a rule or a model has answered as a number of Python's own, which cannot fail later on.
+    """Return the answer of a rule or a model as a plain Python float, which cannot fail later on.
 
     Raises:
         TypeError: it is no number.
-        ValueError: nor is it one of this kind.
-        OverflowError: it is too large for one.
+        ValueError: it cannot be converted to a float.
+        OverflowError: it is too large for a float.
     """
     if type(value) is float:
         return value
@@ -33,7 +33,7 @@ def plain(value: Any) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What the robot's side adds to every horizon.
+    """What the robot adds to every horizon.
 
     Attributes:
         latency_s: from a decision to the vehicle acting on it, at most (L).
@@ -42,8 +42,8 @@ class Timing:
         noise_m: error of a reported position, at most.
         lease_s: how long the robot moves on when the supervisor falls silent.
         tick_s: how often the lease is renewed.
-        deltas: how many Delta a module looks ahead, for studies of what that is worth; None for what proofs need.
-        speed_noise_m_s: error of a reported velocity, at most; None where that is not promised.
+        deltas: how many Delta a module looks ahead, for studies of that number; None for what proofs need.
+        speed_noise_m_s: error of a reported velocity, at most; None if none is promised.
     """
 
     latency_s: float = 0.0
@@ -63,18 +63,18 @@ class Timing:
         return max(delta_s - self.tick_s, 0.0) + self.lease_s
 
     def ahead_s(self, delta_s: float) -> float:
-        """Return how far ahead a module looks, before latency, age and jitter: 2 Delta, or what the lease makes of it.
+        """Return how far ahead a module looks, before latency, age and jitter: 2 Delta, or more for a long lease.
 
-        A supervisor that dies must leave the robot inside phi_safe.
+        The robot must stay inside phi_safe even if its supervisor dies.
         """
         return max(2.0 * delta_s, self.silent_s(delta_s)) if self.deltas is None else self.deltas * delta_s
 
     def look_s(self, delta_s: float) -> float:
-        """Return how long controllers may drive on after a look at a sample that has no age: S + L + J."""
+        """Return how long controllers may drive on after a look at a fresh sample: S + L + J."""
         return self.ahead_s(delta_s) + self.latency_s + self.jitter_s
 
     def horizon_s(self, delta_s: float) -> float:
-        """Return H, which adds the largest age of a sample: the time that no controller may be able to use up."""
+        """Return the horizon H: `look_s` plus the largest age of a sample."""
         return self.ahead_s(delta_s) + self.latency_s + self.sample_age_s + self.jitter_s
 
 
@@ -82,7 +82,7 @@ class Region(ABC):
     """A set of situations with a signed distance to its edge: a margin, at least 0 inside."""
 
     unit: str = "m"
-    """What margins are measured in."""
+    """Unit of the margins."""
 
     @abstractmethod
     def margin(self, situation: Situation) -> float:
@@ -90,7 +90,7 @@ class Region(ABC):
 
     @abstractmethod
     def edge_margin(self, safer: Region) -> float:
-        """Return the least margin that any situation of the region `safer` has in this one."""
+        """Return the least margin in this region of any situation that lies in the region `safer`."""
 
     def leaves_room(self, situation: Situation, margin: float, keep: float, fall: float) -> bool:
         """Return whether a safe controller can still move after the margin has fallen.
@@ -109,12 +109,12 @@ class Region(ABC):
 
 
 def margin_of(region: Region, situation: Situation) -> float:
-    """Return what a rule says of a situation; no number where foreign code fails, which a run takes as outside."""
+    """Return a region's margin of a situation; NaN, which counts as outside, if foreign code fails."""
     return _answer(region, situation.copy())
 
 
 def looks_at_peers(region: Region, situation: Situation) -> bool:
-    """Return whether a rule looks at the peers of a situation that has some."""
+    """Return whether a region's margin reads the peers of the situation, which must have some."""
     watched = situation.copy()
     watched.peers = peers = _Watched(situation.peers)
     _answer(region, watched)
@@ -131,7 +131,7 @@ def _answer(region: Region, situation: Situation) -> float:
 
 
 class _Watched(Sequence[Sample]):
-    """Samples that note that somebody looks at them."""
+    """A sequence of samples that notes whether it was read."""
 
     def __init__(self, samples: Sequence[Sample]) -> None:
         self._samples = samples
@@ -148,31 +148,31 @@ class _Watched(Sequence[Sample]):
 
 @dataclass(frozen=True, slots=True)
 class RTAModule:
-    """A safety module: who drives, who rescues, when to look, what to keep.
+    """A safety module: its controllers, its period, its rule and its reach model.
 
-    It is a template: a supervisor binds it to one robot, or to one robot and the others. Declaring it is all
-    there is to do; the decision module, its monitor and its metrics are made from it.
+    It is a template: a supervisor binds it to one robot, or to one robot and its peers, and makes the decision module,
+    its monitor and its metrics from it.
 
     Attributes:
-        name: for causes and reports.
+        name: its name in causes and reports.
         ac: the advanced controller's node.
         sc: the safe controller's node.
         delta_s: period of the decision module (Delta).
         phi_safe: the rule, with its margin; None when the rule is given by predicates.
         phi_safer: where control may go back to the AC: a region, or a predicate.
         model: R(T) of the margin; None when the rule is given by predicates.
-        ttf_2delta: predicate "may fail within two Delta", instead of phi_safe and model. The proof is then the
-            author's assumption, and only falsification stands behind it.
+        ttf_2delta: predicate "may fail within two Delta", instead of phi_safe and model. It is then the author's
+            assumption, which falsification tests and no proof backs.
         dwell_s: how long phi_safer must hold before control goes back.
-        keep: margin that the safe controller needs to be able to move at all; control is taken, and given back, with
-            so much more than the AC could use up.
-        lets_go_s: the module's contract with those behind it: while one of them needs to drive, its safe controller has
-            the robot for no longer. Infinite for one that does what they need by itself.
-        peers_within_m: how far away a peer may be and still matter to the rule; a module never misses one that is
-            nearer. Everybody by default, which costs the square of the number of robots; 0 for a rule without peers.
-        premise: checks what else has to hold on a robot, and raises `IllFormedModule` where it does not.
-        most_edge: the largest margin that the edge of any phi_safer can have; None where there is none.
-        instead: what would do where no phi_safer does, for who reads that none does.
+        keep: margin that the safe controller needs to be able to move at all; control is taken, and given back, while
+            at least this much is left beyond what the AC can use up.
+        lets_go_s: contract with the modules of lower priority: while one of them needs to drive, this module's safe
+            controller has the robot for no longer. Infinite if the safe controller itself does what they need.
+        peers_within_m: largest distance at which a peer matters to the rule; nearer peers are always in the situation.
+            By default all peers, which costs the square of the number of robots; 0 for a rule without peers.
+        premise: checks what else has to hold on a robot; raises `IllFormedModule` if it does not.
+        most_edge: the largest margin that the edge of any phi_safer can have; None if there is no largest.
+        instead: the remedy to name in the error when no phi_safer is large enough.
     """
 
     name: str
@@ -193,7 +193,7 @@ class RTAModule:
 
     @property
     def of_pairs(self) -> bool:
-        """Whether the rule is one between this robot and others."""
+        """Whether the rule is between this robot and others."""
         return self.model is not None and self.model.of_pairs
 
     def horizon_s(self, timing: Timing) -> float:
@@ -207,14 +207,14 @@ class RTAModule:
         return self.phi_safe.edge_margin(self.phi_safer)
 
     def check(self, timing: Timing, base_tick_s: float) -> None:
-        """Check P1 and P3, and what else the module rests on, against the numbers of a real robot.
+        """Check P1, P3 and the module's own premise against the figures of a robot.
 
         Args:
             timing: the robot's latency, sample age, jitter and noise.
             base_tick_s: period of the supervisor, of which Delta must be a multiple.
 
         Raises:
-            IllFormedModule: names the condition, the numbers and a value that would do.
+            IllFormedModule: a condition does not hold; it names the condition, the numbers and a value that would do.
         """
         try:
             self._check_declaration()
@@ -283,7 +283,7 @@ class RTAModule:
         edge, noise = plain(phi_safe.edge_margin(self.phi_safer)), plain(phi_safe.noise(timing.noise_m))
         horizon_s = self.horizon_s(timing)
         reach = plain(model.bound(horizon_s))
-        # Written so that what is not a number is refused.
+        # Written so that NaN is refused.
         if edge - noise - self.keep - reach >= -_ROUNDING:
             return
         unit = phi_safe.unit
@@ -293,7 +293,7 @@ class RTAModule:
             instead = f", since its edge has a margin of at most {self.most_edge:.3f} {unit}"
             instead += f"; {self.instead} would" if self.instead else ""
         elif needed < math.inf:
-            # Rounded up, because who takes this value must pass.
+            # Rounded up, so that this very value passes.
             remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
         wrong = f" and be wrong by {noise:.3f} {unit}" if noise > 0.0 else ""
         wrong += f" and {self.keep:.3f} {unit} is kept for the safe controller" if self.keep > 0.0 else ""

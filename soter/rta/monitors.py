@@ -1,4 +1,4 @@
-"""What notices that an argument does not fit the robot: the spec monitor of a module, and those of the assumptions."""
+"""Monitors: of a module's rule and reach model, and of the assumptions about robots and peers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from soter.rta.module import Timing
 from soter.rta.situation import Sample
 
 AHEAD_S: Final = 0.1
-"""How far a stamp may be ahead of fleet time before its clock counts as wrong, not only as a little fast."""
+"""How far a stamp may be ahead of fleet time before its clock counts as wrong instead of slightly fast."""
 
 _AT_SPEED: Final = 0.95
 _UNSURE: Final = 0.1
@@ -28,10 +28,10 @@ class BrokenAssumption(NamedTuple):
     """An assumption that was seen not to hold, and what was seen.
 
     Attributes:
-        assumption: which.
+        assumption: the one that failed.
         cause: what was seen, in words.
-        excess: by how much that was more than is assumed; no number where that cannot be measured.
-        unit: of the excess.
+        excess: by how much the observed value exceeded the assumed one; NaN if that cannot be measured.
+        unit: unit of the excess.
     """
 
     assumption: Assumption
@@ -42,11 +42,11 @@ class BrokenAssumption(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class ModuleMonitor:
-    """Watches one decision module: does its invariant hold, and does its model fit the robot?
+    """Monitors one decision module: does its invariant hold, and does its model fit the robot?
 
     The invariant, as the decision module sees it: the margin is never negative. The model: between two looks the
-    margin never falls by more than R(elapsed). Neither is a safety claim, which only ground truth can settle; both
-    say where an argument does not fit the robot that it is applied to.
+    margin never falls by more than R(elapsed). Neither shows that a run was safe, which only ground truth can; a
+    failure of either shows that the proof's assumptions do not fit the robot.
 
     Args:
         model: R(T), or None for a rule given by predicates; then only decisions are counted.
@@ -62,7 +62,7 @@ class ModuleMonitor:
         least_margin: the least margin seen.
         broken: looks at which the margin was negative or no number.
         surprises: looks at which the margin had fallen by more than the model allows.
-        found: the assumption that did not hold at the last look, until somebody has taken note of it.
+        found: the assumption that failed at the last look; the supervisor sets it back to None.
     """
 
     model: ReachModel | None
@@ -81,7 +81,7 @@ class ModuleMonitor:
     _last_s: float = field(default=math.nan, init=False)
 
     def look(self, now_s: float, margin: float, before: Controller, after: Controller) -> None:
-        """Take one look of the decision module."""
+        """Record one look of the decision module."""
         self.looks += 1
         if before is not after:
             if after is Controller.SC:
@@ -97,7 +97,7 @@ class ModuleMonitor:
         if margin < self.least_margin:
             self.least_margin = margin
         fall = self._last_margin - margin
-        # Written so that a margin that is not a number counts.
+        # Written so that NaN counts as broken.
         if not margin >= 0.0:
             self.broken += 1
             if -math.inf < margin < -self.noise:
@@ -119,12 +119,12 @@ class ModuleMonitor:
 
 @dataclass(frozen=True)
 class Assumed:
-    """What is assumed of one robot, and tested against every sample.
+    """What is assumed of one robot; every sample is tested against it.
 
     Attributes:
-        models: how it may move.
-        timing: as it is declared.
-        heard_within_s: a robot whose sample is older is not driven on: its lease is left to run out.
+        models: reach models that bound its motion.
+        timing: its declared timing.
+        heard_within_s: largest age of a sample at which the lease is still renewed.
     """
 
     models: Sequence[ReachModel]
@@ -167,7 +167,7 @@ class SampleMonitor:
         way_m, elapsed_s = _apart_m(before, sample), sample.stamp_s - before.stamp_s
         speed_m_s = max(_speed_m_s(before), _speed_m_s(sample))
         cause += f": {way_m:.3f} m in {elapsed_s:.3f} s at no more than {speed_m_s:.3f} m/s"
-        # A robot that is too fast says so itself; one that is merely elsewhere has a wrong idea of where it is.
+        # A robot that is too fast reports a speed that explains the distance; otherwise its position is wrong.
         unexplained_m = way_m - (speed_m_s * elapsed_s + 2.0 * self._timing.noise_m + _ROUNDING_M)
         if unexplained_m > 0.0:
             return BrokenAssumption(Assumption.POSITION_NOISE, cause, unexplained_m, "m")
@@ -175,13 +175,13 @@ class SampleMonitor:
 
 
 class StopMonitor:
-    """Watches a robot that ought to come to rest: no farther than the time it takes to act, and braking, take it.
+    """Monitors that a robot comes to rest in time: no farther than its latency and its braking distance take it.
 
-    It ought to when it was told to stop and has not been told anything since, or while its lease is withheld. Once it
-    has begun to brake, by its own report, its speed has to fall as fast as it promises.
+    It has to when it was told to stop and nothing since, and while its lease is withheld. Once it reports that it has
+    begun to brake, its speed has to fall as fast as it promises.
 
     Args:
-        models: reach models of the robot; the first that bounds its motion is used, and without one nothing is watched.
+        models: reach models of the robot; the first that bounds its motion is used; without one nothing is monitored.
         timing: the robot's declared timing.
     """
 
@@ -194,12 +194,12 @@ class StopMonitor:
         self._noise_m: Final = timing.noise_m
         self._speed_noise_m_s: Final = timing.speed_noise_m_s
         self._latency_s: Final = timing.latency_s
-        # A model of the user's own may know of no brakes.
+        # A model of the user's own may have no brake.
         self._brake_m_s2: Final[float | None] = getattr(model, "brake_m_s2", None)
         self._braking: Sample | None = None
 
     def told(self, now_s: float, sample: Sample, stop: bool) -> None:
-        """Note that the robot was told to stop, or something else."""
+        """Note that the robot was told to stop, or was given another command."""
         self._told.note(now_s, sample, stop)
         if not stop:
             self._braking = None
@@ -209,7 +209,7 @@ class StopMonitor:
         self._lease.note(now_s, sample, withheld)
 
     def look(self, now_s: float, sample: Sample) -> BrokenAssumption | None:
-        """Return what is wrong with a robot that ran on, or None."""
+        """Return the assumption that the robot broke by running on, or None."""
         if self._lease.start is None and self._told.start is None:
             return None
         overrun = self._lease.overrun(now_s, sample, self._noise_m)
@@ -229,7 +229,7 @@ class StopMonitor:
         return BrokenAssumption(assumption, f"told to stop, it {cause}", too_far_m, "m")
 
     def _weak(self, sample: Sample) -> BrokenAssumption | None:
-        """Return that the speed of a robot that brakes falls too slowly, or None."""
+        """Return the broken assumption if a braking robot's speed falls too slowly, or None."""
         start, since, brake_m_s2 = self._told.start, self._braking, self._brake_m_s2
         if start is None or brake_m_s2 is None or sample is since:
             return None
@@ -238,21 +238,21 @@ class StopMonitor:
             if sample.stamp_s >= self._told.ordered_s + self._latency_s and speed_m_s < _AT_SPEED * began_m_s:
                 self._braking = sample
             return None
-        # Velocities of which nothing is promised are taken for right to a part, and for no better than rest.
+        # Without a promise, reported velocities count as right to within a share, but never better than at rest.
         noise_m_s = self._speed_noise_m_s
         unsure_m_s = max(_UNSURE * began_m_s, _REST_M_S) if noise_m_s is None else 2.0 * noise_m_s
         passed_s = sample.stamp_s - since.stamp_s
         most_m_s = max(0.0, _speed_m_s(since) - brake_m_s2 * passed_s) + unsure_m_s + _ROUNDING_M_S
         if passed_s <= 0.0 or speed_m_s <= most_m_s:
             return None
-        # Judged anew from here, as above.
+        # Start over from here, so that one failure is not counted for ever.
         self._braking = sample
         cause = f"told to stop, it still did {speed_m_s:.3f} m/s after {passed_s:.3f} s, at most {most_m_s:.3f} m/s"
         return BrokenAssumption(Assumption.BRAKING, cause, speed_m_s - most_m_s, "m/s")
 
 
 class _Order:
-    """One reason to be at rest, and where the robot was when it came up."""
+    """One order to be at rest, and the robot's sample when it was given."""
 
     __slots__ = ("_model", "_within_s", "ordered_s", "start")
 
@@ -269,7 +269,7 @@ class _Order:
             self.start, self.ordered_s = sample, now_s
 
     def overrun(self, now_s: float, sample: Sample, noise_m: float) -> tuple[str, float] | None:
-        """Return in words how the robot ran on, and by how many metres too far; None if it did not."""
+        """Return how the robot ran on, in words, and how many metres too far; None if it did not."""
         start, model = self.start, self._model
         if start is None or model is None or sample is start:
             return None
@@ -279,7 +279,7 @@ class _Order:
         if way_m <= most_m:
             return None
         cause = f"got {way_m:.3f} m farther since {self.ordered_s:.3f} s, at most {most_m:.3f} m"
-        # Judged anew from here: a robot that has come to rest after all must not count for ever.
+        # Start over from here: a robot that has come to rest after all must not count for ever.
         self.start, self.ordered_s = sample, now_s
         return cause, way_m - most_m
 
@@ -287,11 +287,11 @@ class _Order:
 class PeerMonitor:
     """Tests what peers report of themselves against the bound that they are assumed to respect.
 
-    One for a fleet: what a robot reports is the same for everybody who hears it.
+    One for a fleet: all peers hear the same report.
 
     Args:
-        bounds: by robot, the bound that it promises and the error of the positions that it reports, at most.
-        silent_s: a peer may not be silent for longer.
+        bounds: by robot, the bound that it promises and the largest error of the positions that it reports.
+        silent_s: longest time for which a peer may be silent.
     """
 
     def __init__(self, bounds: Mapping[int, tuple[ReachModel, float]], silent_s: float) -> None:
@@ -300,7 +300,7 @@ class PeerMonitor:
         self._before: dict[int, Sample] = {}
 
     def look(self, now_s: float, samples: Sequence[Sample]) -> dict[int, BrokenAssumption]:
-        """Return what is wrong, by the id of the robot whose sample it is."""
+        """Return the broken assumptions, by the id of the robot that broke them."""
         before, found = self._before, {}
         for sample in samples:
             robot_id = sample.robot_id

@@ -1,4 +1,4 @@
-"""The port: one untrusted controller's rights on one robot, and the only object here that threads may share."""
+"""The port: an untrusted controller's only access to one robot, and the only object here that threads may share."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ C = TypeVar("C")
 S = TypeVar("S")
 
 MAX_UPCOMING: Final = 1000
-"""What a controller intends beyond so many commands is left out: statistics must not keep the supervisor busy."""
+"""Intended commands beyond this number are left out, so that statistics cannot keep the supervisor busy."""
 
 
 class Request(NamedTuple, Generic[C]):
     """A command in the mailbox.
 
     Attributes:
-        goal_id: the port's number for it, by which its end will be reported.
-        command: what is asked for.
-        upcoming: what the controller intends after it; used for statistics only, never for safety.
+        goal_id: the port's number for it, with which its end will be reported.
+        command: the command, usually a waypoint.
+        upcoming: commands that the controller intends after it; used for statistics only, never for safety.
     """
 
     goal_id: int
@@ -28,12 +28,12 @@ class Request(NamedTuple, Generic[C]):
 
 
 class GoalReport(NamedTuple):
-    """How a goal that was asked for through a port ended.
+    """How a goal that was requested through a port ended.
 
     Attributes:
-        robot_id: whose port.
-        goal_id: which goal.
-        status: the interface's word for it: reached, superseded, preempted, rejected, cancelled, timed_out, failed.
+        robot_id: the port's robot.
+        goal_id: the goal's number.
+        status: reached, superseded, preempted, rejected, cancelled, timed_out or failed.
     """
 
     robot_id: int
@@ -42,7 +42,7 @@ class GoalReport(NamedTuple):
 
 
 class ControlReport(NamedTuple):
-    """The robot changed hands: the module took control from the AC, or was the last to give it back."""
+    """A change of control: the named module took control from the AC, or was the last to give it back."""
 
     robot_id: int
     engaged: bool
@@ -54,13 +54,13 @@ Report = GoalReport | ControlReport
 
 
 class Port(Generic[C, S]):
-    """A mailbox of one slot: a newer command replaces one that was not yet taken, so a flood costs nothing.
+    """A mailbox with one slot: a newer command replaces one that was not yet taken, so a flood costs nothing.
 
     `goto` and `put` may be called from any thread. `take`, `report` and `engaged` belong to the supervisor's thread.
 
     Args:
-        robot_id: whose port.
-        listener: told of ended goals and of control lost and regained, in the supervisor's thread; it must only
+        robot_id: the robot that it commands.
+        listener: called with ended goals and with control lost and regained, in the supervisor's thread; it must only
             pass the report on.
 
     Attributes:
@@ -79,12 +79,12 @@ class Port(Generic[C, S]):
         self._last_goal_id = 0
 
     def goto(self, command: C, upcoming: tuple[C, ...] = ()) -> int:
-        """Ask for a place; return the goal's number at once. Whether it moves anything is reported later.
+        """Request a command; return the goal's number at once. What becomes of it is reported later.
 
         Args:
-            command: what is asked for.
-            upcoming: what is intended after it, a plain tuple; anything else is left out, as is what is beyond
-                `MAX_UPCOMING`.
+            command: the command, usually a waypoint.
+            upcoming: commands intended after it, a plain tuple; anything else is left out, and so are commands
+                beyond `MAX_UPCOMING`.
         """
         intended = upcoming[:MAX_UPCOMING] if type(upcoming) is tuple else ()
         with self._lock:
@@ -93,7 +93,7 @@ class Port(Generic[C, S]):
             return self._last_goal_id
 
     def put(self, request: Request[C]) -> None:
-        """Ask under a number of the caller's own, which reports will repeat: for what comes from another port."""
+        """Request a command under the caller's own number, which reports repeat; for requests from another port."""
         with self._lock:
             self._put(request)
 
@@ -104,7 +104,7 @@ class Port(Generic[C, S]):
         self._slot = request
 
     def take(self) -> Request[C] | None:
-        """Empty the mailbox; tells the owner of a command that was replaced in it."""
+        """Empty the mailbox and return its request; report the one that was replaced, if any."""
         if self._slot is None:
             return None
         with self._lock:
@@ -115,19 +115,19 @@ class Port(Generic[C, S]):
         return request
 
     def refuse(self) -> None:
-        """Empty the mailbox while the AC has no control: what was asked for then must never move anything later."""
+        """Reject the request in the mailbox; one that was made without control must never move the robot later."""
         request = self.take()
         if request is not None:
             self._listener(GoalReport(self.robot_id, request.goal_id, "rejected"))
 
     def report(self, goal_id: int, status: str) -> None:
-        """Tell the owner how a goal ended."""
+        """Report to the listener how a goal ended."""
         self._listener(GoalReport(self.robot_id, goal_id, status))
 
     def control(self, engaged: bool, module: str, cause: str) -> None:
-        """Tell the owner that control was lost or has come back."""
+        """Report to the listener that control was lost or regained."""
         if engaged and not self.engaged:
-            # What other threads have asked for since the last tick, they asked for without having control.
+            # Other threads made these requests since the last tick, without having control.
             self.refuse()
         self.engaged = engaged
         self._listener(ControlReport(self.robot_id, engaged, module, cause))

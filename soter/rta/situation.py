@@ -1,4 +1,4 @@
-"""What a decision module may know at a tick: this robot's sample, the peers' samples, the time."""
+"""What a decision module knows at a tick: this robot's sample, the peers' samples, the time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Protocol
 class Sample(Protocol):
     """A robot's latest state. Workspace frame, ENU, metres, radians; the battery from 0 to 1.
 
-    What is None is not known: the charge, and the vertical speed of a robot that does not report it.
+    None means not reported: the charge, or the vertical speed.
     """
 
     @property
@@ -38,7 +38,7 @@ class Situation:
     """One robot's view at one tick. The supervisor keeps one per robot and refreshes it.
 
     Attributes:
-        robot_id: whose view it is.
+        robot_id: this robot.
         now_s: fleet time of the tick.
         own: this robot's latest sample.
         age_s: how old that sample is.
@@ -55,7 +55,7 @@ class Situation:
         self.peers: Sequence[Sample] = ()
 
     def copy(self) -> Situation:
-        """Return one for foreign code, which may change what it is given: others must not see that."""
+        """Return a copy for foreign code, which may change it without affecting others."""
         made = Situation(self.robot_id, self.own, self.now_s)
         made.age_s, made.peers = self.age_s, tuple(self.peers)
         return made

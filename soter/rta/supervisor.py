@@ -1,4 +1,4 @@
-"""One robot's supervisor: every tick it senses, lets the due decision modules judge, and drives by who is in charge."""
+"""One robot's supervisor: every tick it reads the robot, runs due decision modules, and lets the active one drive."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 logger = logging.getLogger(__name__)
 
 UNHEARD_S: Final = 3.0
-"""A robot unheard for longer is uncontrolled: orders may not reach it."""
+"""A robot that has been silent for longer is uncontrolled: commands may not reach it."""
 
 ALARM_S: Final = 0.3
-"""A robot whose assumptions failed stays with its safe controllers until they have held for so long."""
+"""A robot whose assumptions failed stays with its safe controllers until they have held for this long."""
 
 
 class RobotSupervisor:
-    """All decision modules, safe controllers and the hand-over of one robot.
+    """Runs the decision modules and safe controllers of one robot, and hands it over between controllers.
 
     Attributes:
-        mode: who has control.
+        mode: the active controller.
         driver: the module that drives, or None for the AC.
-        situation: what the robot knew at the last tick.
-        decide_s: host time of the last decisions, in seconds.
+        situation: what is known of the robot and its peers at this tick.
+        decide_s: host time that the last decisions took, in seconds.
         ac_failure: why the AC will never get control again; empty while it may.
-        log: which assumptions did not hold.
+        log: the assumptions that failed.
 
     Args:
         robot_id: which robot.
         actuator: its narrow interface.
-        drivers: who may drive it.
+        drivers: the controllers that may drive it.
         assumed: what its samples are tested against.
-        watches: told of switches.
+        watches: called with every switch.
     """
 
     def __init__(
@@ -86,18 +86,19 @@ class RobotSupervisor:
 
     @property
     def uncontrolled(self) -> str:
-        """Why the robot does not obey its supervisor; empty while it does."""
+        """Return why the robot does not obey its supervisor; empty while it does."""
         return self._disobeys if self.situation.now_s < self._disobeyed_until_s else ""
 
     def fail_ac(self, cause: str) -> None:
-        """Never give this robot to its AC again: that has failed for good, and the cause says how.
+        """Never give this robot to its AC again, which has failed for good; the cause says how.
 
-        Its modules go on judging; while none of them needs to drive, the last one does (the battery's: it goes home).
+        Its modules go on judging; while none of them needs to drive, `Drivers.without_ac` does (the battery's module,
+        which drives home).
         """
         self.ac_failure = self.ac_failure or cause
 
     def expect_no_obedience(self) -> None:
-        """Judge the robot no more by whether it stops when told to: a recorded one does what it did then."""
+        """Stop testing whether the robot stops when told to: a recorded robot cannot obey."""
         self._stop = StopMonitor((), self._timing)
 
     # --- one tick, in three passes over all robots -----------------------------------------------------------
@@ -113,7 +114,7 @@ class RobotSupervisor:
         try:
             sample = self.actuator.read()
             if not math.isfinite(sample.x_m + sample.y_m + sample.stamp_s):
-                # Comparisons with NaN are false: a minimum over distances would leave it out, for this robot and peers.
+                # Comparisons with NaN are false: a minimum over distances would ignore this robot, its peers' one too.
                 raise ValueError(f"the sample is not finite: {sample}")
         except KeyboardInterrupt:
             raise
@@ -131,7 +132,7 @@ class RobotSupervisor:
         except KeyboardInterrupt:
             raise
         except BaseException as failure:
-            # Models may be the user's own, and who is in charge is an adapter's word.
+            # Models may be the user's own, and the reported controller comes from an adapter.
             logger.exception("robot %d: its sample could not be tested", self.robot_id)
             self._raise_alarm(Assumption.MOTION, f"its sample could not be tested: {account_of(failure)}")
         return sample
@@ -140,15 +141,15 @@ class RobotSupervisor:
         self.situation.now_s -= by_s
         for module in self.modules:
             if module.mode is Controller.SC:
-                # What held since a time that is yet to come has not held for any time.
+                # A dwell that began at a time now in the future has not lasted at all.
                 module.force(self.situation.now_s, module.cause)
         self._raise_alarm(Assumption.CLOCK, f"fleet time went back by {by_s:.3f} s", by_s, "s")
 
     def _look_for_owner(self, sample: Sample) -> None:
-        """Compare who is in charge with what the robot says of it; where it is another, the lease is left to run out.
+        """Compare the active controller with the one that the robot reports; if they differ, withhold the lease.
 
-        The command of the controller that lost control would otherwise move the robot on. A robot that has said it, and
-        says it no more, follows a pilot, another program or nobody, until it is ready again.
+        Otherwise the command of the controller that lost control would still move the robot. A robot that has reported
+        a controller and no longer does follows a pilot, another program or nobody, until it is ready again.
         """
         reported = self.actuator.reported(sample)
         settled = self._owed is None and sample.stamp_s > self._handed_over_s + self._timing.latency_s + ROUNDING_S
@@ -161,7 +162,7 @@ class RobotSupervisor:
             self._disobeyed(f"the robot does not report any more that {self.mode} is in charge")
 
     def _take_age(self, sample: Sample) -> None:
-        # A clock that runs ahead a little must not make a reach bound smaller than that of a fresh sample.
+        # A clock that is slightly fast must not make a reach bound smaller than that of a fresh sample.
         age_s = self.situation.age_s = max(0.0, self.situation.now_s - sample.stamp_s)
         if age_s > UNHEARD_S:
             self._lose_control(f"it has not been heard of for {age_s:.1f} s")
@@ -174,30 +175,30 @@ class RobotSupervisor:
         self._raise_alarm(Assumption.AUTHORITY, cause)
 
     def distrust(self, finding: BrokenAssumption) -> None:
-        """Take control from the AC for a while, because of what was found out about a peer."""
+        """Take control from the AC for a while, because a peer broke an assumption."""
         self._peer_unsure = True
         self._raise_alarm(*finding)
 
     def hold(self, finding: BrokenAssumption) -> None:
-        """Have the robot stand at this tick, whatever would drive it: a place is not known, a peer's or its own."""
+        """Have the robot stand at this tick, whichever controller drives: its own or a peer's position is not known."""
         self._held = True
         self.distrust(finding)
 
     def _raise_alarm(self, assumption: Assumption, cause: str, excess: float = math.nan, unit: str = "") -> None:
-        """Note that an assumption has failed: the AC loses control for a while, whatever the margins are."""
+        """Log that an assumption has failed; the AC loses control for a while, whatever the margins are."""
         self.log.note(assumption, self.situation.now_s, cause, excess, unit)
         self._alarm = f"{assumption}: {cause}"
         self._alarmed_until_s = self.situation.now_s + ALARM_S
 
     def decide(self, tick: int) -> None:
-        """Let every due decision module judge, settle who drives, and hand over if that changed."""
+        """Run every due decision module, choose the driver, and hand over if it changed."""
         situation = self.situation
         fired: list[DecisionModule] = []
         released: DecisionModule | None = None
         driver: DecisionModule | None = None
         now_s = situation.now_s
-        # While an assumption has failed, what was judged before it did says nothing: everybody looks at every tick,
-        # and the AC gets control back only on what was seen afterwards.
+        # What was judged before an assumption failed no longer counts: in an alarm every module looks at every tick,
+        # and the AC gets control back only on later looks.
         alarmed = now_s < self._alarmed_until_s
         for rank, module in enumerate(self.modules):
             try:
@@ -224,7 +225,7 @@ class RobotSupervisor:
             except BaseException as failure:
                 cause = f"decision module failed: {account_of(failure)}"
                 if module.cause != cause:
-                    # Once, and not at every look: it may go on failing for as long as the run lasts.
+                    # Log it once, not at every look: it may go on failing for as long as the run lasts.
                     logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
                 if module.mode is Controller.AC:
                     fired.append(module)
@@ -242,17 +243,17 @@ class RobotSupervisor:
             self._hand_over("", "no safety module is enabled")
         elif self._owed is not None:
             self._hand_over(*self._owed)
-        # What fails from here on, in acting, is the cause of what is decided at the next tick.
+        # A failure in `act`, from here on, is a cause at the next tick.
         self._alarm = ""
 
     def _look_at(self, module: DecisionModule, found: BrokenAssumption) -> None:
-        """Take note of what a module's own monitor has found."""
+        """Log what a module's monitor has found; raise an alarm if the module is in AC."""
         module.monitor.found = None
         if found.assumption is Assumption.WORKSPACE and self.situation.now_s < self._alarmed_until_s:
-            # A sample that was wrong itself says nothing about the world.
+            # A wrong sample says nothing about the workspace.
             return
         if found.assumption is Assumption.RECOVERY and self._peer_unsure:
-            # The margin is one to where a silent peer may be, which falls without anybody moving.
+            # The margin to where a silent peer may be falls although nobody moves.
             return
         cause = f"'{module.name}': {found.cause}"
         if module.mode is Controller.AC:
@@ -262,7 +263,7 @@ class RobotSupervisor:
             self.log.note(found.assumption, self.situation.now_s, cause, found.excess, found.unit)
 
     def act(self) -> None:
-        """Let the controller in charge take its step, send what it published, renew the lease."""
+        """Let the active controller take its step, send what it published, renew the lease."""
         situation = self.situation
         driver = self.driver
         node = self._ac if driver is None else driver.module.sc
@@ -272,7 +273,7 @@ class RobotSupervisor:
         else:
             try:
                 if self._was_held:
-                    # Where it was going was dropped.
+                    # Its goal was dropped while the robot was held.
                     node.engage(situation)
                 node.step(situation)
             except KeyboardInterrupt:
@@ -293,9 +294,9 @@ class RobotSupervisor:
         self._refused = False
 
     def _hand_over(self, module: str, cause: str) -> None:
-        """Put the controller of the present mode in charge; if that fails it is owed, and tried at every tick.
+        """Hand the robot over to the controller of the present mode; if that fails, try again at every tick.
 
-        Until then the lease is not renewed: a robot that did not hear of its disengagement must not go on.
+        Until it succeeds the lease is not renewed: a robot that has not heard of its disengagement must not go on.
         """
         self._owed = (module, cause)
         if self._attempt(lambda: self.actuator.hand_over(self.mode, module, cause)):
@@ -305,13 +306,13 @@ class RobotSupervisor:
             self._stop.told(self.situation.now_s, self.situation.own, stop=True)
 
     def _drive(self, command: Any) -> None:
-        """Pass on a command; None means that the robot ought to stop, which is owed until it could be told."""
+        """Pass on a command; None means stop, which is repeated every tick until it could be sent."""
         told = self._attempt(lambda: self.actuator.drive(command, self.mode))
         self._stop_owed = not told and (command is None or self._stop_owed)
         self._stop.told(self.situation.now_s, self.situation.own, stop=command is None)
 
     def _attempt(self, call: Callable[[], None]) -> bool:
-        """Call the actuator; where it fails the lease is left to run out, and the AC loses control for a while."""
+        """Call the actuator; return whether it worked. A failure withholds the lease and takes control from the AC."""
         try:
             call()
             return True
@@ -330,7 +331,7 @@ class RobotSupervisor:
             return False
 
     def _without_module(self) -> DecisionModule | None:
-        """Return whose safe controller drives when no module asks for it, but the AC may not."""
+        """Return the module whose safe controller drives when no module needs to, but the AC may not."""
         if not self.modules:
             self._drive(None)
             return None
@@ -349,10 +350,10 @@ class RobotSupervisor:
         if was is Controller.AC and not fired:
             name, cause = SUPERVISOR, self._alarm or self.ac_failure
             if driver is not None and driver.mode is Controller.SC:
-                # Nothing has failed, and its margin would do: others need room.
+                # Nothing has failed and the margin would do: other robots need room.
                 name, cause = driver.name, driver.cause
         if self.mode is not was or before is not driver:
-            # A change of the driver flushes the goal too: the next SC must not inherit a motion it never certified.
+            # A change of driver drops the goal too: the next SC must not inherit a motion that it never certified.
             if self.mode is was:
                 self._drive(None)
             else:
@@ -373,7 +374,7 @@ class RobotSupervisor:
             except KeyboardInterrupt:
                 raise
             except BaseException:
-                # Watches look at what the AC intends, which is untrusted; statistics must not cost the robots anything.
+                # Watches read what the AC intends, which is untrusted; statistics must not harm the robots.
                 logger.exception("robot %d: a watch failed", self.robot_id)
         self._sent = self._waypoint.count
         if driver is not None:

@@ -1,4 +1,4 @@
-"""Topics and periodic nodes, as in figure 2.4 of the thesis: latest-value channels, read and written by steps."""
+"""Topics (latest-value channels) and the periodic nodes that read and write them, as in figure 2.4 of the thesis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Topic(Generic[T]):
     Attributes:
         name: unique within one robot.
         value: the newest value, or None before the first.
-        count: how many values were published; a reader that remembers it knows whether a value is new to it.
+        count: number of values published so far; a reader that remembers it can tell whether the value is new.
     """
 
     __slots__ = ("count", "name", "value")
@@ -30,16 +30,16 @@ class Topic(Generic[T]):
         return f"Topic({self.name!r})"
 
     def publish(self, value: T | None) -> None:
-        """Replace the value."""
+        """Replace the value and count it."""
         self.value = value
         self.count += 1
 
 
 class Node(ABC):
-    """A periodic process: at each step it reads topics and the situation, and publishes.
+    """A periodic process: each step reads topics and the situation, and publishes.
 
     Attributes:
-        name: for messages and recordings.
+        name: its name in messages and recordings.
         period_s: time between two steps.
         subscribes: names of the topics that it reads.
         publishes: names of the topics that it writes.
@@ -55,4 +55,4 @@ class Node(ABC):
         """Do one period's work; never wait."""
 
     def engage(self, situation: Situation) -> None:
-        """Forget what an earlier time in charge has left behind; called when this node takes charge."""
+        """Forget what is left from an earlier time in control; called when this node takes control."""

@@ -1,4 +1,4 @@
-"""Changes of control, and who is told of them."""
+"""Records of changes of control, and the interface of those who watch them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from soter.rta.supervisor import RobotSupervisor
 
 SUPERVISOR = "supervisor"
-"""Named as the module when a disengagement comes from an assumption that failed, not from a module's margin."""
+"""Stands in place of a module's name when a failed assumption, not a margin, caused a disengagement."""
 
 
 class SwitchRecord(NamedTuple):
@@ -19,7 +19,7 @@ class SwitchRecord(NamedTuple):
         robot_id: which robot.
         before: module that drove, or None for the AC.
         after: module that drives now, or None for the AC.
-        module: the one that caused the change: the first that fired, or the last that released.
+        module: the module that caused the change: the first that fired, or the last that released.
         cause: in words.
         joined: further modules that fired in the same tick.
     """
@@ -34,7 +34,7 @@ class SwitchRecord(NamedTuple):
 
 
 class Watch(Protocol):
-    """Somebody who is told of every switch; may not change anything."""
+    """An observer that is called at every switch; it may not change anything."""
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
-        """Called when a robot changed hands, before its new driver's first command."""
+        """Take note of a change of control; called before the new driver's first command."""

@@ -1,7 +1,7 @@
 """Reach models: the most that a margin can fall within a time, under any controller.
 
-`SpeedBound` needs nothing but a top speed and a brake. The others are tighter where the robot promises more about
-itself; all of them include stopping afterwards, and none of them is ever more than its own `bound`.
+`SpeedBound` needs only a top speed and a braking deceleration. The others are tighter for robots that promise more.
+All include stopping afterwards, and `reach` never exceeds the model's own `bound`.
 """
 
 from soter.rta.models.base import Directed, Motion, ReachModel, Threat

@@ -1,4 +1,4 @@
-"""What every reach model answers, and what those that look at directions ask of a region."""
+"""The interface of reach models, and what direction-aware models need of a region."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from soter.rta.assumptions import Assumption
 from soter.rta.situation import Sample, Situation
 
 ROUNDING_M: Final = 1e-9
-"""What the arithmetic of a test of a sample may be off by."""
+"""Largest rounding error of the arithmetic that tests a sample."""
 
 
 class ReachModel(ABC):
-    """R(T), and whether a new sample is one that the model allows.
+    """Bounds how far a margin falls within T, R(T), and tests whether a new sample fits the model.
 
     A model whose bound depends on the state overrides `reach`; `bound` must then be its maximum over all states.
     """
 
     assumption: ClassVar[Assumption] = Assumption.MOTION
-    """What does not hold where a sample is not admitted."""
+    """The assumption that is broken when a sample is not admitted."""
 
     @property
     def of_pairs(self) -> bool:
-        """Whether the margin is one between this robot and others, so that the others' motion counts as well."""
+        """Whether the margin is between this robot and others, so that the others' motion counts as well."""
         return False
 
     @abstractmethod
@@ -42,7 +42,7 @@ class ReachModel(ABC):
         return type(self).reach is not ReachModel.reach
 
     def of_own(self) -> ReachModel:
-        """Return the part of the model that is about this robot alone, against which its samples are tested."""
+        """Return the part of the model that is about this robot alone; this robot's samples are tested against it."""
         return self
 
     @abstractmethod
@@ -50,20 +50,20 @@ class ReachModel(ABC):
         """Return whether `after` lies in the reach set of `before`; if not, the model is wrong about this robot."""
 
     def excess(self, before: Sample, after: Sample, noise_m: float) -> tuple[float, str]:
-        """Return by how much a sample that is not admitted is outside, and the unit; no number if it cannot say."""
+        """Return by how much a sample that is not admitted lies outside, and the unit; NaN if the model cannot say."""
         return math.nan, ""
 
 
 class Motion(ReachModel):
-    """How far one robot gets, in metres: a reach model of any margin that falls by a metre a metre at most.
+    """How far one robot gets, in metres: a reach model of any margin that falls by at most one metre per metre driven.
 
-    For a margin that falls in one direction only, `extent` is the sharper answer; see `DirectedReach`.
+    For a margin that falls in one direction only, `extent` is the tighter bound; see `DirectedReach`.
     """
 
     def extent(self, sample: Sample, time_s: float, ux: float, uy: float, uz: float = 0.0) -> float:
         """Return how far the robot gets in a direction within a time, stopping included; at most `bound(time_s)`.
 
-        It is the support function of the set of all places that it can pass, seen from where it is now.
+        It is the support function of the set of all places that the robot can pass, relative to where it is now.
 
         Args:
             sample: where it is now, and how it moves.
@@ -76,14 +76,14 @@ class Motion(ReachModel):
 
 
 class Threat(NamedTuple):
-    """One part of a margin, and where it falls.
+    """One part of a margin, and the direction in which it falls.
 
     Attributes:
-        margin: the part's own margin; that of the region is the least of them.
+        margin: the part's own margin; the region's margin is the least of its parts'.
         ux: the direction in which it falls fastest, east; of unit length with the other two.
         uy: the same, north.
         uz: the same, up.
-        peer: the robot from whose motion in the opposite direction it falls as well.
+        peer: the robot whose motion in the opposite direction lowers it as well; None for a part that no peer lowers.
     """
 
     margin: float
@@ -94,14 +94,14 @@ class Threat(NamedTuple):
 
 
 class Directed(Protocol):
-    """A region that knows where its margin falls.
+    """A region that knows in which directions its margin falls.
 
     For every part, however the robot moves by d and its peer by e, the part's margin never falls by more than
-    u.d - u.e. So it is with the distance to a plane, to a convex body and to another robot.
+    u.d - u.e. This holds for the distance to a plane, to a convex body and to another robot.
     """
 
     def margin(self, situation: Situation) -> float:
         """Return the margin."""
 
     def threats(self, situation: Situation) -> Sequence[Threat]:
-        """Return all parts of the margin that may be used up; one that is left out must stay above the others."""
+        """Return all parts that may become the least; a part that is left out must stay above the others."""

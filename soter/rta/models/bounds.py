@@ -1,4 +1,4 @@
-"""Bounds that look at no state: the most that anybody can do who keeps to the declared limits."""
+"""Bounds that follow from the declared limits, mostly without looking at the state."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _ROUNDING_CHARGE: Final = 1e-6
 
 
 class SpeedBound(Motion):
-    """No more than v_max, and a brake of at least brake_m_s2: R(T) = v_max T + v_max^2 / (2 brake).
+    """A top speed and a guaranteed deceleration: R(T) = v_max T + v_max^2 / (2 brake).
 
     Args:
         v_max_m_s: top speed.
-        brake_m_s2: guaranteed deceleration; what is needed to stop after T is part of the bound, because no
-            controller can keep a vehicle with inertia from crossing an edge that it is about to cross.
+        brake_m_s2: guaranteed deceleration; the distance to stop after T is part of the bound, because no controller
+            can stop a vehicle with inertia at once.
     """
 
     def __init__(self, v_max_m_s: float, brake_m_s2: float) -> None:
@@ -45,7 +45,7 @@ class SpeedBound(Motion):
 
 
 class PairBound(ReachModel):
-    """The distance of two robots falls by at most what both cover: the sum of their speed bounds.
+    """The distance between two robots falls by at most the sum of their speed bounds.
 
     Args:
         own: this robot's bound.
@@ -71,14 +71,14 @@ class PairBound(ReachModel):
 
 
 class PairsBound(PairBound):
-    """The same between robots that are unlike: every pair's distance falls by what its own two robots cover.
+    """`PairBound` for robots that differ: each pair's distance falls by at most the sum of its own two robots' bounds.
 
-    For a slower peer this robot's own share is taken once more: each keeps to its half of the gap.
+    For a slower peer this robot's own bound is counted twice, since each robot keeps to its half of the gap.
 
     Args:
-        region: whose margin it is; its threats name the peers.
+        region: the region with this margin; its threats name the peers.
         own: this robot's bound.
-        each: by peer, the bound that it respects.
+        each: by peer, the bound that the peer respects.
     """
 
     def __init__(self, region: Directed, own: SpeedBound, each: Mapping[int, SpeedBound]) -> None:
@@ -94,7 +94,7 @@ class PairsBound(PairBound):
 
     def reach(self, situation: Situation, time_s: float) -> float:
         margin, alone = self.region.margin(situation), self.own.bound(time_s)
-        # What is nearest need not be what comes too near first: the margin falls by the most that any pair's part does.
+        # The nearest peer need not be the first to come too near: take the largest fall of any pair.
         worst = 0.0
         for part, _, _, _, peer in self.region.threats(situation):
             theirs = self.other if peer is None else self.each.get(peer.robot_id, self.other)
@@ -106,13 +106,13 @@ class PairsBound(PairBound):
 
 
 class DischargeBound(ReachModel):
-    """The charge falls no faster than at driving power, and the way home grows no faster than the robot drives.
+    """The charge falls no faster than at driving power; the return path grows no faster than the robot drives.
 
     Args:
         drive_per_s: charge used per second at driving power.
         v_max_m_s: top speed.
-        cost_per_m: charge that one metre of the way home is accounted for.
-        jump: charge by which the cost of the way home may jump, where a short way gets out of sight.
+        cost_per_m: charge set aside for each metre of the return path.
+        jump: charge by which the cost of the return path may jump when a shorter path is no longer in sight.
     """
 
     assumption: ClassVar[Assumption] = Assumption.DISCHARGE
@@ -137,13 +137,13 @@ class DischargeBound(ReachModel):
         return before.battery - after.battery - self._allowed(before, after, noise_m), "of a charge"
 
     def _allowed(self, before: Sample, after: Sample, noise_m: float) -> float:
-        # A position that is wrong may be right at another time, and so may the charge: what the way between costs.
+        # Each of the two positions may be wrong by the noise, so the cost may be off by that much driving.
         unsure = 2.0 * noise_m * self.cost_per_m + _ROUNDING_CHARGE
         return self.drive_per_s * (after.stamp_s - before.stamp_s) + unsure
 
 
 class DirectedReach(ReachModel):
-    """R(T) of a region's margin from the reach tube of a robot, and of its peers where the margin is one to them.
+    """R(T) of a region's margin, from the reach tubes of a robot and, for a margin to peers, of those peers.
 
     A part of the margin that is m now is never less than m - h(u) within T, where u is the direction in which it
     falls and h(u) the extent of the tube. The margin is the least of its parts, so it falls by no more than the
@@ -151,13 +151,13 @@ class DirectedReach(ReachModel):
     not looked at.
 
     Between two robots m falls by no more than h(u) + h'(-u), with h' the peer's extent. Twice the larger of the two is
-    taken: each robot keeps to its half of the gap then, which is what the other one counts upon in its own SC.
+    taken, so that each robot keeps to its half of the gap, which the other robot's SC relies on.
 
     Args:
-        region: whose margin it is.
+        region: the region with this margin.
         own: this robot's motion.
         other: the motion of every peer, for a region whose threats name peers.
-        each: by peer, its motion; `other` for those that are not in it.
+        each: by peer, its motion; peers that are not in it have `other`.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class DirectedReach(ReachModel):
             if peer is not None and self.other is not None:
                 other = self.each.get(peer.robot_id, self.other)
                 theirs = self._extent_of(other, peer, own.stamp_s, time_s, -ux, -uy, -uz)
-                # Twice the larger of the two; written so that what is not a number stays that.
+                # Twice the larger of the two, written so that NaN stays NaN.
                 far = far + theirs + abs(far - theirs)
             # Written so that a fall that is not a number is returned, and counts as danger.
             if not far - above <= worst:
@@ -203,7 +203,7 @@ class DirectedReach(ReachModel):
     def _extent_of(
         other: Motion, peer: Sample, stamp_s: float, time_s: float, ux: float, uy: float, uz: float
     ) -> float:
-        """Return how far a peer gets from where the margin has it: at top speed up to this robot's own stamp."""
+        """Return how far a peer gets from its sample, if it drives at top speed up to this robot's own stamp."""
         behind_s = stamp_s - peer.stamp_s
         if behind_s <= 0.0:
             return other.extent(peer, time_s, ux, uy, uz)

@@ -1,6 +1,6 @@
-"""Motions that look at how the robot moves now: by its speed, as a unicycle, as a point in space.
+"""Motion bounds that use the robot's present state: its speed, or that of a unicycle.
 
-The closed forms here are bounds for every input, not simulations: each docstring says why.
+The closed forms are bounds for every input, not simulations; each docstring has the argument.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _SLOW_TURN_RAD: Final = 1e-3
 
 
 def positive(name: str, value: float) -> float:
-    """Return a value that has to be above 0 and finite.
+    """Return the value if it is above 0 and finite.
 
     Raises:
         ValueError: it is not.
@@ -28,7 +28,7 @@ def positive(name: str, value: float) -> float:
 
 
 def not_negative(name: str, value: float) -> float:
-    """Return a value that has to be 0 or more, and finite.
+    """Return the value if it is 0 or more, and finite.
 
     Raises:
         ValueError: it is not.
@@ -39,9 +39,9 @@ def not_negative(name: str, value: float) -> float:
 
 
 def way_m(speed: float, most: float, accel: float, time_s: float) -> float:
-    """Return the longest way within a time from a speed, when it grows by at most `accel` up to `most`.
+    """Return the longest distance within a time from a speed that grows by at most `accel`, up to `most`.
 
-    Speeds may be negative: then it is the way along a direction that the robot moves away from at first.
+    The speed may be negative, along a direction that the robot moves away from at first.
     """
     rising_s = (most - speed) / accel
     if time_s <= rising_s:
@@ -52,7 +52,7 @@ def way_m(speed: float, most: float, accel: float, time_s: float) -> float:
 
 
 class SpeedAccelerationBound(Motion):
-    """The speed that a robot has counts: it grows by at most `accel_m_s2`, up to v_max.
+    """A bound from the present speed, which grows by at most `accel_m_s2`, up to v_max.
 
     At time t the speed is at most s(t) = min(v_max, s0 + accel t), because a speed, a length, grows no faster than
     the robot accelerates along its way, wherever that leads. So the way within T is at most the integral of s, and
@@ -127,11 +127,11 @@ class UnicycleBound(SpeedAccelerationBound):
         v_max_m_s: top speed forwards.
         accel_m_s2: how fast the speed grows, at most.
         brake_m_s2: guaranteed deceleration.
-        yaw_rate_max_rad_s: top turn rate; it counts as being there at once.
+        yaw_rate_max_rad_s: top turn rate, taken to be reached at once.
         reverse_m_s: top speed backwards; 0 for a robot that cannot reverse.
         speed_noise_m_s: error of a reported velocity, at most.
         heading_noise_rad: error of a reported heading, at most.
-        period_s: control period of the vehicle: when within it the speed falls is not promised, only by how much.
+        period_s: control period of the vehicle; the speed may fall at any moment within it.
     """
 
     def __init__(
@@ -179,12 +179,12 @@ class UnicycleBound(SpeedAccelerationBound):
         backwards = max(0.0, self.speed_noise_m_s - speed)
         if noise > 0.0:
             fastest, aligned = hypot(sample.vx_m_s, sample.vy_m_s) + self.speed_noise_m_s, self._aligned
-            # Written so that nothing is divided by an alignment of 0, which leaves every speed possible.
+            # Written so that nothing is divided by an alignment of 0, where every speed is possible.
             forwards = forwards / aligned if forwards < fastest * aligned else fastest
             backwards = backwards / aligned if backwards < fastest * aligned else fastest
         total = self._swept(forwards, self.forward_m_s, ahead, time_s, brake)
         other = self._swept(backwards, self.reverse_m_s, behind, time_s, brake)
-        # Written so that what is not a number is returned.
+        # Written so that NaN is returned.
         if not (total > 0.0 and other > 0.0):
             return total + other
         nearer = self._swept(max(forwards, backwards), self.v_max_m_s, min(ahead, behind), time_s, brake)
@@ -205,7 +205,7 @@ class UnicycleBound(SpeedAccelerationBound):
         if last >= 0.5 * pi:
             return 0.0
         if turn * rests_s < _SLOW_TURN_RAD:
-            # The closed form divides by the turn rate twice; as if it had turned before it starts is no less.
+            # The closed form divides by the turn rate twice; counting the turn as done at once is an upper bound.
             way = way_m(speed, most, accel, time_s) + reached * reached / (2.0 * brake)
             return way * (cos(last) if last > 0.0 else 1.0)
         return (

@@ -1,4 +1,4 @@
-"""A motion in space, for vehicles that fly."""
+"""Motion bound in three dimensions, for vehicles that fly."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _ahead(along: float, most: float, accel: float, time_s: float, speed: float,
         speed: how fast the vehicle may be by then, in whatever direction.
         brake: guaranteed deceleration.
     """
-    # Written so that what is not a number counts as the top speed.
+    # Written so that NaN counts as the top speed.
     along = min(most, along)
     speed = min(most, speed)
     reached = min(most, along + accel * time_s)
