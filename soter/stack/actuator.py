@@ -12,7 +12,7 @@ from soter.stack.safe_controller import WAYPOINT
 
 
 class RobotActuator:
-    """Drives one `Robot` for the supervisor and tells the AC's port how its goals end. One thread: the supervisor's."""
+    """Drives one `Robot` for the supervisor, and tells the AC's port how its goals end. Supervisor's thread only."""
 
     def __init__(self, robot: Robot, port: Port[Waypoint, RobotState]) -> None:
         self.robot: Final = robot
@@ -23,7 +23,7 @@ class RobotActuator:
 
     @property
     def goal(self) -> Goal | None:
-        """The goal that was asked for last; None once it has ended."""
+        """The latest goal; None once it has ended."""
         return self._goal
 
     def read(self) -> RobotState:
@@ -39,9 +39,9 @@ class RobotActuator:
         return state
 
     def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Controller) -> None:
-        """Send a goal of the controller in charge; None stops the robot."""
+        """Send a goal of the active controller; None stops the robot."""
         if command is None:
-            # Also where it has been reached: within its radius the vehicle is still on its way to the middle.
+            # A reached goal has to be stopped too: within its radius the vehicle still drives on to the middle.
             if self._sent is not None:
                 self._sent.cancel()
                 self._sent = None
@@ -55,7 +55,7 @@ class RobotActuator:
             self._port_goal_id = None
 
     def hand_over(self, mode: Controller, module: str, cause: str) -> None:
-        """Switch the robot and tell the AC."""
+        """Switch the robot to another controller, and tell the AC's port."""
         self.robot.switch_ac_sc(mode, f"{module}: {cause}")
         self._sent = None
         if self._goal is not None:
@@ -67,11 +67,11 @@ class RobotActuator:
         self.robot.renew_lease()
 
     def reported(self, sample: Sample) -> Controller | None:
-        """Return who is in charge as the robot itself has it."""
+        """Return the active controller that the robot reports."""
         return sample.controller if isinstance(sample, RobotState) else None
 
     def insist(self) -> None:
-        """Send once more who is in charge."""
+        """Resend which controller is active."""
         self.robot.hand_over_again()
 
     def _drive_for_ac(self, request: Request[Waypoint]) -> None:
@@ -79,7 +79,7 @@ class RobotActuator:
         try:
             goal = self.robot.goto(_plain(request.command), Controller.AC)
         except (ValueError, TypeError, AttributeError, ArithmeticError, Unsupported):
-            # The AC is untrusted: what is no waypoint, or none for this robot, is refused; what it was doing goes on.
+            # The AC is untrusted: anything but a valid waypoint for this robot is refused, and the goal before goes on.
             self.port.report(request.goal_id, GoalStatus.REJECTED.value)
             return
         if before is not None:
@@ -95,9 +95,9 @@ class RobotActuator:
 
 
 def _plain(command: Any) -> Any:
-    """Return a waypoint of Python's own numbers: others pass every check and may still fail later, in the vehicle.
+    """Return a waypoint of plain Python numbers; None if there are none to be made of the command.
 
-    None, which is no waypoint, where they cannot be made.
+    Numbers of other classes pass every check and may still fail later, in the vehicle.
     """
     if type(command) is not Waypoint:
         return command
@@ -113,7 +113,7 @@ def _plain(command: Any) -> Any:
 
 
 class PortForwarder(Node):
-    """The AC as a node: at every step it publishes what lies in the port's mailbox."""
+    """The AC as a node: every step publishes the request in the port's mailbox, if there is one."""
 
     name = "ac-port"
     subscribes = ("port",)

@@ -43,17 +43,18 @@ from soter.stack.terrain import Terrain
 NEIGHBOUR_M: Final = 2.5
 
 _BEGINS_S: Final = 2.0
-"""For so long after its first look a robot has not fired its battery's module only because all begin in SC."""
+"""How long the battery's module may stay in its initial SC before that counts as having fired."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """Questions to the modules that a mission must not ask; never for robots.
+    """Changes to the modules for studies in simulation; never for robots.
 
     Attributes:
-        deltas: how many Delta they look ahead; None for what proofs need.
-        safer_alone: they give back wherever phi_safer holds, though the AC could break the rule before the next look.
-        on_ill_formed: takes the refusal of an ill-formed module, which is then bound all the same; None refuses.
+        deltas: how many Delta the modules look ahead; None for what proofs need.
+        safer_alone: whether modules give control back wherever phi_safer holds, even if the AC could break the rule
+            before the next look.
+        on_ill_formed: called with the error of an ill-formed module, which is then bound all the same; None raises it.
     """
 
     deltas: float | None = None
@@ -63,14 +64,14 @@ class Study:
 
 @dataclass(frozen=True)
 class SafeRobot:
-    """What stands between the mission and one robot.
+    """The safety side of one robot.
 
     Attributes:
-        port: the AC's rights; all that the mission gets to see.
-        forwarder: knows what the AC asked for last.
-        declared: its modules and what their safe controllers share.
-        terrain: the static workspace for its body.
-        trigger_m: the distance to another robot at which its collision module acts.
+        port: the AC's access to the robot, and all of it that the mission sees.
+        forwarder: has the AC's latest request.
+        declared: the robot's modules and what their safe controllers share.
+        terrain: the static workspace for the robot's body.
+        trigger_m: the distance to another robot at which the collision module acts.
     """
 
     port: Port[Waypoint, RobotState]
@@ -82,19 +83,19 @@ class SafeRobot:
 
 @dataclass(frozen=True)
 class SafetySide:
-    """What stands between the mission and the robots."""
+    """The safety side of a mission: all that stands between its machines and the robots."""
 
     supervisor: Supervisor
     robots: Mapping[int, SafeRobot]
 
     @cached_property
     def ports(self) -> Mapping[int, Port[Waypoint, RobotState]]:
-        """The AC's rights, by robot id."""
+        """The AC's ports, by robot id."""
         return {robot_id: robot.port for robot_id, robot in self.robots.items()}
 
     @cached_property
     def modules(self) -> Mapping[int, tuple[RTAModule, ...]]:
-        """The declarations, by robot id, in order of their right to drive."""
+        """The declarations, by robot id, in order of priority."""
         return {robot_id: robot.declared.modules for robot_id, robot in self.robots.items()}
 
     def charging(self, robot_id: int) -> bool:
@@ -107,8 +108,8 @@ class Others:
     """The robots that other processes supervise.
 
     Attributes:
-        peers: what is heard of them.
-        promises: what each promises, by id.
+        peers: the source of their samples.
+        promises: the capabilities that each promises, by id.
     """
 
     peers: Sequence[RemotePeer] = ()
@@ -131,11 +132,11 @@ def assemble(
     Args:
         mission: its `rta` and `battery` tables.
         workspace: fence, boxes, chargers.
-        robots: ready, with their SC in charge.
-        listener: told of what the ports report.
-        watches: told of every switch.
-        tap: returns what a supervisor uses in place of a robot's actuator, such as one that writes down what passes.
-        study: what is changed of the modules.
+        robots: ready, with their SC active.
+        listener: called with the ports' reports.
+        watches: called with every switch.
+        tap: wraps each robot's actuator for its supervisor, such as in one that records all calls.
+        study: changes to the modules.
         others: the robots that other processes supervise.
 
     Raises:
@@ -186,10 +187,10 @@ def assemble(
             RobotSupervisor(
                 robot.id,
                 actuator if tap is None else tap(robot.id, actuator),
-                # The way home comes last, where it is kept.
+                # The battery's module comes last if it is on; it drives once the AC has failed.
                 Drivers(decisions, forwarder, waypoint, mission.rta.order[-1] if mission.rta.order else ""),
                 Assumed(
-                    # What the modules assume of the robot's own samples: each model once, however many share it.
+                    # Models that the robot's own samples are tested against: each once, however many modules share it.
                     list(dict.fromkeys(each.model.of_own() for each in declared.modules if each.model is not None)),
                     declared.timing,
                     PEER_SILENT_S if apart and len(promises) > 1 else math.inf,
@@ -212,7 +213,7 @@ def assemble(
             battery = batteries.get(robot_id)
             if battery is not None:
                 in_sc = battery.mode is Controller.SC
-                # All modules begin in SC; for a while that does not mean that the battery's has fired.
+                # All modules begin in SC: for a while, that does not mean that the battery's module has fired.
                 dock.begins = in_sc and battery.cause == STARTS and not now_s - battery.since_s > _BEGINS_S
                 dock.wants_charge = in_sc and not dock.begins
         contracts.look(now_s, bound, docks)
@@ -227,9 +228,9 @@ def assemble(
         PEER_SILENT_S,
     )
     still_s = _still_s(fleet, mission.base_tick_s)
-    # Robots that are not heard, of a pair one or both, may be nearer to each other than their samples are.
+    # Silent robots, one or both of a pair, may be nearer to each other than their samples are.
     unheard_m = worst.v_max_m_s * (PEER_SILENT_S + still_s)
-    # A user's rule may be about peers that matter to no shipped one.
+    # A user's rule may be about peers that are too far away to matter to a shipped rule.
     theirs_m = max((module.peers_within_m for each in safe.values() for module in each.declared.own), default=0.0)
     supervisor = Supervisor(
         supervisors, mission.base_tick_s,
@@ -242,10 +243,11 @@ def assemble(
 
 
 def _still_s(promises: Sequence[Capabilities], base_tick_s: float) -> float:
-    """Return how long a robot moves on at most after the last sample that was heard of it, braking as half.
+    """Return how long a silent robot can move on after its last sample, with braking counted as half.
 
-    One that its own supervisor does not hear of has its lease renewed while the sample is `PEER_SILENT_S` old at most.
-    One of another supervisor is told to hold at the next tick after that: it knows which sample was heard.
+    The supervisor renews the lease of a robot that it does not hear of while the last sample is at most
+    `PEER_SILENT_S` old. A robot of another supervisor knows which of its samples was heard, and holds at the next tick
+    after that time.
     """
     return PEER_SILENT_S + max(
         max(each.lease_s, base_tick_s + each.jitter_s) + each.latency_s + each.v_max_m_s / (2.0 * each.brake_m_s2)

@@ -1,4 +1,4 @@
-"""Battery: the charge always pays for the way home, with a reserve held back."""
+"""Battery: the charge always pays for the return path, with a reserve held back."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DOCKED_M: Final = 0.03
 
 
 class Dock:
-    """One robot's charging station, the path to it, and what that costs."""
+    """One robot's charging station, the path to it, and the charge that the path costs."""
 
     def __init__(self, charger: Box, path: ReturnPath, cost_per_m: float) -> None:
         self.place: Final = charger.centre
@@ -30,9 +30,9 @@ class Dock:
         self.cost_per_m: Final = cost_per_m
         self._charger: Final = charger
         self.wants_charge = False
-        """Set by the arbiter while the battery's module is in SC, because it has fired or is not content."""
+        """Set by the arbiter while the battery's module is in SC because it has fired or is not in phi_safer yet."""
         self.begins = False
-        """Set by the arbiter while it is in SC only because all modules begin so: the robot stays where it is."""
+        """Set by the arbiter while that module is in SC only because all modules begin so: the robot stays put."""
 
     @property
     def longest_m(self) -> float:
@@ -53,8 +53,8 @@ class Dock:
 class ChargeForTheWayHome(Region):
     """Situations in which the charge, less the cost of the return path, is not negative.
 
-    It does not fall while the robot drives home: what is used up, the path gets shorter by. Without a path it is minus
-    infinity. What is held back for turns, for blocked paths and for waiting is what the module keeps.
+    The margin does not fall while the robot drives home, since the path gets shorter by what the charge pays for. It is
+    minus infinity without a path. The module's `keep` holds back charge for turns, blocked paths and waiting.
     """
 
     dock: Dock
@@ -99,7 +99,7 @@ class Charged(Region):
 class GoHome(SafeController):
     """Drives the return path to the charger and holds there.
 
-    The path is kept even when peers stand in it: dodging them dithers until the battery is flat. Only after
+    It keeps to the path even when peers stand in it: dodging them would dither until the battery is flat. Only after
     `BLOCKED_S` without progress does it commit to one detour around the peers as they stand then.
     """
 
@@ -116,7 +116,7 @@ class GoHome(SafeController):
         self.start_anew()
 
     def start_anew(self) -> None:
-        """Look for the path again: the robot has been driven elsewhere in the meantime."""
+        """Find the path again, after another controller has driven the robot elsewhere."""
         if not self._detouring:
             self._legs = []
 
@@ -141,7 +141,7 @@ class GoHome(SafeController):
         return self.follow(situation, self._legs)
 
     def _discs(self, situation: Situation) -> list[Rectangle]:
-        """Return what a detour keeps out of: the room of every peer, but of those at the station itself."""
+        """Return the room of every peer, which a detour keeps out of, except that of peers at the station itself."""
         apart_m = self.recovery.apart_m(situation.age_s)
         return [
             (peer.x_m - apart_m, peer.y_m - apart_m, peer.x_m + apart_m, peer.y_m + apart_m)

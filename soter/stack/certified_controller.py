@@ -1,4 +1,4 @@
-"""The safe controller of a module that does not drive by certified legs itself."""
+"""The wrapper for a safe controller that does not drive by certified legs itself."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from soter.stack.safe_controller import SafeController
 
 RETREAT_M: Final = 0.75
 TURN_S: Final = 20.0
-"""Robots under a rule about pairs take turns in giving way when it has had them for so long."""
+"""Once a rule about pairs has held robots for this long, they take turns in giving way."""
 
 
 class CertifiedController(SafeController):
     """Drives where another node wants to go, but only by legs that keep every rule of the mission's modules.
 
-    Whoever writes a safe controller thinks of one rule. The recovery planner thinks of all: a leg that would break one,
-    the module's own included, is shortened or not driven, so that a mistake costs time only. It lets go as its contract
-    says: where the robot stands, or the battery's module needs to drive, the return path is driven after `lets_go_s`.
+    The author of a safe controller thinks of one rule; the recovery planner checks all. A leg that would break one, the
+    module's own included, is shortened or not driven, so that a mistake only costs time. The controller keeps its
+    contract: if the robot stands, or the battery's module needs to drive, it drives the return path after `lets_go_s`.
     """
 
     def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> None:
@@ -43,23 +43,23 @@ class CertifiedController(SafeController):
 
     def engage(self, situation: Situation) -> None:
         super().engage(situation)
-        # What the inner node wanted when it was last in charge is no concern of now.
+        # Drop what the inner node wanted the last time it was active.
         self._wanted.value = None
         self._engaged = True
         if situation.now_s - self._drove_s > TURN_S:
-            # A rule that gets the robot back at once was not content: whose turn it is goes on.
+            # A rule that takes the robot again at once was not satisfied: the turns go on.
             self._engaged_s = situation.now_s
         self._moved_s = situation.now_s
         self._yields = self._homewards = False
         if not (self._kept_from_charging and self._dock.wants_charge):
-            # A robot that goes to and fro between the battery's module and this one is kept all the time.
+            # A robot that switches between the battery's module and this one counts as kept all the time.
             self._kept_since_s = situation.now_s
         self._kept_from_charging = self._dock.wants_charge
         self.inner.engage(situation.copy())
 
     def motion(self, situation: Situation) -> Leg | None:
         if not self._engaged:
-            # Whoever drives first at the start of a run takes charge of nobody.
+            # The first driver of a run is never engaged by a switch.
             self.engage(situation)
         self._drove_s = situation.now_s
         self.inner.step(situation.copy())
@@ -79,12 +79,12 @@ class CertifiedController(SafeController):
         return None if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
 
     def _has_to_let_go(self, situation: Situation) -> bool:
-        """Whether the robot has stood, or the battery's module has waited, for as long as the contract allows."""
+        """Return whether the robot has stood, or the battery's module has waited, as long as the contract allows."""
         now_s, moves = situation.now_s, self.recovery.moves(situation.own)
         self._kept_from_charging = self._dock.wants_charge
         if not self._homewards and moves and not self._dock.wants_charge:
             self._kept_since_s = now_s
-        # Whoever is given way to does not follow, unless it has to charge: the rule would never be content.
+        # A robot that is given way to does not follow, unless it has to charge: the rule would never be satisfied.
         waits = self._of_pairs and now_s - self._engaged_s >= TURN_S and not self._dock.wants_charge
         if waits or now_s - self._kept_since_s <= self._lets_go_s:
             return False
@@ -96,9 +96,9 @@ class CertifiedController(SafeController):
     def _out_of_the_way(self, situation: Situation) -> Leg | None:
         """Return a leg away from the nearest peer, if this robot has to give way to it; None otherwise.
 
-        Two robots whose ways are blocked by each other would stand there for ever, or go to and fro. So one of them
-        gives way, the one with the higher id first; safety does not rest on it, since the leg is certified like any
-        other. Where the rule is about pairs they take turns, until it is content and the AC gets them back.
+        Two robots that block each other would stand there for ever, or go to and fro. So one of them gives way, the one
+        with the higher id first; safety does not rest on it, since the leg is certified like any other. Under a rule
+        about pairs they take turns, until it is satisfied and the ACs get them back.
         """
         own, now_s = situation.own, situation.now_s
         if self.recovery.moves(situation.own):
@@ -108,7 +108,7 @@ class CertifiedController(SafeController):
             return None
         away_x, away_y = own.x_m - near.x_m, own.y_m - near.y_m
         if self._of_pairs:
-            # Whoever has to charge lets the others try first. Turns are those of the fleet's time, one for each robot.
+            # A robot that has to charge lets the others try first. Turns follow fleet time, one for each robot.
             waited = now_s - self._engaged_s >= TURN_S * (3.0 if self._dock.wants_charge else 1.0)
             self._yields = waited and (own.robot_id > near.robot_id) == (int(now_s / TURN_S) % 2 == 1)
         elif near.robot_id > own.robot_id or math.hypot(away_x, away_y) > RETREAT_M:

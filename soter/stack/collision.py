@@ -17,13 +17,13 @@ from soter.stack.right_of_way import Path, RightOfWay
 from soter.stack.terrain import Point
 
 RETREAT_M: Final = 0.75
-"""How far from every peer robots retreat; `BEYOND_M` beyond phi_safer where that is more."""
+"""How far from every peer robots retreat; `BEYOND_M` beyond phi_safer if that is farther."""
 
 BEYOND_M: Final = 0.25
-"""How far beyond phi_safer; as far as noise and age of both samples can keep a robot from being given back, if more."""
+"""How far beyond phi_safer; more if noise and age of both samples could otherwise keep the AC from control."""
 
 FIRST_PATIENT_S: Final = 6.0
-"""The first in the order waits so long for the others to leave its path, then it makes room for them."""
+"""The first robot in the order waits this long for the others to leave its path, then makes room for them."""
 
 _ROUNDING: Final = 1e-9
 
@@ -32,7 +32,7 @@ _ROUNDING: Final = 1e-9
 class Separation(Region):
     """Situations in which every peer is at least `least_m` away, centre to centre.
 
-    A peer's sample that is older than this robot's own is made up for at the peer's top speed.
+    If a peer's sample is older than this robot's own, the peer counts as driving at top speed in between.
 
     Attributes:
         least_m: distance at the edge of the region.
@@ -64,7 +64,7 @@ class Separation(Region):
         for peer in situation.peers:
             dx, dy = peer.x_m - x, peer.y_m - y
             distance = math.sqrt(dx * dx + dy * dy)
-            # Where both are at one place any direction is as good: the margin is negative.
+            # At the same place, any direction will do: the margin is negative.
             ux, uy = (dx / distance, dy / distance) if distance > 0.0 else (1.0, 0.0)
             if peer.stamp_s < own.stamp_s:
                 distance -= self.peer_v_max_m_s * (own.stamp_s - peer.stamp_s)
@@ -87,18 +87,18 @@ def check_halves(
     peer_latency_s: float | None = None,
     peer: SpeedBound | None = None,
 ) -> None:
-    """Check under which conditions each of two robots may use up half of the gap between them (P2a).
+    """Check that each of two robots may use up half of the gap between them (P2a).
 
-    A safe controller limits its legs along the line to the peer as it is seen now. That line turns while both move;
-    and a robot that brakes takes some way, of which the peer knows nothing. The first is paid for where legs are at
-    most a quarter of the separation long, the second where the AC loses control early enough; see docs/assurance.md.
+    A safe controller limits its legs along the line to where the peer is seen now. That line turns while both move, and
+    a robot takes some distance to brake, of which the peer knows nothing. The first is covered if legs are at most a
+    quarter of the separation long, the second if the AC loses control early enough; see docs/assurance.md.
 
     Args:
         module: the collision module of one robot.
         timing: what that robot adds to every horizon.
         leg_m: the longest leg of its safe controllers.
-        peer_latency_s: the less of the two robots' latencies, in place of this one's.
-        peer: what the other one respects, in place of what all robots do.
+        peer_latency_s: the lesser of the two robots' latencies; None for this robot's own.
+        peer: the bound that the other robot respects; None for the bound of all robots.
 
     Raises:
         IllFormedModule: names the numbers and a value that would do.
@@ -121,12 +121,12 @@ def check_halves(
     braking_s = own.v_max_m_s / own.brake_m_s2
     ahead_s = timing.ahead_s(module.delta_s)
     early_s = ahead_s - module.delta_s
-    # A peer comes nearer at its own speed; it has set aside what that takes of a half within its own latency.
+    # A peer comes nearer at its own speed; it has set aside the part of its half that this takes within its latency.
     peer_m_s = max(phi_safe.peer_v_max_m_s if peer is None else peer.v_max_m_s, own.v_max_m_s)
     least_s = timing.latency_s if peer_latency_s is None else peer_latency_s
     aside_m = peer_m_s * (timing.tick_s + least_s) / 2.0
     if isinstance(model, PairBound):
-        # Of the gap that is asked for the AC's robot, the slower one, has less than half to itself.
+        # The slower robot has less than half of the required gap to itself.
         look_s = timing.look_s(module.delta_s)
         share_m = (peer_m_s - own.v_max_m_s) * look_s
         if peer is not None:
@@ -135,7 +135,7 @@ def check_halves(
     root_s = math.sqrt(aside_m / own.brake_m_s2)
     needed_s = peer_m_s / (2.0 * own.brake_m_s2) - root_s
     if 2.0 * own.brake_m_s2 * root_s > own.v_max_m_s:
-        # Braking costs most from a speed that only the peer has.
+        # Braking costs most from a speed that only the faster peer reaches.
         costs_s = (2.0 * peer_m_s - own.v_max_m_s) / (4.0 * own.brake_m_s2)
         needed_s = costs_s - aside_m / own.v_max_m_s
     if early_s < needed_s - _ROUNDING:
@@ -151,10 +151,10 @@ def check_halves(
 
 
 class BackAway(Retreat):
-    """The first in the order holds, so that the others know where it is; the others retreat.
+    """The collision module's safe controller: the first robot in the order holds, and the others retreat from it.
 
-    A robot that has to charge goes on along its return path wherever its legs are certified, and the others get out of
-    that path, robots that are on their way to charge as well if they come later in the order. A docked robot holds.
+    A robot that has to charge goes on along its return path wherever the legs are certified. The others leave that
+    path, even those on their way to charge if they come later in the order. A docked robot holds.
     """
 
     def __init__(
@@ -184,18 +184,18 @@ class BackAway(Retreat):
         return super().motion(situation)
 
     def patience_s(self, situation: Situation) -> float:
-        # Whoever has to leave the path of the first may be able to do so past where that stands only.
+        # Others may be able to leave the first robot's path only past where it stands.
         return FIRST_PATIENT_S if self._right_of_way.first(situation.robot_id) else PATIENT_S
 
     def blocked(self, situation: Situation) -> bool:
-        # Who charges need not leave the path; beside it, so near, no leg of the path may be certified.
+        # A charging peer need not leave the path, and so near to it no leg of the path may be certified.
         own, apart_m = situation.own, self.recovery.apart_m(situation.age_s)
         return not self._right_of_way.path_is_clear(situation.robot_id) or any(
             math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) < apart_m for peer in situation.peers
         )
 
     def _leave(self, situation: Situation, path: Path) -> Leg | None:
-        """Return the next leg out of a path that another robot needs; home, if that leads away from it."""
+        """Return the next leg out of a path that another robot needs; a leg home, if home leads away from that path."""
         own = situation.own
         if self._dock.wants_charge:
             leg = self._leg_home(situation)

@@ -1,4 +1,4 @@
-"""Declares the enabled safety modules of one robot: from its promises alone, before there is a robot."""
+"""Declares the enabled safety modules of one robot, from its promises alone, before the robot exists."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OBSTACLE: Final = "obstacle"
 GEOFENCE: Final = "geofence"
 
 HOME_CLEARANCE_M: Final = 0.15
-"""Body clearance that ways home keep from boxes at least."""
+"""Least body clearance of return paths from boxes."""
 
 _SLACK_M: Final = 0.02
 
@@ -43,15 +43,15 @@ class Declared:
     """The safety modules of one robot and what their safe controllers share.
 
     Attributes:
-        modules: in order of their right to drive.
+        modules: in order of priority.
         recovery: makes and certifies the legs.
         refuges: finds where to retreat to.
-        dock: the return path.
+        dock: the charging station and the return path to it.
         place: where the robot starts and charges.
-        others: the same of the other robots.
-        peers: what those are assumed to respect.
+        others: where the other robots start and charge.
+        peers: what the other robots are assumed to respect.
         timing: what the robot adds to every horizon.
-        own: the user's modules, those that are off included: their rules can be judged all the same.
+        own: the user's modules, also those that are off, whose rules can still be judged.
     """
 
     modules: tuple[RTAModule, ...]
@@ -70,7 +70,7 @@ class Declared:
 
     @cached_property
     def apart_m(self) -> float:
-        """How far apart the user's rules about pairs give robots back, as far as asking them tells; 0 without any."""
+        """Distance at which the user's rules about pairs give robots back, found by probing them; 0 without any."""
         rules = [module.phi_safer for module in self.modules if module in self.own and module.of_pairs]
         return max((apart_m(rule, self.place) for rule in rules if isinstance(rule, Region)), default=0.0)
 
@@ -99,7 +99,7 @@ def timing_of(capabilities: Capabilities, base_tick_s: float) -> Timing:
 
 
 def terrains_of(workspace: Workspace, promised: Mapping[int, Capabilities]) -> dict[int, Terrain]:
-    """Return fence and boxes for the body of each robot, by id; bodies that are alike share theirs."""
+    """Return the terrain for the body of each robot, by id; bodies of one size share a terrain."""
     known = {
         radius_m: terrain_of(workspace, radius_m) for radius_m in {each.body_radius_m for each in promised.values()}
     }
@@ -130,7 +130,7 @@ def declare(
     """
     rta, tick_s, worst = mission.rta, mission.base_tick_s, peers.worst
     rules = _rules(mission)
-    # Safe controllers keep what the rule asks for beyond the body clear of boxes as if it were part of the body.
+    # Safe controllers treat the clearance that the rule asks for as part of the body.
     beyond_m = rta.obstacle.phi_safe_m if rules.boxes else 0.0
     room = terrain_of(workspace, terrain.body_radius_m + beyond_m) if beyond_m else terrain
     recovery = RecoveryPlanner(
@@ -138,7 +138,7 @@ def declare(
         {other: max(capabilities.v_max_m_s, peer.v_max_m_s) for other, peer in peers.unlike.items()},
     )  # fmt: skip
     place = next(place for place in workspace.robots if place.id == robot_id)
-    # Every station is reached with every other one occupied.
+    # Every station can be reached while all others are occupied.
     apart_m = recovery.apart_m(worst.sample_age_s) if rules.pairs else 0.0
     occupied = [grown(Box(*each.charger.centre, *each.charger.centre), apart_m) for each in workspace.robots]
     stations = [
@@ -176,7 +176,7 @@ def declare(
         for each in forbidden(rule.region, place, room, recovery.path_m)
     ]:
         dock.path = path_around(around)
-    # Each of the user's modules may keep a robot from going home for so long.
+    # Each of the user's modules may keep a robot from going home for its `lets_go_s`.
     kit = replace(kit, contracts_s=sum(module.lets_go_s for module in enforced))
     modules = tuple(own[name] if name in own else made(name) for name in rta.order)
     others = tuple(each for each in workspace.robots if each.id != robot_id)
@@ -186,7 +186,7 @@ def declare(
 def _refuges(
     mission: MissionFile, capabilities: Capabilities, room: Terrain, recovery: RecoveryPlanner, timing: Timing
 ) -> RefugeFinder:
-    """Return what finds refuges: places where every static rule lets go, in phi_safer, and where the AC is trusted."""
+    """Return the finder of refuges: places in the static rules' phi_safer where the AC is trusted for a horizon."""
     rta, rules, unsure_m = mission.rta, recovery.rules, _unsure_m(capabilities)
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     inside_m = speed.bound(timing.horizon_s(rta.geofence.delta_s)) + geofence.keep_m(rta.geofence, recovery, timing)
@@ -195,17 +195,17 @@ def _refuges(
     return RefugeFinder(
         room,
         recovery,
-        # Without the geofence a place outside is as good as one inside, and may be the only one in reach.
+        # Without the geofence module a place outside will do as well, and may be the only one in reach.
         max(safer_inset_m, inside_m) + unsure_m if rules.fence else -math.inf,
         clear_m - rta.obstacle.phi_safe_m + unsure_m if rules.boxes else clear_m,
     )
 
 
 def _check_peer_model(module: RTAModule, worst: PeerBounds) -> None:
-    """Check that a module of the user's does not take its robot's peers for better than they are.
+    """Check that a user's module does not assume more of its robot's peers than they promise.
 
     Raises:
-        IllFormedModule: names the figures, and what would do.
+        IllFormedModule: it does; names the figures, and what would do.
     """
     model = module.model
     if not isinstance(model, PairBound):
@@ -230,7 +230,7 @@ def _rules(mission: MissionFile) -> RecoveryRules:
 
 
 def _home_clearance_m(mission: MissionFile, capabilities: Capabilities) -> float:
-    """Return what ways home keep from boxes: so much that the obstacle module, which goes first, does not step in."""
+    """Return how far return paths keep from boxes: enough for the obstacle module, which goes first, not to fire."""
     if OBSTACLE not in mission.rta.order:
         return HOME_CLEARANCE_M
     obstacle = mission.rta.obstacle
@@ -240,9 +240,9 @@ def _home_clearance_m(mission: MissionFile, capabilities: Capabilities) -> float
 
 
 def _inset_m(mission: MissionFile, capabilities: Capabilities) -> float:
-    """Return how near ways home may come to the fence: not so near that the geofence module would step in.
+    """Return how near return paths may come to the fence without the geofence module firing.
 
-    Without that module robots may be anywhere on the open ground around the fence, and ways lead there too.
+    Without that module robots may be anywhere on the open ground around the fence, and return paths lead there too.
     """
     if GEOFENCE not in mission.rta.order:
         return -math.inf
@@ -252,5 +252,5 @@ def _inset_m(mission: MissionFile, capabilities: Capabilities) -> float:
 
 
 def _unsure_m(capabilities: Capabilities) -> float:
-    """Return by how much a place must be better than a module asks for: what noise and age take off its margin."""
+    """Return how much margin noise and sample age may cost a place, which must exceed a module's demand by as much."""
     return _SLACK_M + capabilities.position_noise_m + capabilities.v_max_m_s * capabilities.sample_age_s

@@ -1,7 +1,7 @@
-"""Who makes way when two robots are about to meet, so that the collision module need not take both. Untrusted.
+"""Decides which of two robots waits before they meet, so that the collision module need not take both. Untrusted.
 
-Two whose ways cross lose their ACs in the same moment, and go on some seconds later as they did before. Of two that are
-on their way, the one with the higher id waits until the other is past; one that stands is driven round.
+Otherwise two robots whose paths cross lose their ACs at the same moment, and some seconds later go on as before. Of two
+robots on their way, the one with the higher id waits until the other is past; a robot that stands is driven round.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from soter.sdk import Link, RobotState
 from soter.stack.kit import RobotKit, RobotPort
 
 AHEAD_S: Final = 2.0
-"""Encounters that are farther away in time may never come, since nobody knows the others' paths."""
+"""Encounters farther in the future are ignored: they may never come, since robots do not know each other's paths."""
 
 _TURNS_RAD_S: Final = 0.1
 _TOUCHES: Final = 0.95
-"""Of the distance that plans keep: who passes at just that, as planned, meets nobody."""
+"""Share of the distance that plans keep at which robots meet; below 1, so that passing as planned is no encounter."""
 
 
 class Duty(Enum):
-    """What a robot on its way owes the others."""
+    """How a robot on its way has to behave towards the others."""
 
     NONE = auto()
     WAIT = auto()
@@ -30,9 +30,10 @@ class Duty(Enum):
 
 
 def stands(kit: RobotKit, peer: RobotPort) -> bool:
-    """Return whether a peer is in the way: it stands, is not heard, or its AC has no control, for who knows how long.
+    """Return whether a peer is to be driven round: it stands, is silent, or its AC has no control.
 
-    One that turns in place is about to set out. Two that turned back because of each other met again on the other side.
+    A peer that turns in place does not count: it is about to set off. Two robots that turned back because of each other
+    would meet again on the other side.
     """
     state = peer.state
     if state is None:
@@ -42,7 +43,7 @@ def stands(kit: RobotKit, peer: RobotPort) -> bool:
 
 
 def duty(kit: RobotKit, own: RobotState) -> Duty:
-    """Return what a robot that goes on as it does now owes those whom it would meet."""
+    """Return how a robot has to behave towards the robots that it would meet if it went on as it does now."""
     apart_m = _TOUCHES * kit.disc_m
     met = {robot_id: peer for robot_id, peer in kit.peers.items() if _meets_s(own, peer.state, apart_m) < AHEAD_S}
     if any(robot_id < kit.robot_id and not stands(kit, peer) for robot_id, peer in met.items()):
@@ -51,7 +52,7 @@ def duty(kit: RobotKit, own: RobotState) -> Duty:
 
 
 def has_to_wait(kit: RobotKit, own: RobotState) -> bool:
-    """Return whether somebody still comes towards a robot that waits."""
+    """Return whether a peer still comes towards a robot that waits."""
     return any(_comes(kit, own, peer) for peer in kit.peers.values())
 
 
@@ -64,16 +65,16 @@ def _comes(kit: RobotKit, own: RobotState, peer: RobotPort) -> bool:
 
 
 def _meets_s(own: RobotState, other: RobotState | None, apart_m: float) -> float:
-    """Return in how many seconds two that keep their velocities are so near that both are taken; infinite for never."""
+    """Return in how many seconds two robots at constant velocity are `apart_m` apart; infinity for never."""
     if other is None:
         return inf
     x_m, y_m = other.x_m - own.x_m, other.y_m - own.y_m
     vx_m_s, vy_m_s = other.vx_m_s - own.vx_m_s, other.vy_m_s - own.vy_m_s
-    # |(x, y) + t v| = apart, the earlier time of both.
+    # |(x, y) + t v| = apart, the earlier of both solutions.
     # Products, since powers raise where they overflow.
     a, b = vx_m_s * vx_m_s + vy_m_s * vy_m_s, x_m * vx_m_s + y_m * vy_m_s
     c = x_m * x_m + y_m * y_m - apart_m * apart_m
-    # Written so that NaN, of what a peer says of itself, is no encounter.
+    # Written so that NaN in a peer's state is no encounter.
     if not (b < 0.0 and b * b >= a * c):
         return inf
     return max((-b - sqrt(b * b - a * c)) / a, 0.0)

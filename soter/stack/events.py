@@ -14,8 +14,8 @@ Place = tuple[float, float]
 class TargetOutcome(Enum):
     """How a target ended.
 
-    `unsafe`: a geofence or obstacle module had to step in on the way; retrying such a target would only repeat that.
-    `blocked`: given up after the AC lost control too often for other reasons, or after no plan led there.
+    `unsafe`: the geofence or obstacle module took control on the way; a retry would only repeat that.
+    `blocked`: given up after the AC lost control too often for other reasons, or no plan led there.
     """
 
     REACHED = "reached"
@@ -31,13 +31,13 @@ TRIES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class VisitTarget(Event):
-    """Task planner to robot agent: go there.
+    """Task planner to robot agent: visit a target.
 
     Attributes:
         target_id: the task planner's number for it.
-        place: where.
-        timeout_s: time with the AC in control after which it is given up; None for that of the mission file.
-        tries: how often the AC may lose control on the way, or a path come to nothing, before it is given up.
+        place: where the target is.
+        timeout_s: time with the AC in control after which it is given up; None for the mission file's.
+        tries: number of losses of control and failed paths after which it is given up.
     """
 
     target_id: int
@@ -48,14 +48,14 @@ class VisitTarget(Event):
 
 @dataclass(frozen=True, slots=True)
 class TargetEnded(Event):
-    """Robot agent to task planner: that target is done with.
+    """Robot agent to task planner: a target has ended.
 
     Attributes:
-        robot_id: whose.
-        target_id: which.
+        robot_id: the robot that it was given to.
+        target_id: the task planner's number for it.
         outcome: how it ended.
-        module: the safety module that took the robot over and so ended it; empty for any other end.
-        reason: why it took the robot, or why no path led there, in words; empty where there is nothing to say.
+        module: the safety module that ended it by taking the robot over; empty for any other end.
+        reason: why the module took the robot, or why no path led there; empty if there is no reason to give.
     """
 
     robot_id: int
@@ -67,7 +67,7 @@ class TargetEnded(Event):
 
 @dataclass(frozen=True, slots=True)
 class RobotJoined(Event):
-    """Task planner to robot agents: there is another robot."""
+    """Task planner to robot agents: another robot has joined."""
 
     robot_id: int
     agent: MachineRef
@@ -75,7 +75,7 @@ class RobotJoined(Event):
 
 @dataclass(frozen=True, slots=True)
 class PlanAndGo(Event):
-    """Robot agent to motion planner: plan a path to there and have it executed."""
+    """Robot agent to motion planner: plan a path to a place and have it executed."""
 
     request_id: int
     place: Place
@@ -105,7 +105,7 @@ class ExecutePath(Event):
 
 @dataclass(frozen=True, slots=True)
 class AbandonPath(Event):
-    """Robot agent to motion planner to plan executor: whatever you are doing, drop it."""
+    """Robot agent to motion planner to plan executor: drop the path."""
 
     request_id: int
 
@@ -120,7 +120,7 @@ class PathCompleted(Event):
 
 @dataclass(frozen=True, slots=True)
 class PathFailed(Event):
-    """Back up the chain: no path, or a waypoint was not reached."""
+    """Back up the chain: there is no path, or a waypoint was not reached."""
 
     request_id: int
     reason: str
@@ -128,7 +128,7 @@ class PathFailed(Event):
 
 @dataclass(frozen=True, slots=True)
 class GoalEnded(Event):
-    """Port to plan executor: a goal ended; status as in the narrow interface."""
+    """Port to plan executor: a goal ended; the status is that of `GoalReport`."""
 
     goal_id: int
     status: str
@@ -156,11 +156,11 @@ class TargetTimeout(Event):
 
 @dataclass(frozen=True, slots=True)
 class LookAbout(Event):
-    """A robot agent's own timer: are there robots that it is about to meet?"""
+    """A robot agent's own timer: time to look for robots that it is about to meet."""
 
 
 @dataclass(frozen=True, slots=True)
 class TryAgain(Event):
-    """A robot agent's own timer, after a plan that came to nothing."""
+    """A robot agent's own timer: time to retry after a failed path."""
 
     target_id: int

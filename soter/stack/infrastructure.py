@@ -1,9 +1,9 @@
-"""Whether stations and return paths are a well-formed infrastructure, and refuges can be reached: checked beforehand.
+"""Checks before a run that stations and return paths are a well-formed infrastructure, and refuges can be reached.
 
 Cap, Vokrinek and Kleiner, "Complete decentralized method for on-line multi-robot trajectory planning in well-formed
 infrastructures", ICAPS 2015: every station has to be reachable with every other station occupied. Together with the
-return path that a robot keeps as it moves this is all that has to be known of a workspace: whatever place the AC takes
-a robot to, it can go back to its station, and from there to where every static rule lets go.
+return path that a robot keeps as it moves, this is all that a workspace has to provide: wherever the AC takes a robot,
+it can go back to its station, and from there to where every static rule lets go.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from soter.stack.right_of_way import BATTERY
 
 
 class _TooNear(NamedTuple):
-    """What a place is too near to for the end of a path, the module of that rule, and the distances in metres."""
+    """What is too near to a place for a path to end there: the rule's module, the object, the distances in metres."""
 
     module: str
     what: str
@@ -41,14 +41,14 @@ def check_infrastructure(
     age_s: float,
     noise_m: float,
 ) -> None:
-    """Check that a robot can always get to its station, stand there, and get away from there.
+    """Check that a robot can always get to its station, stand there, and get away again.
 
     Args:
-        robot: its start and its station.
-        others: the other robots.
-        path: its return path.
-        refuges: where every static rule lets go.
-        recovery: what paths have to keep.
+        robot: the robot's start and station.
+        others: those of the other robots.
+        path: the robot's return path.
+        refuges: finds places where every static rule lets go.
+        recovery: says which clearances paths have to keep.
         age_s: the largest age of a sample of any robot.
         noise_m: error of the robot's position, at most.
 
@@ -81,7 +81,7 @@ def check_infrastructure(
 
 
 def check_start(robot: RobotPlace, recovery: RecoveryPlanner) -> None:
-    """Check that a robot starts where legs of safe controllers may begin, whatever the modules that are on.
+    """Check that a robot starts where legs of safe controllers may begin, whichever modules are on.
 
     Raises:
         IllFormedModule: names the place, the figures and what would do.
@@ -95,9 +95,9 @@ def check_start(robot: RobotPlace, recovery: RecoveryPlanner) -> None:
 
 
 def _too_near(recovery: RecoveryPlanner, x_m: float, y_m: float) -> _TooNear | None:
-    """Return what a place is too near to, or None where a path may end."""
+    """Return what a place is too near to, or None if a path may end there."""
     terrain = recovery.terrain
-    # Beside the sides of a rectangle straight inwards is away from the fence.
+    # Near a side of a rectangle, driving straight inwards leads away from all of the fence.
     fence_m = recovery.certified_m if terrain.convex else recovery.path_m
     looks = (
         (recovery.rules.fence, _TooNear("geofence", "the fence", terrain.fence_m(x_m, y_m), fence_m)),
@@ -142,7 +142,7 @@ def _check_neighbours(robot: RobotPlace, others: Sequence[RobotPlace], recovery:
 
 
 def _check_refuge(robot: RobotPlace, others: Sequence[RobotPlace], refuges: RefugeFinder, apart_m: float) -> None:
-    """Check that a robot gets from its station to where geofence and obstacle let go, past robots on all others."""
+    """Check that a robot gets from its station to a refuge while robots stand on all other stations."""
     stations = {each.id: each.charger.centre for each in (robot, *others)}
     if refuges.way(standing(robot.id, stations), apart_m):
         return
@@ -158,7 +158,7 @@ def _check_refuge(robot: RobotPlace, others: Sequence[RobotPlace], refuges: Refu
 
 
 def standing(robot_id: int, places: Mapping[int, Sequence[float]]) -> Situation:
-    """Return what a robot sees where all robots stand, charged.
+    """Return the situation of a robot while all robots stand at the given places, fully charged.
 
     Args:
         robot_id: which robot.

@@ -1,4 +1,4 @@
-"""What the machines of one robot work with: its port, the others' ports, the planner."""
+"""What a robot's machines work with: its port, the other robots' ports, the planner."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ class RobotKit:
     """Handed to a robot's machines when they are created.
 
     Attributes:
-        robot_id: whose.
-        port: the AC's rights on this robot.
-        peers: the ports of the other robots, read for where they are.
-        submit: asks the planner; the answer comes as `PathPlanned` to the machine named.
-        subscribe: names a machine that is to be told of what a robot's port reports, and of which events;
-            it also says whose machine it is, should it fail.
-        seed: of the run.
+        robot_id: the robot.
+        port: the AC's access to this robot.
+        peers: the ports of the other robots, which are only read for their states.
+        submit: sends a request to the planner; the answer comes as `PathPlanned` to the given machine.
+        subscribe: has a machine receive the given events of a robot's port; it also says which robot's AC has failed
+            if the machine fails.
+        seed: the run's seed.
         disc_m: distance that plans keep from robots that stand in the way.
         target_timeout_s: time with the AC in control after which a target is given up.
-        arrival_radius_m: how near is reached.
-        promised: what the robot promises.
+        arrival_radius_m: distance at which a target counts as reached.
+        promised: the robot's capabilities.
     """
 
     robot_id: int

@@ -1,7 +1,7 @@
-"""The roadmap of a map: where ways may lead through its free cells, and which of these places see each other.
+"""The roadmap of a map: places in its free cells, and which pairs of them see each other.
 
-The map is cut into tiles. In every part of a tile that hangs together, the place with the most room stands for it.
-Parts that touch are joined by a straight line or, where one does not fit, by the shortest way along the corners of
+The map is cut into tiles. Every connected part of a tile's free cells is represented by the place with the most room.
+Parts that touch are joined by a straight line or, where one does not fit, by the shortest path along the corners of
 cells, pulled taut: so the roadmap leads wherever these corners do.
 """
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from soter.geometry.clearance import Field
 
 _TILES: Final = 600
-"""What is free is cut into about so many tiles."""
+"""About how many tiles the free cells are cut into."""
 
 _NEAREST: Final = 30
 _LEAST_TILE: Final = 16
 _LEAST_SHARE: Final = 0.01
-"""What hangs together but is less than this share of the largest such part is noise, or no place to go to."""
+"""A connected region smaller than this share of the largest one is noise, or nowhere to go."""
 
 _ROUNDING_M: Final = 1e-9
 
@@ -35,8 +35,8 @@ Corner = tuple[int, int]
 
 
 def map_roads(field: Field, away_m: float, inset_m: float) -> tuple[Floats, Indices]:
-    """Return the places of a roadmap, away from what is occupied and from the edge, and which pairs see each other."""
-    # Imported here: only who has a map needs the library, and only while it is prepared.
+    """Return the places of a roadmap, clear of occupied cells and of the edge, and which pairs see each other."""
+    # Imported here: only maps need the library, and only while they are prepared.
     from scipy import ndimage
 
     away_m = max(away_m, 0.0)
@@ -45,7 +45,7 @@ def map_roads(field: Field, away_m: float, inset_m: float) -> tuple[Floats, Indi
     nodes = [_roomiest(field, parts, number, each) for number, each in enumerate(where, start=1)]
 
     def seen(pairs: Sequence[tuple[Corner, Corner]]) -> NDArray[np.bool_]:
-        # From the edge of a map, a rectangle, a line is as far as its ends are.
+        # The edge of a map is a rectangle: of a line, the nearest point to it is one of the ends.
         ends = np.array([[field.grid.corner(*corner) for corner in pair] for pair in pairs]).reshape(-1, 2, 2)
         return field.lines_keep(ends[:, 0], ends[:, 1], away_m - _ROUNDING_M)
 
@@ -59,7 +59,7 @@ def map_roads(field: Field, away_m: float, inset_m: float) -> tuple[Floats, Indi
         way = _way(parts, where, (one, other), (nodes[one], nodes[other]))
         last, at = one, 0
         while at < len(way) - 1:
-            # As far along the way as can be seen, but one step in any case.
+            # Go as far along the path as can be seen, and at least one step.
             ahead = np.flatnonzero(seen([(way[at], there) for there in way[at + 2 :]]))
             at = at + 2 + int(ahead[-1]) if ahead.size else at + 1
             then = other if at == len(way) - 1 else len(nodes)
@@ -75,10 +75,10 @@ def map_roads(field: Field, away_m: float, inset_m: float) -> tuple[Floats, Indi
 
 
 def _free(field: Field, away_m: float, inset_m: float) -> NDArray[np.bool_]:
-    """Return between which corners of cells, by row and column, every step to the next one keeps its distance."""
+    """Return the corners of cells, by row and column, between which every step keeps its distance."""
     grid = field.grid
-    # Half-way between two places that are h apart and at least d away, it is at least sqrt(d^2 - h^2/4): the nearest
-    # place to the one in between is that far from one of the two, at right angles or nearer. Steps are diagonals.
+    # Between two places h apart, each at least d from all obstacles, the middle is at least sqrt(d^2 - h^2/4) away.
+    # The longest steps are diagonals.
     least = math.hypot(away_m / grid.cell_m, math.sqrt(0.5))
     free = field.corners >= least
     rim = max(0, math.ceil(inset_m / grid.cell_m - _ROUNDING_M)) if inset_m > -math.inf else 0
@@ -88,7 +88,7 @@ def _free(field: Field, away_m: float, inset_m: float) -> NDArray[np.bool_]:
 
 
 def _parts(free: NDArray[np.bool_]) -> Labels:
-    """Return the number of the part that each corner is in, from 1; 0 where no way leads."""
+    """Return the number of each corner's part, from 1; 0 for corners that no path may use."""
     from scipy import ndimage
 
     whole, count = ndimage.label(free)
@@ -97,7 +97,7 @@ def _parts(free: NDArray[np.bool_]) -> Labels:
     free &= (sizes >= max(1.0, _LEAST_SHARE * sizes.max()))[whole]
     side = max(_LEAST_TILE, math.ceil(math.sqrt(np.count_nonzero(free) / _TILES)))
     rows, columns = (np.arange(count) for count in free.shape)
-    # An empty line between tiles keeps their parts apart.
+    # An empty line between tiles separates their parts.
     apart = np.zeros((free.shape[0] + rows[-1] // side, free.shape[1] + columns[-1] // side), dtype=np.bool_)
     at = np.ix_(rows + rows // side, columns + columns // side)
     apart[at] = free
@@ -106,14 +106,14 @@ def _parts(free: NDArray[np.bool_]) -> Labels:
 
 
 def _roomiest(field: Field, parts: Labels, number: int, where: tuple[slice, ...]) -> Corner:
-    """Return the corner of a part that is farthest from what is occupied."""
+    """Return the corner of a part that is farthest from occupied cells."""
     room = np.where(parts[where] == number, field.corners[where], -1.0)
     row, column = np.unravel_index(int(room.argmax()), room.shape)
     return int(column) + int(where[1].start), int(row) + int(where[0].start)
 
 
 def _touching(parts: Labels) -> list[tuple[int, int]]:
-    """Return the pairs of parts, numbered from 0, between which there is a step along a row or a column."""
+    """Return the pairs of parts, numbered from 0, that a step along a row or a column joins."""
     found: set[tuple[int, int]] = set()
     for one, other in ((parts[:, :-1], parts[:, 1:]), (parts[:-1], parts[1:])):
         chosen = (one != other) & (one > 0) & (other > 0)
@@ -123,7 +123,7 @@ def _touching(parts: Labels) -> list[tuple[int, int]]:
 
 
 def _near_pairs(nodes: Sequence[Corner]) -> set[tuple[int, int]]:
-    """Return the pairs of places of which one is among the nearest of the other."""
+    """Return the pairs of places one of which is among the nearest to the other."""
     from scipy.spatial import KDTree
 
     if len(nodes) < 2:
@@ -136,13 +136,13 @@ def _near_pairs(nodes: Sequence[Corner]) -> set[tuple[int, int]]:
 
 
 def _way(parts: Labels, where: Sequence[tuple[slice, ...]], numbers: Corner, ends: Sequence[Corner]) -> list[Corner]:
-    """Return the shortest way, from corner to corner of cells, through two parts that touch.
+    """Return the shortest path, from corner to corner of cells, through two parts that touch.
 
     Args:
-        parts: the number of the part that each corner is in, from 1.
+        parts: the number of each corner's part, from 1.
         where: the rows and columns of every part.
-        numbers: of the two, from 0.
-        ends: where the way begins and ends.
+        numbers: the numbers of the two parts, from 0.
+        ends: where the path begins and ends.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra

@@ -1,4 +1,4 @@
-"""What a safety module is declared from, shipped or a user's own, whichever robot it guards."""
+"""The kit that safety modules are declared from, shipped modules and the user's own alike."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from soter.stack.safe_controller import WAYPOINT
 from soter.stack.terrain import Point, Terrain
 
 BLOCKED_S: Final = 5.0
-"""A robot that has stood still for so long beside another is blocked by it."""
+"""A robot that has stood still beside another for this long is blocked by it."""
 
 REFUGE_PEER_M: Final = 0.5
-"""How far from peers the places are that modules about what does not move retreat to."""
+"""How far from peers the refuges of modules about static rules are."""
 
 _STEP_M: Final = 0.1
 
@@ -35,25 +35,25 @@ class ModuleKit:
     """What a safety module is made from: one robot and its world.
 
     Attributes:
-        name: the module's name in the mission; the declaration gets it whatever it calls itself.
-        robot_id: which robot it guards.
+        name: the module's name in the mission, which the declaration gets in place of its own.
+        robot_id: the robot that it guards.
         capabilities: what that robot promises.
         workspace: fence, boxes, chargers.
-        terrain: the same, as distances.
+        terrain: distances to fence and boxes.
         ac: the AC's node.
-        waypoint: where the module's safe controller publishes where to go, as far away as it likes, or None to hold.
-        recovery: certified motions; what a safe controller publishes is driven by them in any case.
+        waypoint: topic on which the module's safe controller publishes where to go, however far, or None to hold.
+        recovery: makes certified legs; whatever a safe controller publishes is driven by these.
         refuges: finds places that are safer for every static rule.
         dock: the robot's charging station.
         home: drives the return path to it, by certified legs.
-        model: the robot's speed bound, R(T) of any margin that is a distance to something at rest.
+        model: the robot's speed bound: R(T) of any margin that is a distance to something at rest.
         peers: what the other robots are assumed to respect.
         right_of_way: the fleet's arbiter.
         battery: the mission's table of that name.
         timing: what the robot adds to every horizon.
         tick_s: the base tick, a period for nodes.
-        contracts_s: how long the modules declared before this one may keep the robot from charging, all together.
-        motions: how the robot moves, by model, as the modules share it.
+        contracts_s: how long the modules declared before this one may keep the robot from charging, in total.
+        motions: the motion bounds that the modules share, by model.
     """
 
     name: str
@@ -77,9 +77,9 @@ class ModuleKit:
     motions: dict[MotionModel, Motion] = field(default_factory=dict)
 
     def motion(self, model: MotionModel) -> Motion:
-        """Return how the robot moves, as a model sees it.
+        """Return the robot's motion bound of the given model.
 
-        There is one of each kind for all modules, so that a robot's samples are tested against each of them once.
+        All modules share one of each kind, so that a robot's samples are tested against each of them once.
 
         Raises:
             IllFormedModule: the robot does not promise what the model needs.
@@ -99,18 +99,18 @@ class ModuleKit:
         return SpeedBound(self.peers.worst.v_max_m_s, self.peers.worst.brake_m_s2)
 
     def retreat(self, name: str) -> Node:
-        """Return a safe controller that goes to the nearest refuge, or home where there is none in reach."""
+        """Return a safe controller that goes to the nearest refuge, or home if none is in reach."""
         return Retreat(
             name, self.tick_s, self.waypoint, self.recovery, self.refuges, REFUGE_PEER_M, self.home, self.dock
         )
 
     def place_ahead(self, situation: Situation, fits: Callable[[float, float], bool]) -> Point:
-        """Return the nearest place ahead that fits; else one less and less ahead, last behind, or where the robot is.
+        """Return the nearest fitting place, preferring directions near the heading; the robot's own place if none fits.
 
         Args:
             situation: where the robot is, and its heading.
-            fits: what else is asked of a place, x and y in metres. It is a refuge for fence and boxes in any case, and
-                in sight.
+            fits: returns whether a place, x and y in metres, will do. The place returned is also in sight, and a refuge
+                from fence and boxes.
         """
         own, refuges, terrain = situation.own, self.refuges, self.recovery.terrain
         low_x, low_y, high_x, high_y = terrain.bounds
@@ -128,21 +128,21 @@ class ModuleKit:
         return own.x_m, own.y_m
 
     def go_to(self, choose: Callable[[Situation], Point], speed_m_s: float | None = None) -> Node:
-        """Return a safe controller that chooses a place when it takes charge, and goes there; anew if it gets stuck.
+        """Return a safe controller that chooses a place when it takes control, goes there, and chooses again if stuck.
 
         Args:
             choose: returns the place.
-            speed_m_s: how fast at most, above 0, or None for the robot's own.
+            speed_m_s: top speed on the way, above 0; None for the robot's own.
 
         Raises:
-            ValueError: the speed is no speed to drive at: it is seen here, before anything moves.
+            ValueError: the speed is not above 0 and finite.
         """
         Waypoint(0.0, 0.0, speed_m_s=speed_m_s).check()
         return GoTo(self, choose, speed_m_s)
 
 
 class GoTo(Node):
-    """A node that chooses a place when it takes charge, or has stood for a while; see `ModuleKit.go_to`."""
+    """A node that chooses a place when it takes control or has stood for a while; see `ModuleKit.go_to`."""
 
     name = "go-to"
     publishes = (WAYPOINT,)
@@ -164,6 +164,6 @@ class GoTo(Node):
         if self._recovery.moves(situation.own):
             self._moved_s = situation.now_s
         elif situation.now_s - self._moved_s > BLOCKED_S:
-            # There may have been no place at all then, or somebody in the way to it.
+            # There may have been no place before, or a peer in the way.
             self.engage(situation)
         self._waypoint.publish(Waypoint(*self._place, speed_m_s=self._speed_m_s))

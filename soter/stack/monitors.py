@@ -1,4 +1,4 @@
-"""What is seen of two assumptions: safe controllers keep their contracts (A16), charges are as reported (A8)."""
+"""Monitors of two assumptions: safe controllers keep their contracts (A16), charges are as reported (A8)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from soter.stack.right_of_way import BATTERY
 
 
 class ContractMonitor:
-    """Watches robots that have to charge, and stand, while a module of the user's has them. Ticked by the arbiter.
+    """Monitors robots that have to charge but stand while a user's module drives them. Ticked by the arbiter.
 
     Args:
-        moving_m_s: by robot, the reported speed above which it moves.
+        moving_m_s: by robot, the reported speed above which the robot counts as moving.
     """
 
     def __init__(self, moving_m_s: Mapping[int, float]) -> None:
@@ -23,7 +23,7 @@ class ContractMonitor:
         self._since_s: dict[int, float] = {}
 
     def look(self, now_s: float, robots: Mapping[int, RobotSupervisor], docks: Mapping[int, Dock]) -> None:
-        """Take note of every safe controller that has stood on its robot for longer than its contract allows."""
+        """Log every safe controller that has kept its robot standing for longer than its contract allows."""
         for robot_id, robot in robots.items():
             driver, dock, own = robot.driver, docks[robot_id], robot.situation.own
             lets_go_s = math.inf if driver is None or driver.name == BATTERY else driver.module.lets_go_s
@@ -43,7 +43,7 @@ class ContractMonitor:
 
 
 _STANDS: Final = 0.05
-"""Charge that driving must have used before one that has not fallen counts as frozen: some steps of whole percents."""
+"""Charge that driving must have used before an unchanged reading counts as frozen: some steps of whole percents."""
 
 
 class _Stood(NamedTuple):
@@ -53,19 +53,19 @@ class _Stood(NamedTuple):
 
 
 class ChargeMonitor:
-    """Watches robots whose charge stays where it is while they drive: it must fall. Ticked by the arbiter."""
+    """Monitors that the charge of robots falls while they drive. Ticked by the arbiter."""
 
     def __init__(self) -> None:
         self._stood: dict[int, _Stood] = {}
 
     def look(self, now_s: float, robots: Mapping[int, RobotSupervisor], docks: Mapping[int, Dock]) -> None:
-        """Take note of every robot that has driven for longer than a charge that is reported can stay the same."""
+        """Log every robot that has driven too far for its reported charge to be unchanged."""
         for robot_id, robot in robots.items():
             own = robot.situation.own
             charge, stood = own.battery, self._stood.get(robot_id)
             if charge is None:
                 continue
-            # One that has risen was charged, whatever it has done since.
+            # Any other charge starts a new measurement; one that has risen was charged.
             if stood is None or charge != stood.charge:
                 self._stood[robot_id] = _Stood(charge, own.stamp_s, 0.0)
                 continue

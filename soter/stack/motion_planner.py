@@ -1,4 +1,4 @@
-"""The machines of motion: one asks the planner for a path, one drives it through the AC's port. Untrusted."""
+"""Two machines: one requests paths from the planner, one drives them through the AC's port. Untrusted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from soter.stack.planners import PlanRequest
 
 
 class PlanExecutor(Machine):
-    """Waits for a path, executes it, reports how that ended; dropped at once when the AC loses control."""
+    """Waits for a path, executes it, and reports how it ended; drops it at once when the AC loses control."""
 
     Starting: State[RobotKit] = State(start=True)
     Waiting: State[None] = State(ignore=(events.GoalEnded, events.Disengaged, events.AbandonPath))
@@ -46,7 +46,7 @@ class PlanExecutor(Machine):
 
     @Executing.interrupt(events.Disengaged)
     def _dropped(self, e: events.Disengaged) -> Next:
-        """The supervisor has ended the goal already; the robot agent hears of it from the port itself."""
+        """Drop the path. The supervisor has already ended the goal, and the port tells the robot agent itself."""
         return Goto(self.Waiting)
 
     @Executing.interrupt(events.AbandonPath)
@@ -59,11 +59,11 @@ def _is_of(goal_id: int, ended: events.GoalEnded) -> bool:
 
 
 PEER_NEAR_M = 1.5
-"""Peers that stand within this distance are planned around, or within what the robot looks ahead for."""
+"""Standing peers within this distance, or within the robot's look-ahead, are planned around."""
 
 
 class MotionPlanner(Machine):
-    """One request at a time; a newer one takes the place of an older one."""
+    """Handles one request at a time; a newer one replaces an older one."""
 
     Starting: State[RobotKit] = State(start=True)
     Waiting: State[None] = State(ignore=(events.PathPlanned, events.PathCompleted, events.PathFailed))

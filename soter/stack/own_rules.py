@@ -1,4 +1,4 @@
-"""Rules of the user's own, as every safe controller keeps them: nothing is known of them but their margin."""
+"""The user's own rules, which every safe controller keeps; only their margin is known."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ _CLOSE_ENOUGH_M: Final = 0.005
 _STEP_M: Final = 0.1
 _CELLS: Final = 80
 _STRIPS: Final = 8
-"""A forbidden area is covered by strips of rows: one rectangle around a disc would leave its corners out of use."""
+"""Number of strips of rows that cover a forbidden area; one rectangle around a disc would waste its corners."""
 _PARTS: Final = (0.5, 1.0)
-"""Of a leg, where the margin is asked for."""
+"""Points of a leg, as shares of its length, at which the margin is evaluated."""
 
 
 class OwnRule(NamedTuple):
-    """What a module of the user's own keeps: its phi_safe; and whether peers use up its margin as well."""
+    """The rule of a user's module: its phi_safe, and whether peers use up its margin as well."""
 
     region: Region
     of_pairs: bool
 
     def allows(self, situation: Situation, bx_m: float, by_m: float, off_m: float, peer_m: float) -> bool:
-        """Return whether the rule holds along the leg to b wherever the robot strays from it, or gets no worse.
+        """Return whether the rule holds, or gets no worse, along the leg to b and wherever the robot may stray from it.
 
-        It is asked as if the robot were there already, as fast as it is now. A rule that fails allows no leg; why it
-        fails is said by its decision module, which fails on it as well.
+        The margin is evaluated as if the robot were there already, at its present speed. A rule that raises allows no
+        leg; its decision module raises as well, and reports why.
 
         Args:
-            situation: of the robot.
+            situation: the robot's.
             bx_m: the leg's end, east.
             by_m: the leg's end, north.
             off_m: how far the robot may stray.
@@ -48,7 +48,7 @@ class OwnRule(NamedTuple):
         try:
             least = self._least(situation, peer_m)
             places = _places(situation.own, bx_m, by_m, off_m)
-            # Written so that a margin that is not a number allows nothing.
+            # Written so that NaN allows nothing.
             return all(self.region.margin(_moved(situation, *place)) >= least for place in places)
         except KeyboardInterrupt:
             raise
@@ -58,7 +58,7 @@ class OwnRule(NamedTuple):
     def _least(self, situation: Situation, peer_m: float) -> float:
         margin = self.region.margin(situation.copy())
         if self.of_pairs and margin > 0.0:
-            # Half of it is the peer's, which may be on its way.
+            # Half of the margin is the peer's, which may be on its way.
             return min(margin, margin / 2.0 + peer_m)
         return min(0.0, margin)
 
@@ -66,8 +66,8 @@ class OwnRule(NamedTuple):
 def apart_m(region: Region, place: RobotPlace) -> float:
     """Return how far from a robot at rest its peers have to be for a rule about pairs to hold.
 
-    It is found by asking, so it is a guess at what a rule means: 0 where peers 10 m away break it, where it fails, or
-    where it lets peers be anywhere. Progress may rest on it; safety does not.
+    Found by evaluating the rule, so it is a guess: 0 if peers 10 m away break the rule, if it raises, or if it allows
+    peers anywhere. Progress may rest on it; safety does not.
     """
     own = _at_rest(place.id, place.x_m, place.y_m)
     situation = Situation(place.id, own, 0.0)
@@ -89,17 +89,17 @@ def apart_m(region: Region, place: RobotPlace) -> float:
             low_m, high_m = (low_m, middle_m) if holds(middle_m) else (middle_m, high_m)
     except KeyboardInterrupt:
         raise
-    except BaseException:  # noqa: BLE001 - foreign code; its decision module fails on it as well, and says so
+    except BaseException:  # noqa: BLE001 - foreign code; its decision module raises as well, and reports it
         return 0.0
     return high_m
 
 
 def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: float) -> list[Rectangle]:
-    """Return what return paths go around so that a rule about one robot holds on them: rectangles, or none.
+    """Return rectangles that return paths go around so that a rule about one robot holds on them.
 
-    Nothing is known of the rule but its margin, so it is asked all over the room, as if the robot stood there. Where
-    the station itself would be in a rectangle there is none: nothing leads around that. Progress rests on it, safety
-    does not; `broken_on` says what is left.
+    Only the rule's margin is known, so it is evaluated all over the room, as if the robot stood there. If the station
+    itself would be in a rectangle, none are returned, since no path could avoid it. Progress rests on this, safety does
+    not; `broken_on` finds what is left.
     """
     low_x, low_y, high_x, high_y = terrain.bounds
     step_m = max(high_x - low_x, high_y - low_y) / _CELLS
@@ -124,7 +124,7 @@ def _runs(row: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def broken_on(region: Region, robot_id: int, line: Sequence[Point]) -> Point | None:
-    """Return the first place on a line at which a rule about one robot does not hold for one that stands there."""
+    """Return the first place on a line where a rule about one robot does not hold at rest; None if there is none."""
     for (ax_m, ay_m), (bx_m, by_m) in pairwise(line):
         steps = max(1, math.ceil(math.hypot(bx_m - ax_m, by_m - ay_m) / _STEP_M))
         for step in range(steps + 1):
@@ -135,7 +135,7 @@ def broken_on(region: Region, robot_id: int, line: Sequence[Point]) -> Point | N
 
 
 def _holds(region: Region, robot_id: int, x_m: float, y_m: float) -> bool:
-    """Return whether a rule holds for a robot that stands there; one that fails is its decision module's to report."""
+    """Return whether a rule holds for a robot at rest there; if it raises, its decision module reports that."""
     try:
         return bool(region.margin(Situation(robot_id, _at_rest(robot_id, x_m, y_m), 0.0)) >= 0.0)
     except KeyboardInterrupt:
@@ -161,7 +161,7 @@ class _Moved:
 
 
 def _places(own: Sample, bx_m: float, by_m: float, off_m: float) -> list[tuple[float, float]]:
-    """Return where the robot may be on its way to b: half-way and at the end, and off both to the sides and ahead."""
+    """Return where the robot may be on its way to b: half-way and at the end, and off both, to the sides and ahead."""
     dx, dy = bx_m - own.x_m, by_m - own.y_m
     length_m = math.hypot(dx, dy) or 1.0
     ux, uy = dx / length_m, dy / length_m

@@ -1,7 +1,7 @@
-"""The protected planner: the topic `path` has an untrusted planner as its AC and the certified ways as its SC.
+"""The protected planner: a module on the topic `path`; its AC is an untrusted planner, its SC finds certified paths.
 
-Its outputs are disjoint from the actuator's, so that the composition theorem of the original SOTER paper (Desai et
-al., DSN 2019) applies to it as it stands. A path does not change by itself: its margin cannot fall between decisions.
+Its outputs are disjoint from the actuator's, so the composition theorem of the original SOTER paper (Desai et al., DSN
+2019) applies to it as it stands. A path does not change by itself: its margin cannot fall between decisions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SEARCH_M: Final = 0.05
 
 
 class PathSituation(Situation):
-    """What the path's decision module judges: a request and the path that the untrusted planner offers for it."""
+    """What the path's decision module judges: a request, and the path that the untrusted planner offers for it."""
 
     __slots__ = ("offered", "request")
 
@@ -35,7 +35,7 @@ class PathSituation(Situation):
 class PathClearance(Region):
     """Paths along which the body stays at least `least_m` clear of every box, the leg from the start included.
 
-    Where the start itself is nearer to a box, the path has to be no nearer than the start.
+    If the start itself is nearer to a box, the path must come no nearer than the start.
     """
 
     def __init__(self, terrain: Terrain, least_m: float) -> None:
@@ -49,7 +49,7 @@ class PathClearance(Region):
         wanted = min(self.least_m, self.terrain.clearance_m(*start))
         places = [start, *situation.offered.path]
         if not all(math.isfinite(x + y) for x, y in places):
-            # Comparisons with NaN are false: it would be near to nothing.
+            # Comparisons with NaN are false: such a path would be near to nothing.
             return -math.inf
         clear = min(
             (self.terrain.segment_clearance_m(*a, *b) for a, b in pairwise(places)),
@@ -74,7 +74,7 @@ class StandsStill(ReachModel):
 
 
 class OfferedPath(Node):
-    """The AC: publishes what the untrusted planner offers."""
+    """The AC: publishes the untrusted planner's path."""
 
     name = "planner"
     subscribes = ("request",)
@@ -90,9 +90,9 @@ class OfferedPath(Node):
 
 
 class CertifiedPath(Node):
-    """The SC: publishes the shortest way over the corners of the grown boxes.
+    """The SC: publishes the shortest path over the corners of the grown boxes.
 
-    A goal on which no body can stand is replaced by the nearest place where one can.
+    A goal where the body does not fit is replaced by the nearest place where it does.
     """
 
     name = "certified-planner"
@@ -120,7 +120,7 @@ class CertifiedPath(Node):
         self._topic.publish(result)
 
     def _free(self, goal: Point) -> Point | None:
-        """The goal itself, or the nearest place around it, ring by ring, with the clearance of the ways."""
+        """Return the goal, or the nearest place around it, ring by ring, with the clearance of the certified paths."""
         if self._terrain.clearance_m(*goal) >= self._clearance_m:
             return goal
         low_x, low_y, high_x, high_y = self._terrain.bounds
@@ -139,10 +139,10 @@ class PathGuard:
 
     Args:
         terrain: the boxes.
-        delta_s: its period: a plan is judged when it is delivered, and is never older than a tick then.
+        delta_s: the module's period; a plan is judged when it is delivered, at most a tick old.
         phi_safe_m: body clearance that every path keeps.
-        phi_safer_m: body clearance from which the untrusted planner is trusted again.
-        clearance_m: body clearance of the certified ways.
+        phi_safer_m: body clearance from which the untrusted planner is used again.
+        clearance_m: body clearance of the certified paths.
 
     Raises:
         IllFormedModule: the numbers do not fit together.
@@ -160,11 +160,11 @@ class PathGuard:
         self.module.check(Timing(), delta_s)
         self._decision: Final = DecisionModule(self.module, Timing(), delta_s)
         self.replaced = 0
-        """Paths of the untrusted planner that were not used."""
+        """Number of the untrusted planner's paths that were replaced."""
 
     @property
     def mode(self) -> Controller:
-        """Whose paths are used."""
+        """The controller whose paths are used."""
         return self._decision.mode
 
     def judge(self, own: Sample, now_s: float, request: PlanRequest, offered: PlanResult) -> PlanResult:

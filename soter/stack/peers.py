@@ -1,4 +1,4 @@
-"""What robots have to assume of each other."""
+"""What robots assume of each other."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from soter.stack.recovery import extent_m
 
 @dataclass(frozen=True, slots=True)
 class PeerBounds:
-    """What every robot of a fleet is assumed to respect: the worst that any of them promises.
+    """Bounds that every robot of a fleet is assumed to respect: the worst that any of them promises.
 
     Attributes:
         v_max_m_s: top speed.
         brake_m_s2: deceleration.
         noise_m: error of a reported position.
         sample_age_s: age of a sample.
-        latency_s: the least until any of them acts on a command.
+        latency_s: the least of their latencies.
         extent_m: how far a leg of a safe controller may take any of them.
-        limits: whatever else bounds their motion.
+        limits: all limits of their motion.
     """
 
     v_max_m_s: float
@@ -50,12 +50,12 @@ class PeerBounds:
 
 @dataclass(frozen=True, slots=True)
 class Peers:
-    """The other robots of a fleet, as one of them has to take them.
+    """What one robot of a fleet assumes of the others.
 
     Attributes:
-        worst: what every robot respects, this one included.
-        each: by other robot, what that one respects.
-        speeds: how many of the others have each top speed, in m/s.
+        worst: the bounds that every robot respects, this one included.
+        each: by other robot, the bounds that it respects.
+        speeds: by top speed in m/s, the number of other robots that have it.
     """
 
     worst: PeerBounds
@@ -64,9 +64,9 @@ class Peers:
 
     @classmethod
     def of(cls, robot_id: int, fleet: Mapping[int, Capabilities], base_tick_s: float) -> Self:
-        """Return what a robot has to assume of a fleet, in which it is itself, ticked every `base_tick_s`."""
+        """Return what a robot assumes of the fleet that it belongs to, ticked every `base_tick_s`."""
         others = {other: each for other, each in fleet.items() if other != robot_id}
-        # Robots that promise the same are the same to it.
+        # Robots with equal promises share one value.
         known = {each: PeerBounds.of((each,), base_tick_s) for each in set(others.values())}
         return cls(
             PeerBounds.of([*fleet.values()], base_tick_s),
@@ -76,5 +76,5 @@ class Peers:
 
     @property
     def unlike(self) -> Mapping[int, PeerBounds]:
-        """Bounds by peer, as `each`; empty if those of all peers are `worst`."""
+        """Bounds by peer, as `each`; empty if the bounds of all peers equal `worst`."""
         return {} if all(each == self.worst for each in self.each.values()) else self.each

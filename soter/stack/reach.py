@@ -1,4 +1,4 @@
-"""The reach model that a mission chooses for a module, made from what robots promise."""
+"""Makes the reach model that a mission chooses for a module from what robots promise."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from soter.sdk import Capabilities
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """What bounds the motion of a robot, or of the worst of several.
+    """The limits of a robot's motion, or the worst limits of several robots.
 
     Attributes:
         v_max_m_s: top speed.
         brake_m_s2: guaranteed deceleration.
         reverse_m_s: top speed backwards.
         yaw_rate_max_rad_s: top turn rate.
-        accel_m_s2: how fast the speed grows, at most; None where that is not promised.
-        speed_noise_m_s: error of a reported velocity, or None, likewise.
-        heading_noise_rad: error of a reported heading, or None, likewise.
+        accel_m_s2: how fast the speed grows, at most; None if not promised.
+        speed_noise_m_s: largest error of a reported velocity; None if not promised.
+        heading_noise_rad: largest error of a reported heading; None if not promised.
         period_s: control period.
     """
 
@@ -49,7 +49,7 @@ class MotionLimits:
 
     @classmethod
     def of(cls, *robots: Capabilities) -> Self:
-        """Return the worst of what several robots promise."""
+        """Return the worst limits that any of the robots promises."""
         return cls(
             max(each.v_max_m_s for each in robots),
             min(each.brake_m_s2 for each in robots),
@@ -62,10 +62,10 @@ class MotionLimits:
         )
 
     def motion(self, module: str, model: MotionModel) -> Motion:
-        """Return the chosen motion.
+        """Return the motion bound of a model.
 
         Raises:
-            IllFormedModule: it needs what a robot does not promise; nothing has moved.
+            IllFormedModule: it needs something that a robot does not promise; nothing has moved.
         """
         if model == "speed":
             return SpeedBound(self.v_max_m_s, self.brake_m_s2)
@@ -83,14 +83,14 @@ class MotionLimits:
 
 
 def reach_into(region: Directed, own: Motion) -> ReachModel:
-    """Return the reach model of a region for a robot that moves like this."""
+    """Return the reach model of a region for a robot with this motion bound."""
     return DirectedReach(region, own) if isinstance(own, UnicycleBound) else own
 
 
 def reach_between(
     region: Directed, own: Motion, other: Motion, each: Mapping[int, Motion] = MappingProxyType({})
 ) -> ReachModel:
-    """Return the reach model of a region between a robot and its peers, of which `each` says what single ones do."""
+    """Return the reach model of a region between a robot and its peers; `each` has the bounds of single peers."""
     if isinstance(own, SpeedBound) and isinstance(other, SpeedBound):
         speeds = {robot_id: motion for robot_id, motion in each.items() if isinstance(motion, SpeedBound)}
         return PairsBound(region, own, speeds) if speeds else PairBound(own, other)

@@ -1,9 +1,9 @@
 """The certified recovery planner: the only source of motions that safe controllers make.
 
-A motion is a turn in place and a straight leg of at most the length that the robot may cover before its safe
-controller looks again, stopping included. The leg, inflated by the robot's tracking error, is tested against every
-enabled rule; whatever is driving, all rules hold at its end and all along. From a place where the tracking error does
-not fit, a leg may only lead away from what is too near, in every direction that the robot may really take.
+A motion is a turn in place and a straight leg, no longer than the robot may cover before its safe controller looks
+again, stopping included. The leg, inflated by the robot's tracking error, is tested against every enabled rule,
+whichever module drives: all rules hold along it and at its end. Where the tracking error does not fit, a leg may only
+lead away from what is too near, in every direction that the robot may really take.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ PAIR_NEAR_M: Final = 0.6
 
 SEPARATION_M: Final = 0.3
 LEAST_LEG_M: Final = 0.04
-"""No leg is planned shorter: a slow robot, which may be blind for a few millimetres only, would take it for arrived."""
+"""Least length of a leg: a slow robot, which may only be blind for a few millimetres, would count as arrived."""
 
 CORNER_M: Final = 0.02
-"""A robot this near to a corner of its path has passed it."""
+"""A robot this near to a corner of its path counts as past it."""
 
 _ARRIVED_M: Final = 0.02
 _CLIMB_M: Final = 0.005
@@ -38,7 +38,7 @@ _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)
 
 @dataclass(frozen=True, slots=True)
 class RecoveryRules:
-    """Which rules a motion must keep."""
+    """The rules that are enabled, which every motion keeps."""
 
     fence: bool = True
     boxes: bool = True
@@ -47,7 +47,7 @@ class RecoveryRules:
 
 
 def extent_m(capabilities: Capabilities, period_s: float) -> float:
-    """Return how far a leg may take a robot, off its end or its line included."""
+    """Return how far a leg may take a robot, its tracking error included."""
     blind_s = period_s + capabilities.latency_s + capabilities.sample_age_s
     return _leg_m(capabilities.v_max_m_s, blind_s, _stop_m(capabilities)) + capabilities.tube_m
 
@@ -61,7 +61,7 @@ def _leg_m(v_max_m_s: float, blind_s: float, stop_m: float) -> float:
 
 
 class Leg(Waypoint):
-    """A waypoint that the recovery planner made; safe controllers drive to no others."""
+    """A waypoint made by the recovery planner; safe controllers drive to no others."""
 
     __slots__ = ()
 
@@ -70,23 +70,23 @@ class RecoveryPlanner:
     """Certifies motions for one robot, and makes the next leg towards a place.
 
     Args:
-        terrain: what does not move.
-        capabilities: of the robot: top speed, brake, latency, tracking error.
-        rules: the enabled ones.
+        terrain: fence and boxes.
+        capabilities: the robot's top speed, brake, latency and tracking error.
+        rules: the enabled rules.
         period_s: how often a safe controller looks (T_sc).
         peer_noise_m: error of the positions that peers report, at most.
-        peer_v_max_m_s: top speed that peers are assumed to respect, where it is higher than this robot's own.
-        peer_extent_m: how far a leg may take a peer, see `extent_m`, where that is more than this robot's own.
-        pair_v_max_m_s: by peer, the faster of its and this robot's top speeds, where that is less than all peers'.
+        peer_v_max_m_s: top speed that peers are assumed to respect; this robot's own counts if it is higher.
+        peer_extent_m: how far a leg may take a peer, see `extent_m`; this robot's own counts if it is more.
+        pair_v_max_m_s: by peer, the higher of its and this robot's top speeds, for pairs slower than the fastest.
 
     Attributes:
-        own_rules: what the user's own modules keep, which every leg keeps, too.
+        own_rules: the rules of the user's own modules, which every leg keeps, too.
         v_max_m_s: top speed of the robot.
         turn_s: how long a turn in place to a leg takes at most, at the top turn rate.
-        certified_m: what the end of a leg keeps from fence and boxes.
-        path_m: what paths keep from fence and boxes, so that every leg of theirs is certified from wherever the robot
-            is by then: off a corner, off the line, and seen where it is not.
-        no_certified_motion: ticks at which neither any motion nor holding kept every rule.
+        certified_m: distance of the end of a leg from fence and boxes.
+        path_m: distance of paths from fence and boxes: enough for every leg to be certified from wherever the robot may
+            be by then, off a corner or off the line, with its position noise.
+        no_certified_motion: number of ticks at which neither any motion nor holding kept every rule.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class RecoveryPlanner:
         self.certified_m: Final = self._tube + self._drift_m_s * capabilities.sample_age_s
         self.path_m: Final = self.certified_m + self._tube + CORNER_M
         # Two robots that do not limit their legs for each other must not be able to meet within one leg of both. The
-        # peer's, which may be the longer one, counts in full: it may have been certified from farther away.
+        # peer's leg, which may be longer, counts in full: it may have been certified from farther away.
         own_m = extent_m(capabilities, period_s)
         self._pair_near_m = max(PAIR_NEAR_M, rules.separation_m + own_m + max(own_m, peer_extent_m))
         self._reverses = capabilities.reverses
@@ -126,10 +126,10 @@ class RecoveryPlanner:
         self.no_certified_motion = 0
 
     def leg_m(self, age_s: float) -> float:
-        """Return the length of a leg, which is as far as the robot may go before its safe controller looks again.
+        """Return the length of a leg: how far the robot may go before its safe controller looks again.
 
-        It includes stopping, so that a robot whose supervisor dies comes to rest inside what was certified. Longer than
-        that is as safe, since all of it is certified.
+        It includes stopping, so that a robot whose supervisor dies comes to rest inside what was certified. A longer
+        leg is as safe, since all of it is certified.
 
         Args:
             age_s: age of the sample that the leg starts from.
@@ -137,9 +137,9 @@ class RecoveryPlanner:
         return _leg_m(self.v_max_m_s, self._blind_s + age_s, self._stop_m)
 
     def apart_m(self, age_s: float) -> float:
-        """Return the distance of a robot at rest beside which legs of a path are certified, whatever their direction.
+        """Return the distance from a robot at rest beyond which legs of a path are certified in every direction.
 
-        They may be short ones: there is a corner's tolerance left of half of the gap.
+        These legs may be short: of half the gap, only a corner's tolerance is left.
 
         Args:
             age_s: the largest age of a sample.
@@ -150,13 +150,13 @@ class RecoveryPlanner:
     def certify(self, situation: Situation, bx_m: float, by_m: float) -> float:
         """Return the worst margin of the straight leg from the robot to b, in metres; negative if it is not allowed.
 
-        What is too near already counts as zero if the leg leads away from it.
+        Anything that is too near already counts as zero if the leg leads away from it.
         """
         own = situation.own
         ax, ay = own.x_m, own.y_m
         worst = math.inf
         rules, terrain = self.rules, self.terrain
-        # A robot that moves while its sample ages may have done so at a slant to the leg.
+        # While the sample aged, the robot may have moved at an angle to the leg.
         tube = self._tube + self._drift_m_s * situation.age_s
         if rules.fence:
             worst = terrain.leg_fence_m(ax, ay, bx_m, by_m, tube, _ALIGNED_SIN)
@@ -177,7 +177,7 @@ class RecoveryPlanner:
         return worst
 
     def hold_margin(self, situation: Situation) -> float:
-        """Return the worst margin of staying where the robot is."""
+        """Return the worst margin of holding where the robot is."""
         own = situation.own
         worst = math.inf
         if self.rules.fence:
@@ -191,9 +191,9 @@ class RecoveryPlanner:
         return worst
 
     def _pair_spare_m(self, situation: Situation, dx: float, dy: float) -> float:
-        """Return by how much the motion stays below each robot's half of the gap, along the line to each near peer.
+        """Return what the motion leaves of this robot's half of the gap, along the line to each near peer.
 
-        Both robots of a pair keep to their half, so the projections on that line never come nearer than the
+        Both robots of a pair keep to their halves, so their projections on that line never come nearer than the
         separation, however each moves sideways. Balls of half the gap would not do: both may sidestep to one point.
         """
         own = situation.own
@@ -211,10 +211,10 @@ class RecoveryPlanner:
             gap = distance - self._pair_noise - separation
             half = gap / 2.0 - self._pair_v_max.get(peer.robot_id, self._peer_v_max) * (self._blind_s + age_s)
             if along <= -_ALIGNED_SIN * length:
-                # Away, however the robot strays from the leg, or at rest: always at least as good as anything else.
+                # Away, however the robot strays from the leg, or at rest: nothing else can be better.
                 left = max(half, 0.0)
             else:
-                # Towards the peer it may run beyond the end of the leg, across it may only stray to the side.
+                # Towards the peer the robot may run beyond the leg's end; across, it may only stray to the side.
                 aside = 1.0 if along > 0.0 else math.sqrt(length * length - along * along) / length
                 left = half - max(along, 0.0) - self._tracking_m * aside
             if left < spare:
@@ -222,9 +222,9 @@ class RecoveryPlanner:
         return spare
 
     def towards(self, situation: Situation, legs: Sequence[Point]) -> Leg | None:
-        """Return the next certified leg along a way, or None to brake and hold.
+        """Return the next certified leg along a path, or None to brake and hold.
 
-        The way's first corner is where to go next. The leg is only as long as the robot may be blind, stopping
+        The path's first corner is where to go next. The leg is only as long as the robot may be blind, stopping
         included, so that a safe controller that dies leaves the robot at rest inside what was certified.
         """
         own = situation.own
@@ -238,7 +238,7 @@ class RecoveryPlanner:
         ux, uy = gx / distance, gy / distance
         if self._must_stop_first(own, ux, uy):
             return None
-        # Never less than braking from top speed takes, else the vehicle would have to slow down for every leg.
+        # Never shorter than braking from top speed takes, or the vehicle would slow down for every leg.
         length = min(distance, self.leg_m(situation.age_s))
         while length >= _ARRIVED_M:
             bx, by = own.x_m + ux * length, own.y_m + uy * length
@@ -250,7 +250,7 @@ class RecoveryPlanner:
         return self.hold(situation)
 
     def _squeezed(self, own: Sample) -> bool:
-        """Whether the robot is nearer to fence or boxes than paths are, so that it may not be able to follow one."""
+        """Return whether the robot is nearer to fence or boxes than paths are: it may not be able to follow one."""
         if self.rules.fence and self.terrain.fence_m(own.x_m, own.y_m) < self.path_m:
             return True
         return self.rules.boxes and self.terrain.clearance_m(own.x_m, own.y_m) < self.path_m
@@ -261,11 +261,11 @@ class RecoveryPlanner:
         """Return the certified leg that gets farthest along a direction, or None to hold.
 
         Args:
-            situation: of the robot.
+            situation: the robot's.
             score_x: the direction, east.
             score_y: the direction, north.
-            leads_back: whether a place has a path to the station. A leg, which needs less room than a path, ends only
-                where there is one, unless the robot has none now.
+            leads_back: whether a place has a path to the station. A leg needs less room than a path; it only ends where
+                there is a path, unless the robot has none now.
         """
         own = situation.own
         length = self.leg_m(situation.age_s)
@@ -295,13 +295,13 @@ class RecoveryPlanner:
         return self._go(situation, chosen, length)
 
     def moves(self, own: Sample) -> bool:
-        """Return whether a robot moves, as far as its reported speed can tell."""
+        """Return whether a robot moves, judged by its reported speed."""
         return own.vx_m_s * own.vx_m_s + own.vy_m_s * own.vy_m_s > self.moving_m_s * self.moving_m_s
 
     def sees(self, situation: Situation, bx_m: float, by_m: float, clearance_m: float) -> bool:
-        """Return whether a straight way to b keeps `clearance_m` from boxes, or as much as the robot has now.
+        """Return whether the straight line to b keeps `clearance_m` from boxes, or as much as the robot has now.
 
-        It does not leave a fence either that it could leave between two places inside.
+        Inside a fence that is not convex, the line must also keep its distance from the fence.
         """
         own, terrain = situation.own, self.terrain
         x_m, y_m = own.x_m, own.y_m
@@ -314,7 +314,7 @@ class RecoveryPlanner:
         return terrain.fence_along_m(x_m, y_m, bx_m, by_m, inside) >= inside
 
     def free(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> bool:
-        """Return whether a straight way keeps from fence and boxes what paths do, less a corner's tolerance."""
+        """Return whether a line keeps the distance of paths from fence and boxes, less a corner's tolerance."""
         needed, terrain = self.path_m - CORNER_M, self.terrain
         if self.rules.fence and terrain.fence_along_m(ax_m, ay_m, bx_m, by_m, needed) < needed:
             return False
@@ -329,9 +329,9 @@ class RecoveryPlanner:
         return self._leg(own, own.x_m + direction[0] * length_m, own.y_m + direction[1] * length_m, *direction)
 
     def _must_stop_first(self, own: Sample, ux: float, uy: float) -> bool:
-        """Whether the robot moves in a direction that does not lie along the leg: it would brake somewhere else.
+        """Return whether the robot moves in another direction than the leg's, and would come to rest off the leg.
 
-        That is at a large angle, or at such a speed that it might come to rest farther off the leg than its tube.
+        That is the case at a large angle, or at a speed that might take it farther off the leg than its tube.
         """
         vx, vy = own.vx_m_s, own.vy_m_s
         speed = math.sqrt(vx * vx + vy * vy)
@@ -341,7 +341,7 @@ class RecoveryPlanner:
         return (vx * ux + vy * uy) < _ALIGNED_COS * speed or aside_m > self._tracking_m
 
     def hold(self, situation: Situation) -> Leg | None:
-        """Hold; where even that breaks a rule, take the motion with the largest worst margin, and count it."""
+        """Return None to hold; if holding breaks a rule, the leg with the largest worst margin, and count the tick."""
         best = self.hold_margin(situation)
         if best >= 0.0:
             return None

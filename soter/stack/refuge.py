@@ -1,4 +1,4 @@
-"""Where a robot retreats to: the nearest place that is safer for every static rule and far enough from the peers."""
+"""Finds where a robot retreats to: the nearest place in every static rule's phi_safer, far enough from peers."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from soter.stack.terrain import Point, Terrain
 LOOK_M: Final = (1.0, 2.5, 6.0)
 TRIED: Final = 40
 FEW: Final = 4
-"""Of these so many are tried by a way around boxes and peers, which takes longer to find."""
+"""How many of the nearest candidates are tried by a path around boxes and peers, which takes longer to find."""
 
 SEEDS: Final = 200
-"""Of all cells that are refuges so many are tried for a path."""
+"""How many of the cells that are refuges are tried for a path."""
 
 STEP_M: Final = 0.02
 STEPS: Final = 40
 _ROUNDING_M: Final = 1e-9
 PIVOT_M: Final = 0.1
-"""A turn in place takes about as long as driving so far."""
+"""A turn in place takes about as long as driving this far."""
 
 
 class RefugeFinder:
     """Finds refuges for one robot.
 
     Args:
-        terrain: what does not move.
-        recovery: certifies the ways.
-        fence_m: distance to the fence that a refuge has at least.
-        clearance_m: body clearance from boxes that a refuge has at least.
+        terrain: fence and boxes.
+        recovery: certifies the paths.
+        fence_m: least distance of a refuge to the fence.
+        clearance_m: least body clearance of a refuge from boxes.
 
     Attributes:
-        static: which cells of the terrain are refuges as far as fence and boxes go.
+        static: which cells of the terrain are refuges from fence and boxes.
         leave: a path of another robot that a refuge must not lie on; None if there is none.
-        aside: any place will do where a robot can stand and move away from again, as others need room.
+        aside: whether any place will do where a robot can stand and leave again, because others need room.
     """
 
     def __init__(self, terrain: Terrain, recovery: RecoveryPlanner, fence_m: float, clearance_m: float) -> None:
@@ -59,20 +59,20 @@ class RefugeFinder:
 
     @property
     def needs_m(self) -> tuple[float, float]:
-        """Distances from the fence and from boxes that are asked of a refuge at the moment."""
+        """Distances from the fence and from boxes that a refuge needs at the moment."""
         if self.aside:
             return min(self.fence_m, self._path_m), min(self.clearance_m, self._path_m)
         return self.fence_m, self.clearance_m
 
     def peer_m(self, situation: Situation, peer_m: float) -> float:
-        """Return the distance from peers that is asked of a refuge at the moment, of `peer_m` at most."""
+        """Return the distance from peers that a refuge needs at the moment, at most `peer_m`."""
         return min(peer_m, self._recovery.apart_m(situation.age_s)) if self.aside else peer_m
 
     def way(self, situation: Situation, peer_m: float) -> list[Point]:
-        """Return the legs of a way to the nearest refuge at least `peer_m` from every peer; empty if there is none."""
+        """Return the corners of a path to the nearest refuge at least `peer_m` from every peer; empty if none."""
         if not self.aside:
             return self._way(situation, peer_m)
-        # Paths lead around squares about the peers: from beyond their corners they are certified all along.
+        # Paths lead around squares about the peers, beyond whose corners they are certified all along.
         apart_m = self.peer_m(situation, peer_m)
         return self._way(situation, min(peer_m, math.sqrt(2.0) * apart_m)) or self._way(situation, apart_m)
 
@@ -93,14 +93,14 @@ class RefugeFinder:
         return []
 
     def room_for(self, robots: int, apart_m: float, leads_back: Callable[[float, float], bool]) -> int:
-        """Return how many robots are found room for in refuges at once, so far from each other; all, or the most.
+        """Return how many robots find room in refuges at the same time, up to `robots`.
 
-        A bound from below: places are taken greedily, along the room and across it, from both ends.
+        A lower bound: places are chosen greedily, along the room and across it, from both ends.
 
         Args:
-            robots: so many are enough.
-            apart_m: between their centres.
-            leads_back: whether a path leads from a place to the robot's station; no others count.
+            robots: how many are enough.
+            apart_m: distance between their centres.
+            leads_back: whether a path leads from a place to the robot's station; other places do not count.
         """
         terrain, most = self._terrain, 0
         within = self._reached(leads_back)
@@ -116,7 +116,7 @@ class RefugeFinder:
         return most
 
     def _reached(self, leads_back: Callable[[float, float], bool]) -> NDArray[np.bool_]:
-        """Return the refuges from which cells lead to one, of those that are tried, that a path leads back from."""
+        """Return the refuges that free cells connect to a refuge with a path back, of the refuges that are tried."""
         xs, ys, chosen = self._terrain.cell_x.ravel(), self._terrain.cell_y.ravel(), np.flatnonzero(self.static)
         reached = np.zeros(self.static.shape, dtype=np.bool_)
         for at in chosen[:: max(1, chosen.size // SEEDS)].tolist():
@@ -129,7 +129,7 @@ class RefugeFinder:
         return reached
 
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
-        """Return whether a refuge is still far enough from every peer, and off the path that is to be left."""
+        """Return whether a refuge is still far enough from every peer, and off the path to be left."""
         return self._clear(situation, place, self.peer_m(situation, peer_m))
 
     def _clear(self, situation: Situation, place: Point, peer_m: float) -> bool:
@@ -138,7 +138,7 @@ class RefugeFinder:
         return all(math.hypot(peer.x_m - place[0], peer.y_m - place[1]) >= peer_m for peer in situation.peers)
 
     def _free(self, situation: Situation, x_m: float, y_m: float) -> bool:
-        """Whether a straight way there leads past all boxes, and past all peers if others need room."""
+        """Return whether a straight line there passes all boxes, and all peers if others need room."""
         own = situation.own
         if self.aside and any(
             from_line(p.x_m, p.y_m, (own.x_m, own.y_m), (x_m, y_m)) < self._recovery.rules.separation_m
@@ -148,7 +148,7 @@ class RefugeFinder:
         return self._recovery.sees(situation, x_m, y_m, self.needs_m[1])
 
     def _around(self, situation: Situation, candidates: list[Point]) -> list[Point]:
-        """Return a way to one of several places that leads around boxes; around peers, too, where others need room."""
+        """Return a path to one of several places around boxes; around peers, too, if others need room."""
         own, recovery = situation.own, self._recovery
         apart_m = recovery.apart_m(situation.age_s)
         peers = [(p.x_m - apart_m, p.y_m - apart_m, p.x_m + apart_m, p.y_m + apart_m) for p in situation.peers]
@@ -160,7 +160,7 @@ class RefugeFinder:
         return []
 
     def _along_heading(self, situation: Situation, peer_m: float) -> Point | None:
-        """The nearest place straight behind or ahead: it costs no turn."""
+        """Return the nearest refuge straight behind or ahead, which costs no turn."""
         own, terrain = situation.own, self._terrain
         fence_m, clearance_m = self.needs_m
         cos, sin = math.cos(own.heading_rad), math.sin(own.heading_rad)
@@ -177,7 +177,7 @@ class RefugeFinder:
         return None
 
     def _straight_inside(self, situation: Situation, peer_m: float) -> Point | None:
-        """The nearest point far enough from the fence, if it also fits boxes and peers: finer than cells are."""
+        """Return the nearest point far enough from the fence, if boxes and peers allow it; finer than the cells."""
         own, terrain = situation.own, self._terrain
         inset, clearance_m = self.needs_m
         place = terrain.inside(own.x_m, own.y_m, inset)
@@ -197,7 +197,7 @@ class RefugeFinder:
         if not chosen.size:
             return []
         distance = (xs.ravel()[chosen] - own.x_m) ** 2 + (ys.ravel()[chosen] - own.y_m) ** 2
-        # A stable sort, so that equally near cells are tried in one order everywhere.
+        # A stable sort, so that equally near cells are tried in the same order on every host.
         nearest = chosen[np.argsort(distance, kind="stable")]
         places = ((float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True))
         leave = self.leave
@@ -205,7 +205,7 @@ class RefugeFinder:
 
 
 def _along_rows(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which cells fit and follow one that is reached, with none between them that does not fit."""
+    """Return which cells fit and follow a reached one with only fitting cells in between."""
     index = np.arange(fits.shape[1])
     stopped = np.maximum.accumulate(np.where(fits, -1, index), axis=1)
     begun = np.maximum.accumulate(np.where(reached & fits, index, -1), axis=1)

@@ -1,4 +1,4 @@
-"""What stands, in one process, for machines of another: a robot agent away from its task planner, and the reverse."""
+"""Remote proxies: of a robot agent, in its task planner's process; of a task planner, in its robot agents' process."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from soter.stack.robot_agent import RobotAgent
 
 @dataclass(frozen=True, slots=True)
 class RemoteCame(Event):
-    """The process of the machine that this one stands for is there: for the first time, or after a new start."""
+    """The process of the machine behind this proxy has joined: for the first time, or after a restart."""
 
 
 @dataclass(frozen=True, slots=True)
 class RemoteJoined(Event):
-    """From a task planner elsewhere: a robot agent is to be told of another, by the numbers of their robots."""
+    """From a remote task planner: tell a robot agent that another robot has joined; both by robot id."""
 
     robot_id: int
     other_id: int
@@ -26,7 +26,7 @@ class RemoteJoined(Event):
 
 @dataclass(frozen=True, slots=True)
 class RemoteVisit(Event):
-    """From a task planner elsewhere: a robot is to go there."""
+    """From a remote task planner: have a robot visit a target."""
 
     robot_id: int
     target: VisitTarget
@@ -34,12 +34,12 @@ class RemoteVisit(Event):
 
 @dataclass(frozen=True)
 class RemoteKit:
-    """What stands for a robot whose agent is in another process.
+    """The kit of the proxy of a robot agent in another process.
 
     Attributes:
-        robot_id: which robot.
-        tell: sends an event to the other process; dropped while that has not come.
-        subscribe: names the machine that is to be told of what comes from there.
+        robot_id: the robot.
+        tell: sends an event to the other process; dropped while that process has not joined.
+        subscribe: sets the machine that receives the events from there.
     """
 
     robot_id: int
@@ -48,9 +48,9 @@ class RemoteKit:
 
 
 class RemoteAgent(Machine):
-    """Stands beside the task planner for a robot agent elsewhere, and remembers what that was told.
+    """The task planner's proxy of a remote robot agent; remembers what the agent was told.
 
-    A process that starts anew knows nothing: it is told again who else there is, and given its target again.
+    A process that restarts knows nothing: it is told again of the other robots, and given its target again.
     """
 
     Starting: State[tuple[RemoteKit, MachineRef]] = State(start=True)
@@ -102,21 +102,21 @@ class RemoteAgent(Machine):
 
 
 def robot_agent(kit: RobotKit | RemoteKit) -> type[Machine]:
-    """Return the class of a robot's agent, or of what stands for it. Both take `(kit, who is told)`."""
+    """Return the class of a robot's agent, or of its proxy. Both take `(kit, task planner)`."""
     return RemoteAgent if isinstance(kit, RemoteKit) else RobotAgent
 
 
 @dataclass(frozen=True)
 class RemoteTasks:
-    """What a process with robots knows of a mission whose task planner is in another.
+    """What a process with robots is given of a mission whose task planner is in another process.
 
     Attributes:
-        kits: of the robots of this process.
-        tell: sends an event to the task planner's process; dropped while that has not come.
-        subscribe: names the machine that is to be told of what comes from there.
-        agents: names the agents of other processes' robots, by robot.
-        on_target: told of every target given: robot, target id, place.
-        on_ended: told of every target that ended: robot, target id, outcome.
+        kits: the kits of this process's robots.
+        tell: sends an event to the task planner's process; dropped while that process has not joined.
+        subscribe: sets the machine that receives the events from there.
+        agents: references to the agents of other processes' robots, by robot.
+        on_target: called with every target given: robot, target id, place.
+        on_ended: called with every target that ended: robot, target id, outcome.
     """
 
     kits: Mapping[int, RobotKit]
@@ -129,14 +129,14 @@ class RemoteTasks:
 
 @dataclass
 class _Errand:
-    """What one robot is after.
+    """The targets of one robot.
 
     Attributes:
         agent: its machine.
-        given: the task planner's number of the target that the agent has; None while it has none, or has one of a
-            task planner that is no more.
+        given: the task planner's number of the agent's target; None if it has none, or one from before the task planner
+            restarted.
         busy: whether the agent has a target.
-        waiting: what it is to have next.
+        waiting: its next target.
     """
 
     agent: MachineRef
@@ -146,9 +146,9 @@ class _Errand:
 
 
 class RemoteTaskPlanner(Machine):
-    """Stands beside robot agents for a task planner elsewhere, and numbers targets anew: that one may start anew too.
+    """The robot agents' proxy of a remote task planner; gives targets its own numbers, since the planner may restart.
 
-    What a robot is after when the task planner goes, it finishes. What it is given by a new one waits until then.
+    A robot finishes its target when the task planner is gone. A target from the restarted one waits until then.
     """
 
     Starting: State[RemoteTasks] = State(start=True)

@@ -1,4 +1,4 @@
-"""The safe controller of geofence and obstacle: to the nearest safe position, or home where there is none."""
+"""The safe controller of geofence and obstacle: goes to the nearest safe position, or home if there is none."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from soter.stack.safe_controller import AT_CORNER_M, SafeController
 from soter.stack.terrain import Point
 
 LOOK_AGAIN_S: Final = 1.0
-"""A robot at rest that is not where it was going looks for another refuge so often."""
+"""How often a robot at rest, not yet at its refuge, looks for another one."""
 
 STUCK_S: Final = 10.0
-"""A robot that has stood on its way to a refuge for so long does not get there: a peer is in the way for good."""
+"""A robot that has stood on its way to a refuge for this long will not get there: a peer is in the way for good."""
 
 TURNS: Final = 1.5
 """A robot at rest may be turning to its next leg for so many times as long as a turn takes at most."""
 
 PATIENT_S: Final = 2.0
-"""A robot that has stood on its return path for so long, no leg of which is certified, gets out of the way first."""
+"""How long a robot without a certified leg stands on its return path before it first gets out of the way."""
 
 ASIDE_S: Final = 15.0
-"""It is back on its path after so long at the latest."""
+"""After this long at the latest it is back on its path."""
 
 
 class Retreat(SafeController):
     """Moves to the nearest refuge and waits there; looks for another when a peer comes near it.
 
-    It lets go of the actuator in two ways, so that no rule that stands behind its own is starved. While the battery's
-    module is in SC, every leg of the return path that keeps all rules is driven. And where no refuge is in reach and
-    its own margin cannot be made larger, the return path leads to where there is one.
+    In two cases it drives the return path instead, so that no rule of lower priority is starved: while the battery's
+    module is in SC, along every leg that keeps all rules; and if no refuge is in reach and its own margin cannot be
+    made larger, until one is.
 
     Attributes:
         leave: a path that a refuge must not lie on; None if there is none.
-        aside: others need room: a refuge is anywhere where the robot can stand.
+        aside: whether any place where the robot can stand is a refuge, because others need room.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Retreat(SafeController):
         self.aside = False
         self._legs: list[Point] = []
         self._looked_s = -math.inf
-        # Whoever drives at the start of a run was never told to take charge.
+        # The first driver of a run is never engaged by a switch.
         self._moved_s = math.inf
         self._homewards = False
         self._drove_home_s = self._aside_until_s = -math.inf
@@ -104,7 +104,7 @@ class Retreat(SafeController):
             self._looked_s = situation.now_s
             self._legs = self.way(situation)
         if self._stuck(situation):
-            # Until it looks again, it gets away from whatever is in the way; from elsewhere the way is another one.
+            # Until it looks again, get away from whatever is in the way: another place has another path.
             self._legs = []
             self._looked_s = self._moved_s = situation.now_s
         if self._legs:
@@ -116,18 +116,18 @@ class Retreat(SafeController):
                 self._drove_home_s = situation.now_s
             if situation.now_s - self._drove_home_s <= self.patience_s(situation):
                 return leg
-            # Nothing leads on along the return path: away from whatever is in the way, and back on it from elsewhere.
+            # The return path is blocked: get away from whatever is in the way, and back on the path from elsewhere.
             self._homewards = False
         leg = self.without_refuge(situation)
         return leg if leg is not None or self.recovery.moves(situation.own) else self._leg_home(situation)
 
     def way(self, situation: Situation) -> list[Point]:
-        """Return the way to a refuge: where peers leave none that is far from them, to one where they can be passed."""
+        """Return the path to a refuge far from peers; if there is none, to one just far enough to pass them."""
         refuges = self._refuges
         return refuges.way(situation, self._peer_m) or refuges.way(situation, self.recovery.apart_m(situation.age_s))
 
     def without_refuge(self, situation: Situation) -> Leg | None:
-        """Return what to do where no refuge is in reach: get away from fence and boxes as far as that goes."""
+        """Return the next leg if no refuge is in reach: as far away from fence and boxes as possible."""
         return self.recovery.climb(situation)
 
     def _leg_home(self, situation: Situation) -> Leg | None:
@@ -138,7 +138,7 @@ class Retreat(SafeController):
         return self._home.leg_home(situation)
 
     def _stuck(self, situation: Situation) -> bool:
-        """Whether the robot has been on its way for long without moving: its legs are not certified."""
+        """Return whether the robot has been on its way for long without moving, since no leg is certified."""
         own = situation.own
         there = bool(self._legs) and math.dist(self._legs[-1], (own.x_m, own.y_m)) < AT_CORNER_M
         if there or not self._legs or self.recovery.moves(own) or math.isinf(self._moved_s):
@@ -146,7 +146,7 @@ class Retreat(SafeController):
         return situation.now_s - self._moved_s > max(STUCK_S, TURNS * self.recovery.turn_s)
 
     def _settled(self, situation: Situation) -> bool:
-        """Whether the way is still good: it leads somewhere, no peer is near its end, and the robot gets along it."""
+        """Return whether the path is still good: not empty, with no peer near its end, and the robot gets along it."""
         if not self._legs or not self._refuges.good(situation, self._legs[-1], self._peer_m):
             return False
         own, recovery = situation.own, self.recovery

@@ -1,10 +1,10 @@
-"""The way back that a robot always has: found before it is needed, and kept while the robot moves.
+"""The return path that a robot always has: found before it is needed, and kept up to date while the robot moves.
 
 A simplex without a model of the advanced controller (Bak et al., "Sandboxing controllers for cyber-physical systems",
-ICCPS 2011; "black-box simplex"): the robot is left to its AC only while a complete path to its station is known. Where
-the roadmap shows one, that is taken. Where it does not, the robot has come from somewhere: it can go back to the last
-anchor, and on from there. So there is always a path, its length grows by no more than the robot drives, and all of it
-keeps `path_m` from fence and boxes.
+ICCPS 2011; "black-box simplex"): the robot is left to its AC only while a complete path to its station is known. That
+is the roadmap's path if there is one. If not, the robot can go back to its last anchor, where it came from, and on from
+there. So there is always a path, its length grows by no more than the robot drives, and all of it keeps `path_m` from
+fence and boxes.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 
 DETOUR_M: Final = 0.5
-"""A roomy path is taken instead of a narrow one if it is longer by no more than this; the charge pays for it."""
+"""How much longer a roomy path may be to be preferred to a narrow one; the charge pays for it."""
 
 _ROUNDING_M: Final = 1e-6
 
 LOOK_S: Final = 1.0
-"""The path is looked for again when the robot may have driven for so long."""
+"""The path is looked for again after the distance that the robot can drive in this time."""
 
 _BACK_M: Final = 1.0
-"""In a site it is looked for when the robot is so far from where that was done last: so far it goes back there."""
+"""In a site the path is looked for again this far from the last such place; nearer, the robot goes back there."""
 
 _FARTHER: Final = 0.025
-"""Or this share of the path: from far away that is as good."""
+"""Or at this share of the path's length: far from the station a longer way back matters less."""
 
 
 class _Anchor:
     """A place whose path to the station is known, and the places around it that see it.
 
     Attributes:
-        place: where.
-        length_m: what the path from there is accounted for, but for a detour of `DETOUR_M`.
-        radius_m: from every place that is no farther, the straight way to the anchor is free.
-        routes: what knows the path; None for one that goes on from `before`.
+        place: where it is.
+        length_m: accounted length of the path from there, without the detour of `DETOUR_M`.
+        radius_m: from every place within it, the straight line to the anchor is free.
+        routes: routes that have the path from here; None if the path goes back to `before`.
         before: the anchor that the robot came from.
     """
 
@@ -68,17 +68,17 @@ class ReturnPath:
     """The path of one robot to its station.
 
     Args:
-        terrain: what does not move.
-        recovery: says what paths have to keep from fence and boxes.
+        terrain: fence and boxes.
+        recovery: has the distance of paths from fence and boxes.
         place: the station.
-        clearance_m: body clearance from boxes of roomy paths.
-        inset_m: distance from the fence of roomy paths.
-        occupied: rectangles to keep out of: other robots' stations, as large as their robots need to be left alone.
+        clearance_m: body clearance of roomy paths from boxes.
+        inset_m: distance of roomy paths from the fence.
+        occupied: rectangles to keep out of: other robots' stations, with the room that robots on them need.
 
     Attributes:
         place: the station.
-        roomy: paths that keep so far from everything that no other module steps in.
-        longest_m: length of the longest path, of the narrow ones too: where no other is, they are driven.
+        roomy: paths that keep so far from everything that no other module fires.
+        longest_m: length of the longest path, also of the narrow ones, which are driven where there is no other.
     """
 
     def __init__(
@@ -111,13 +111,13 @@ class ReturnPath:
         return max(self.roomy.most_legs, self.narrow.most_legs)
 
     def shortest_m(self, x_m: float, y_m: float) -> float:
-        """Return the length of the path that the roadmaps show from a point; infinite where they show none."""
+        """Return the length of the roadmaps' path from a point; infinite if there is none."""
         entry = self.entry(x_m, y_m)
         length = self.roomy.distance_m(*entry)
         return (length if length < math.inf else self.narrow.distance_m(*entry)) + math.dist(entry, (x_m, y_m))
 
     def leads_back(self, x_m: float, y_m: float) -> bool:
-        """Return whether the roadmaps show a path from a point, all of which keeps what paths keep."""
+        """Return whether the roadmaps show a path from a point that keeps its distances all along."""
         x, y = self.entry(x_m, y_m)
         spare_m = min(self._terrain.clearance_m(x, y) - self._boxes_m, self._terrain.fence_m(x, y) - self._fence_m)
         return spare_m >= -_ROUNDING_M and self.shortest_m(x, y) < math.inf
@@ -130,19 +130,19 @@ class ReturnPath:
         self._last = here
 
     def length_m(self, x_m: float, y_m: float) -> float:
-        """Return what the path home is accounted for, in metres; infinite where none is known."""
+        """Return the accounted length of the return path, in metres; infinite if none is known."""
         anchor = self._anchor
         if anchor is not None:
             away_m = math.dist((x_m, y_m), anchor.place)
             if away_m <= anchor.radius_m:
                 return away_m + anchor.length_m + DETOUR_M
-        # Somebody asks about another place than the robot's.
+        # The caller asks about another place than the robot's.
         return self.shortest_m(x_m, y_m) + DETOUR_M
 
     def legs(self, x_m: float, y_m: float) -> list[Point]:
-        """Return the corners of the path from a point, the station last; empty where none is known.
+        """Return the corners of the path from a point, the station last; empty if none is known.
 
-        It is looked for anew: one that leads back to the last anchor would turn a robot round that is on its way home.
+        The path is looked for again: one back to the last anchor would turn round a robot on its way home.
         """
         if self._anchor is not None and not self._terrain.convex:
             self._anchor = self._look((x_m, y_m), self._anchor)
@@ -163,13 +163,13 @@ class ReturnPath:
         return Routes(self._terrain, self.place, self._boxes_m, self._fence_m, extra).legs(*entry)
 
     def entry(self, x_m: float, y_m: float) -> Point:
-        """Return the nearest place that is as far from the fence, and from the nearest box, as paths are."""
+        """Return the nearest place as far from the fence and the nearest box as paths are."""
         return self._terrain.beside(x_m, y_m, self._fence_m, self._boxes_m if self._recovery.rules.boxes else None)
 
     def _find(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
-        """Return the anchor of a place that the last one does not see any more."""
+        """Return the anchor for a place outside the last anchor's radius."""
         if anchor is not None and not self._terrain.convex:
-            # From so near, going back is as good as a path that is looked for among a site's many corners.
+            # So near, going back is as good as a path, which takes long to find among a site's many corners.
             entry, found = self.entry(*here), anchor.before or anchor
             back_m = math.dist(entry, found.place)
             if back_m <= self._far_m(anchor) and self._recovery.free(*entry, *found.place):
@@ -177,19 +177,19 @@ class ReturnPath:
         return self._look(here, anchor)
 
     def _far_m(self, anchor: _Anchor | None) -> float:
-        """Return how far from an anchor the path need not be looked for again."""
+        """Return the distance from an anchor within which the path need not be looked for again."""
         if anchor is None or self._terrain.convex:
             return self._cap_m
         return max(self._cap_m, _BACK_M, _FARTHER * anchor.length_m)
 
     def _radius_m(self, here: Point, entry: Point, anchor: _Anchor | None) -> float:
-        """Return how far from `here` places may be that see the entry: distances change by a metre a metre."""
+        """Return the radius around `here` within which all places see the entry: clearance falls a metre per metre."""
         terrain = self._terrain
         spare_m = min(terrain.clearance_m(*entry) - self._boxes_m, terrain.fence_m(*entry) - self._fence_m)
         return math.dist(here, entry) + min(max(spare_m, 0.0), self._far_m(anchor))
 
     def _look(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
-        """Return the anchor of a place: of the paths that the roadmaps show and the way back, the best one."""
+        """Return the anchor for a place, with the best of the roadmaps' paths and the way back."""
         entry = self.entry(*here)
         back = self._back_to(entry, anchor)
         back_m = math.inf if back is None else math.dist(entry, back.place) + back.length_m
@@ -201,7 +201,7 @@ class ReturnPath:
         return None if back is None else _Anchor(entry, back_m, radius_m, None, back)
 
     def _back_to(self, entry: Point, anchor: _Anchor | None) -> _Anchor | None:
-        """Return the oldest anchor on the robot's way that it can go straight back to, or where it was a tick ago."""
+        """Return the oldest anchor that the robot can go straight back to, or one where it was a tick ago."""
         if anchor is None or self._last is None:
             return None
         back = None

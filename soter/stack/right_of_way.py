@@ -1,4 +1,4 @@
-"""Who goes first when robots meet. Progress rests on it; safety never does."""
+"""Decides which robot goes first when robots meet. Progress rests on it; safety never does."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from soter.sdk import Controller
 from soter.stack.terrain import Point, length_m
 
 NEAR_M: Final = 0.6
-"""Robots nearer than this meet; so far beyond phi_safer where that is more that who is farther is given back."""
+"""Robots nearer than this meet; more if phi_safer asks for it, so that robots farther apart can be given back."""
 
 MEMORY_S: Final = 3.0
-"""An encounter ends so long after its robots were last near each other."""
+"""An encounter ends this long after its robots were last near each other."""
 
 TURN_S: Final = 20.0
-"""After so long the order rotates, so that a first robot that cannot move does not block the others for ever."""
+"""The order rotates after this time, so that a first robot that cannot move does not block the others for ever."""
 
 CLEAR_M: Final = 0.70
-"""Beyond this distance from every peer nobody needs a turn; 0.1 m beyond where robots meet where that is more."""
+"""A robot farther than this from every peer needs no turn; at least 0.1 m more than where robots meet."""
 
 PATIENCE_S: Final = 4.0
-"""After so long in SC a robot at phi_safer may go on whatever the order says."""
+"""After this long in SC a robot in phi_safer may go on whatever the order says."""
 
 WAIT_S: Final = 30.0
-"""A robot that modules have kept from its AC for so long is left alone by peers: for three times as long, in turns."""
+"""A robot kept from its AC for this long is left alone by peers: for three such periods of every four."""
 
 SETTLED_S: Final = 1.0
-"""A robot needs its return path once the battery's module has had it for so long; all begin with all modules in SC."""
+"""A robot needs its return path once the battery's module has had it for this long: all modules begin in SC."""
 
 LOOK_S: Final = 0.5
-"""Paths are looked for again so often; in between, only where the robot is on its path changes."""
+"""How often paths are looked for again; in between they are kept as they are."""
 
 BESIDE_M: Final = 0.3
-"""A robot that has left a path may come back to it when it is so much farther away than it must be."""
+"""A robot leaving a path goes on until it is this much farther away than it must be."""
 
 AHEAD_S: Final = 30.0
-"""Others leave as much of a robot's path as it covers in so long: who stands farther on has time."""
+"""Others leave as much of a robot's path as it covers in this time: robots farther ahead have time."""
 
 PROGRESS_M: Final = 0.1
 LOW_CHARGE: Final = 0.60
@@ -50,7 +50,7 @@ BATTERY: Final = "battery"
 
 @dataclass(slots=True)
 class Encounter:
-    """Robots that met, since a fleet time, and their ids in order: who goes first is at the front."""
+    """Robots that have met: the fleet time since when, and their ids in order, the one that goes first in front."""
 
     members: frozenset[int]
     since_s: float
@@ -59,12 +59,12 @@ class Encounter:
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where robots have to pass that are on their way to charge.
+    """The return paths of robots on their way to charge, which others have to leave.
 
     Attributes:
-        robot_id: the first of them in the order.
-        lines: what comes next of their return paths, each from where the robot is.
-        apart_m: others keep so far from them.
+        robot_id: the first of these robots in the order.
+        lines: the next parts of their return paths, each from where the robot is.
+        apart_m: distance that others keep from the lines.
     """
 
     robot_id: int
@@ -73,18 +73,18 @@ class Path:
 
     @property
     def start(self) -> Point:
-        """Where the first robot is."""
+        """Place of the first robot."""
         return self.lines[0][0]
 
     def near(self, x_m: float, y_m: float, beside_m: float = 0.0) -> bool:
-        """Return whether a place is nearer to a path than it may be, or no more than `beside_m` farther."""
+        """Return whether a place is nearer to a line than `apart_m` plus `beside_m`."""
         apart_m = self.apart_m + beside_m
         return any(from_line(x_m, y_m, one, other) < apart_m for line in self.lines for one, other in pairwise(line))
 
 
 @dataclass(slots=True)
 class _Homing:
-    """A robot on its way to charge: what others leave of its path, when it was looked for, and how it gets along."""
+    """A robot on its way to charge: the part of its path that others leave, when it was found, and its progress."""
 
     line: tuple[Point, ...]
     looked_s: float
@@ -94,22 +94,22 @@ class _Homing:
 
 @dataclass(slots=True)
 class _Wait:
-    """Since when a robot has been without its AC, and whether a rule about pairs has had it meanwhile."""
+    """Since when a robot has been without its AC, and whether a rule about pairs has held it since."""
 
     since_s: float
     of_pairs: bool = False
 
 
 class RightOfWay:
-    """The arbiter of who drives on and who makes room. One for a supervisor's robots; called before decisions are made.
+    """The arbiter of which robots drive on and which make room. One per supervisor; called before decisions are made.
 
-    Robots that have to charge come first, in the order in which they began to: the first of them is left what comes
-    next of its return path by all others, whoever drives them, the next by all but the first, and so on. One that does
-    not get along goes to the end. Room is made for a robot, too, that is not given back because peers linger near it
-    with their ACs.
+    Robots that have to charge come first, in the order in which they began to. All others leave the next part of the
+    first one's return path, whichever controller drives them; all but the first leave the second one's, and so on. A
+    robot that makes no progress goes to the end. Peers also make room for a robot that is not given back to its AC
+    because they linger near it under their own ACs.
 
     Supervisors that share peers come to the same order of encounters, up to the time it takes to hear of each other;
-    the paths of their robots they do not know.
+    they do not know the paths of each other's robots.
 
     Args:
         safer_m: the distance from which the collision module gives robots back.
@@ -117,7 +117,8 @@ class RightOfWay:
         apart_m: how far from a robot's path others must be, so that every leg along it is certified.
         legs: the return path of a robot from a place, as its corners.
         docked: whether a robot stands on its station.
-        unsure_m: how much farther than `safer_m` robots may be and not be given back, as they and their peers are seen.
+        unsure_m: how much farther apart than `safer_m` robots may really be while noise and age keep them from being
+            given back.
         ahead_m: how much of a robot's path others leave.
     """
 
@@ -148,7 +149,7 @@ class RightOfWay:
         self._held: dict[int, str] = {}
 
     def update(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
-        """Find out who meets whom, and who goes first."""
+        """Find the encounters, and the order of their robots."""
         met, near_m = self._met_s, self._near_m
         for robot_id, robot in robots.items():
             own = robot.situation.own
@@ -179,18 +180,18 @@ class RightOfWay:
         return self._to_leave.get(robot_id)
 
     def path_is_clear(self, robot_id: int) -> bool:
-        """Return whether no robot has to leave the path of a robot any more."""
+        """Return whether no robot has to leave the given robot's path any more."""
         return all(path.robot_id != robot_id for path in self._to_leave.values())
 
     def first(self, robot_id: int) -> bool:
-        """Return whether a robot goes before all others that it meets; True where it meets nobody."""
+        """Return whether a robot goes before all others that it meets; True if it meets none."""
         if robot_id in self._to_leave:
             return False
         encounter = self._encounters.get(robot_id)
         return encounter is None or encounter.order[0] == robot_id
 
     def permits(self, module: str, situation: Situation) -> bool:
-        """Return whether a module may release a robot: collision's and, while it is held, the one that holds it."""
+        """Return whether a module may release a robot: collision by the order, one that holds it for a peer never."""
         if self._held.get(situation.robot_id) == module:
             return False
         if module != COLLISION:
@@ -206,7 +207,7 @@ class RightOfWay:
         return all(math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) > clear_m for peer in situation.peers)
 
     def _find_homing(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> bool:
-        """Find out who is on the way to charge; return whether anybody is."""
+        """Find the robots on their way to charge; return whether there are any."""
         homing = self._homing
         for robot_id, robot in robots.items():
             battery = self._module(robot, BATTERY)
@@ -226,13 +227,13 @@ class RightOfWay:
             if to_go_m < known.to_go_m - PROGRESS_M:
                 known.to_go_m, known.progress_s = to_go_m, now_s
             elif now_s - known.progress_s > TURN_S:
-                # To the end of the order, and judged anew.
+                # Move it to the end of the order, and measure its progress anew.
                 del homing[robot_id]
                 homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
         return bool(homing)
 
     def _make_room(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
-        """Have every robot leave the paths of those that go before it."""
+        """Have every robot leave the paths of the robots that go before it."""
         before, to_leave = self._to_leave, {}
         order = list(self._homing.items())
         for robot_id, robot in robots.items():
@@ -249,9 +250,9 @@ class RightOfWay:
         self._to_leave = to_leave
 
     def _leave_alone(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
-        """Take from their ACs the robots that may keep another from its own: all that meet it, and the nearest one.
+        """Take from their ACs the peers that may keep a robot from its own: all that meet it, or at least the nearest.
 
-        Who has waited for longest comes first: one that is held itself holds nobody.
+        The robot that has waited longest comes first; a robot that is held itself has no peers held.
         """
         since_s = {robot_id: self._waits_since_s(now_s, robot) for robot_id, robot in robots.items()}
         held: dict[int, str] = {}
@@ -261,7 +262,7 @@ class RightOfWay:
                 continue
             own, peers = robots[robot_id].situation.own, robots[robot_id].situation.peers
             far_m = {peer.robot_id: math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) for peer in peers}
-            # Under a rule about pairs it is the nearest that keeps it, however far away; else one may be in its way.
+            # Under a rule about pairs the nearest peer keeps it waiting, however far away; else one may be in its way.
             nearest_m = min(far_m.values(), default=0.0) if wait.of_pairs else 0.0
             near_m = max(self._near_m, nearest_m)
             for peer_id in far_m.keys() & robots.keys():
@@ -281,7 +282,7 @@ class RightOfWay:
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
             return now_s
-        # What has been in SC since it was bound has waited for nobody yet.
+        # A module in SC since it was bound has not waited for another robot yet.
         since_s = now_s if math.isinf(kept_by[0].since_s) else kept_by[0].since_s
         wait = self._waits.setdefault(robot.robot_id, _Wait(since_s))
         wait.of_pairs = wait.of_pairs or any(map(_of_pairs, kept_by))
@@ -298,7 +299,7 @@ class RightOfWay:
             members = frozenset(groups[robot_id])
             if robot_id != min(members):
                 continue
-            # A group that grows or shrinks goes on with the order of its oldest part.
+            # A group that grows or shrinks keeps the order of its oldest part.
             since_s = min((e.since_s for m in members if (e := self._encounters.get(m)) is not None), default=now_s)
             homing = [member for member in self._homing if member in members]
             others = [member for member in members if member not in self._homing]
@@ -326,19 +327,19 @@ def _of_pairs(module: DecisionModule) -> bool:
 
 
 def needs_charge(robot: RobotSupervisor) -> bool:
-    """Return whether a robot is on its way to charge and low: it goes before all others."""
+    """Return whether a robot is low and on its way to charge, and so goes before all others."""
     charge = robot.situation.own.battery
     low = charge is not None and charge < LOW_CHARGE
     return low and any(module.name == BATTERY and module.mode is Controller.SC for module in robot.modules)
 
 
 def _rank(robot_id: int, order: Sequence[tuple[int, _Homing]]) -> int:
-    """Return how many robots on their way to charge go before a robot: all, if it is none of them."""
+    """Return how many robots on their way to charge go before a robot: all, if it is not one of them."""
     return next((rank for rank, (other_id, _) in enumerate(order) if other_id == robot_id), len(order))
 
 
 def _beginning(line: Sequence[Point], most_m: float) -> tuple[Point, ...]:
-    """Return no more than so much of a line, from where it begins."""
+    """Return the first `most_m` metres of a line."""
     kept = [line[0]]
     for one, other in pairwise(line):
         leg_m = math.dist(one, other)

@@ -15,13 +15,13 @@ from soter.stack.motion_planner import MotionPlanner
 RETRY_S: Final = 1.0
 LOOK_S: Final = 0.25
 SET_OFF_S: Final = 0.5
-"""A robot that has just set off has no velocity yet that says where it goes."""
+"""A robot that set off less than this ago has no velocity yet that shows where it goes."""
 
 REQUESTS_PER_ROBOT: Final = 1_000_000
-"""Keeps the numbers of all robots' requests apart."""
+"""Most requests of one robot; keeps the numbers of all robots' requests distinct."""
 
 UNSAFE_MODULES: Final = frozenset({"geofence", "obstacle"})
-"""A target on whose way one of these had to step in is unsafe; after the others it is tried again."""
+"""A target is unsafe if one of these modules took control on the way; after other modules it is tried again."""
 
 
 class RobotAgent(Machine):
@@ -61,7 +61,7 @@ class RobotAgent(Machine):
     def _look(self, e: events.LookAbout) -> Next:
         self.after(LOOK_S, e)
         own = self.kit.port.state
-        # Without its timer it does not drive.
+        # Without a running timer the robot does not drive.
         if self.timer is None or own is None:
             return Stay()
         if self.waits:
@@ -147,7 +147,7 @@ class RobotAgent(Machine):
         return self._end(events.TargetOutcome.TIMED_OUT)
 
     def _wait(self, own: RobotState) -> None:
-        """Stand until the others are past, as soon as braking allows. The target's time goes on."""
+        """Stop, and stand until the others are past. The target's time goes on."""
         self.waits = True
         self.send(self.motion_planner, events.AbandonPath(self.request_id))
         braking_s = hypot(own.vx_m_s, own.vy_m_s) / (2.0 * self.kit.promised.brake_m_s2)
@@ -163,7 +163,7 @@ class RobotAgent(Machine):
         self.send(self.motion_planner, events.PlanAndGo(self.request_id, self.target.place, self.timeout_s, self.ref))
 
     def _retry(self, reason: str) -> Next:
-        """A path that came to nothing: another one a little later, as the others may have moved by then."""
+        """Count a failed path, and try another one a little later, when the other robots may have moved."""
         self._stop_clock()
         ended = self._count_failure("", reason)
         if isinstance(ended, Stay):
@@ -176,7 +176,7 @@ class RobotAgent(Machine):
 
     def _stop_clock(self) -> None:
         if self.timer is not None:
-            # The timer may be overdue by part of a tick already, when something else was delivered before it.
+            # The timer may already be overdue by part of a tick, if something else was delivered before it.
             self.left_s = max(0.0, self.left_s - (self.now() - self.running_since_s))
             self.timer.cancel()
             self.timer = None

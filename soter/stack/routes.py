@@ -1,4 +1,4 @@
-"""Shortest ways to one place past the boxes: a visibility graph over the corners of the grown boxes.
+"""Shortest paths to one place past the boxes: a visibility graph over the corners of the grown boxes.
 
 Lozano-Perez and Wesley, "An algorithm for planning collision-free paths among polyhedral obstacles", CACM 1979.
 Axis-aligned boxes grown to rectangles keep it exact and small; its straight legs can be certified one by one.
@@ -22,18 +22,18 @@ from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Point, Terrain, crossing
 
 _CORNER_M: Final = 1e-6
-"""Corners stand off the rectangles by this much, so that a way round a corner does not count as through it."""
+"""Corners stand off the rectangles by this much, so that a path round a corner does not count as through it."""
 
 _ROUNDING_M: Final = 1e-9
 
 
 class Roadmap:
-    """The corners around which ways may lead, and which of them see each other: the same for all places.
+    """The corners around which paths may lead, and which of them see each other; shared by all goals.
 
     Args:
         terrain: fence and boxes.
-        clearance_m: body clearance that ways keep from boxes, as far as the ends of the way allow.
-        inset_m: distance that the corners of ways keep from the fence.
+        clearance_m: body clearance of paths from boxes, as far as the ends of the path allow.
+        inset_m: distance of the corners of paths from the fence.
         extra: more rectangles to keep out of, already grown: robots that stand in the way.
     """
 
@@ -57,17 +57,17 @@ class Roadmap:
         return np.flatnonzero(~crossing(np.array(place), self.places, self._edges).any(axis=1))
 
     def seeing(self, place: Point) -> list[int]:
-        """Return the indices of the corners that a leg leads to a place from."""
+        """Return the indices of the corners from which a leg leads to a place."""
         return [index for index, (x, y) in enumerate(self.corners) if self.sees(x, y, *place)]
 
     def ends(self, x: float, y: float) -> Indices:
-        """Return where the first leg of a way from a place may end: 0 is the last of the way, the corners follow."""
+        """Return where the first leg of a path from a place may end: 0 stands for the goal, the corners follow."""
         return self._ends
 
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
         """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them.
 
-        Whoever stands in the corner of a grown box may well be far enough from the box: there, its clearance counts.
+        A robot in the corner of a grown box may still be far enough from the box: there, its clearance counts.
         """
         left, right = (ax, bx) if ax < bx else (bx, ax)
         low, high = (ay, by) if ay < by else (by, ay)
@@ -81,7 +81,7 @@ class Roadmap:
             if low_x < ax < high_x and low_y < ay < high_y:
                 if index < len(self._terrain.boxes) and (here_m := self._terrain.clearance_m(ax, ay)) >= 0.0:
                     continue
-                # From inside a box or a peer's room the way may only lead outwards: never deeper than where it begins.
+                # From inside a box or a peer's room the leg may only lead outwards: never deeper than where it begins.
                 depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
                 if crosses(ax, ay, bx, by, low_x + depth, low_y + depth, high_x - depth, high_y - depth):
                     return False
@@ -99,7 +99,7 @@ class Roadmap:
 def roadmap_of(
     terrain: Terrain, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
 ) -> Roadmap | SiteRoadmap:
-    """Return a roadmap; ways to several places share it."""
+    """Return a roadmap; cached, so that paths to several places share it."""
     kind = SiteRoadmap if isinstance(terrain, SiteTerrain) else Roadmap
     return kind(terrain, clearance_m, inset_m, extra)
 
@@ -108,25 +108,25 @@ def roadmap_of(
 def routes_to(
     terrain: Terrain, place: Point, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
 ) -> Routes:
-    """Return ways to a place, kept for the next who asks for the same; see `Routes`."""
+    """Return the routes to a place, cached; see `Routes`."""
     return Routes(terrain, place, clearance_m, inset_m, extra)
 
 
 class Routes:
-    """Ways from anywhere to one place.
+    """Shortest paths from anywhere to one place.
 
     Args:
         terrain: fence and boxes.
-        place: where all ways end.
-        clearance_m: body clearance that ways keep from boxes, as far as the ends of the way allow.
-        inset_m: distance that the corners of ways keep from the fence.
+        place: where all paths end.
+        clearance_m: body clearance of paths from boxes, as far as the ends of the path allow.
+        inset_m: distance of the corners of paths from the fence.
         extra: more rectangles to keep out of, already grown: robots that stand in the way.
 
     Attributes:
-        roadmap: the corners and what they see.
+        roadmap: the corners and which of them see each other.
         corners: the place, then the corners of the roadmap.
-        next: for every one of these, the next on the shortest way.
-        to_go_m: for every one of these, the length of the rest of the way; infinite where there is none.
+        next: for each of these, the index of the next one on the shortest path.
+        to_go_m: for each of these, the length of the rest of the path; infinite if there is none.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Routes:
         self.to_go_m: Final[Floats] = np.array(to_go_m)
 
     def legs(self, x_m: float, y_m: float) -> list[Point]:
-        """Return the corners of the shortest way from a point, the place last; empty if there is none."""
+        """Return the corners of the shortest path from a point, the place last; empty if there is none."""
         here, _ = self.first(x_m, y_m)
         if here is None:
             return []
@@ -155,18 +155,18 @@ class Routes:
         return way
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return the length of the shortest way from a point; infinite if there is none."""
+        """Return the length of the shortest path from a point; infinite if there is none."""
         return self.first(x_m, y_m)[1]
 
     @cached_property
     def longest_m(self) -> float:
-        """Return the length of the longest of all shortest ways, to within the spacing of the looks, rounded up."""
+        """Return the length of the longest shortest path, sampled on a grid, plus the grid's spacing."""
         lengths = [length for length in self._looks() if length < math.inf]
         return max(lengths, default=0.0) + self._terrain.look_m
 
     @cached_property
     def most_legs(self) -> int:
-        """Return the largest number of legs of any of the ways."""
+        """Return the largest number of legs of any of the paths."""
         most = 1
         for start in range(1, len(self.next)):
             legs, here = 2, start
@@ -176,7 +176,7 @@ class Routes:
         return most
 
     def _looks(self) -> Iterator[float]:
-        """Yield the lengths of the shortest ways from places that are spread evenly."""
+        """Yield the lengths of the shortest paths from evenly spread places."""
         if isinstance(self.roadmap, Roadmap):
             yield from (self.distance_m(*place) for place in self._terrain.looks())
             return
@@ -185,11 +185,11 @@ class Routes:
             yield length if length < math.inf else self.distance_m(*place)
 
     def first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
-        """Return the first corner of the shortest way, and the way's length."""
+        """Return the first corner of the shortest path, and the path's length."""
         ends = self.roadmap.ends(x_m, y_m)
         with np.errstate(over="ignore"):
             lengths = np.hypot(self._x[ends] - x_m, self._y[ends] - y_m) + self.to_go_m[ends]
-        # A stable sort, so that ties end alike everywhere.
+        # A stable sort, so that ties end alike on every host.
         for index in np.argsort(lengths, kind="stable").tolist():
             if (length := float(lengths[index])) == math.inf:
                 break
@@ -198,7 +198,7 @@ class Routes:
         return None, math.inf
 
     def _distances(self) -> list[float]:
-        """Dijkstra from the place over what sees each other."""
+        """Return the corners' distances to the place, by Dijkstra's algorithm over the visibility graph."""
         corners, roadmap = self.corners, self.roadmap
         sees_place = [index + 1 for index in roadmap.seeing(self.place)]
         to_go = [math.inf] * len(corners)

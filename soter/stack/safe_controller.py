@@ -1,4 +1,4 @@
-"""What all safe controllers share: they publish certified legs, or a hold, on the topic `waypoint`."""
+"""The base of all safe controllers: they publish certified legs, or a hold, on the topic `waypoint`."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from soter.stack.terrain import Point
 
 WAYPOINT: Final = "waypoint"
 AT_CORNER_M: Final = 0.03
-"""A robot this near to a corner goes on to the next one as soon as the straight way there is free."""
+"""A robot this near to a corner goes on to the next one as soon as the straight line there is free."""
 
 
 class SafeController(Node):
     """A node that drives by certified legs only: it chooses among those that the recovery planner makes.
 
     Args:
-        name: for recordings.
+        name: its name in recordings.
         period_s: how often it looks (T_sc).
-        waypoint: where it publishes; None published means: brake and hold.
+        waypoint: topic on which it publishes; publishing None means brake and hold.
         recovery: makes and certifies its legs.
 
     Attributes:
-        waypoint: see above; the declaration of its module sets it to the robot's.
+        waypoint: the topic; the declaration of its module sets it to the robot's.
     """
 
     publishes = (WAYPOINT,)
@@ -60,7 +60,7 @@ class SafeController(Node):
         """Return the next certified leg, or None to hold."""
 
     def follow(self, situation: Situation, legs: list[Point]) -> Leg | None:
-        """Go along a path; corners that are passed are taken off it."""
+        """Return the next leg along a path, and remove the corners that are passed from the path."""
         x, y = situation.own.x_m, situation.own.y_m
         while len(legs) > 1:
             away_m = math.hypot(legs[0][0] - x, legs[0][1] - y)

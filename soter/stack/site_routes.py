@@ -1,10 +1,10 @@
-"""The roadmap of a site: corners around which ways may lead, and which of them see each other.
+"""The roadmap of a site: corners around which paths may lead, and which of them see each other.
 
 A site of few corners has a complete visibility graph (Lozano-Perez and Wesley, CACM 1979). With many, that would be
 too large: a corner is then connected to the nearest ones that it sees, and to its neighbours in the Delaunay
 triangulation, and a lattice of free places is added (a probabilistic roadmap without chance; Kavraki and others, IEEE
-T-RA 1996). Ways are a little longer than they need be then; that none is found where there is one makes a station
-count as out of reach, which is refused before a run. Maps have no corners; see `soter.stack.map_routes`.
+T-RA 1996). Paths are then a little longer than necessary. If an existing path is not found, a station counts as out of
+reach, which is refused before a run. Maps have no corners; see `soter.stack.map_routes`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from soter.stack.terrain import Terrain, crossing
 Rectangle = tuple[float, float, float, float]
 
 _OFF_M: Final = 1e-6
-"""Corners stand off so far, so that a way round a corner does not count as nearer than it may be."""
+"""Corners stand off by this much, so that a path round a corner does not count as too near."""
 
 _ROUNDING_M: Final = 1e-9
 _TURN_RAD: Final = math.radians(95.0)
-"""So much of a bend is rounded at one corner: a circle at four of them."""
+"""The most of a bend that one corner rounds: a circle takes four corners."""
 
 _ALL_PAIRS: Final = 250
 _NEAREST: Final = 20
@@ -40,12 +40,12 @@ _TRIED: Final = 80
 
 
 class SiteRoadmap:
-    """What `soter.stack.routes.Roadmap` is for rectangles.
+    """The roadmap of a site with polygons, as `soter.stack.routes.Roadmap` is for rectangles.
 
     Args:
-        terrain: of a site.
-        clearance_m: body clearance that ways keep from what is kept out, as far as the ends of the way allow.
-        inset_m: distance that ways keep from the fence, as far as their ends allow.
+        terrain: the site's terrain.
+        clearance_m: body clearance of paths from obstacles, as far as the ends of the path allow.
+        inset_m: distance of paths from the fence, as far as their ends allow.
         extra: rectangles to keep out of, already grown: robots that stand in the way.
     """
 
@@ -84,13 +84,13 @@ class SiteRoadmap:
         self._every_end: Final[Indices] = np.arange(len(self.corners) + 1)
 
     def seeing(self, place: Point) -> list[int]:
-        """Return the indices of the corners that a leg leads to a place from: of many, the nearest ones."""
+        """Return the indices of the corners from which a leg leads to a place; of many, only the nearest are tried."""
         away = np.hypot(*(self.places - np.array(place)).T)
         order = np.argsort(away, kind="stable")
         many = len(order) > _ALL_PAIRS
         order = order[: 10 * _NEAREST] if many else order
         within = self._covered(self.places[order])
-        # Corners keep what ways do: where a leg begins at one, only its end counts.
+        # Corners keep the distances of paths: of a leg that begins at one, only the end counts.
         seen = self._open(self.places[order], np.array(place), self._clearance_m, self._terrain.fence_m(*place))
         seen &= ~crossing(self.places[order], np.array(place), self._extra).any(axis=1)
         seen[within] = [self.sees(*self.corners[int(index)], *place) for index in order[within]]
@@ -109,9 +109,9 @@ class SiteRoadmap:
         return found
 
     def looks(self, last: Point) -> list[tuple[Point, Indices, Floats]]:
-        """Return places all over the site, and for each to which ends that are near a leg leads, and how long it is.
+        """Return places all over the site, each with the near ends that a leg leads to, and the lengths of these legs.
 
-        Ends are numbered as those of legs are.
+        Ends are numbered as in `ends`.
         """
         found, places = _looks(self._terrain, self._clearance_m, self._inset_m), self._base[0]
         ats, end = np.array([at for at, *_ in found]).reshape(-1, 2), np.array(last)
@@ -128,9 +128,9 @@ class SiteRoadmap:
         return looks
 
     def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        """Return whether the straight leg from a to b keeps what ways keep, or as much as there is where it begins.
+        """Return whether the straight leg from a to b keeps the distances of paths, or those that it begins with.
 
-        From the fence it keeps no more than there is at either end.
+        From the fence, the distance at either end is enough.
         """
         if len(self._extra) and self._blocked(ax, ay, bx, by):
             return False
@@ -144,12 +144,12 @@ class SiteRoadmap:
         return inset_m < 0.0 or terrain.fence_along_m(ax, ay, bx, by, inset_m) >= inset_m
 
     def _open(self, a: Floats, b: Floats, clearance_m: float, inset_m: float) -> NDArray[np.bool_]:
-        """Return which of many legs keep so much from what is kept out, and from the fence, or what ways keep."""
+        """Return which of many legs keep these distances from obstacles and fence, or those of paths."""
         terrain = self._terrain
         return terrain.lines_keep(a, b, clearance_m - _ROUNDING_M, min(inset_m, self._inset_m) - _ROUNDING_M)
 
     def _blocked(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        """Whether a leg leads into a peer's room; from inside one it may only lead outwards."""
+        """Return whether a leg leads into a peer's room; from inside one it may only lead outwards."""
         for low_x, low_y, high_x, high_y in self._extra.tolist():
             if low_x < ax < high_x and low_y < ay < high_y:
                 depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
@@ -185,7 +185,7 @@ def _base(terrain: SiteTerrain, clearance_m: float, inset_m: float) -> tuple[Flo
     plan = terrain.site.plan
     found = [corner for area in plan.areas for corner in _corners(area.ring, max(away_m, 0.0))]
     if plan.fence is not None and inset_m > -math.inf:
-        # From inside, a fence bends the other way round.
+        # Seen from inside, a fence bends the other way round.
         found += _corners(plan.fence[::-1], max(inset_m, 0.0))
 
     places = np.array(found, dtype=np.float64).reshape(-1, 2)
@@ -211,7 +211,7 @@ def _base(terrain: SiteTerrain, clearance_m: float, inset_m: float) -> tuple[Flo
 
 @lru_cache(maxsize=8)
 def _looks(terrain: SiteTerrain, clearance_m: float, inset_m: float) -> list[tuple[Point, Indices, Floats]]:
-    """Return what `SiteRoadmap.looks` does where nothing stands in the way."""
+    """Return what `SiteRoadmap.looks` returns without anything extra in the way."""
     places, _ = _base(terrain, clearance_m, inset_m)
     found = []
     for x, y in terrain.looks():
@@ -224,12 +224,12 @@ def _looks(terrain: SiteTerrain, clearance_m: float, inset_m: float) -> list[tup
 
 
 def _candidates(places: NDArray[np.float64], *, few: bool) -> Indices:
-    """Return the pairs of corners that are looked at."""
+    """Return the pairs of corners to test for sight."""
     if len(places) < 2:
         return np.zeros((0, 2), dtype=np.intp)
     if few:
         return np.stack(np.triu_indices(len(places), 1), axis=1)
-    # Imported here: only large sites need them, and only while they are prepared.
+    # Imported here: only large sites need these libraries, and only while they are prepared.
     import shapely  # type: ignore[import-untyped]
 
     points = shapely.points(places)
@@ -248,14 +248,14 @@ def _candidates(places: NDArray[np.float64], *, few: bool) -> Indices:
 
 
 def _corners(ring: Ring, off_m: float) -> list[Point]:
-    """Return where ways lead round the bends of a ring that stand out, so far off it."""
+    """Return the corners of paths round the outward bends of a ring, at a distance `off_m` from it."""
     count = len(ring)
     edges = []
     for index in range(count):
         (ax, ay), (bx, by) = ring[index], ring[(index + 1) % count]
         length = math.hypot(bx - ax, by - ay)
         edges.append(((bx - ax) / length, (by - ay) / length))
-    # A fence comes clockwise: what is outside of a ring is on its right in both cases.
+    # A fence comes clockwise: in both cases the free side of a ring is on its right.
     turns = [
         math.atan2(
             edges[index - 1][0] * edges[index][1] - edges[index - 1][1] * edges[index][0],
@@ -278,7 +278,7 @@ def _corners(ring: Ring, off_m: float) -> list[Point]:
 
 
 def _bend(ring: Ring, edges: Sequence[Point], group: Sequence[int], off_m: float) -> list[Point]:
-    """Return the corners of the way round one bend."""
+    """Return the corners of the path round one bend."""
     (ux, uy), (vx, vy) = edges[group[0] - 1], edges[group[-1]]
     turn = math.atan2(ux * vy - uy * vx, ux * vx + uy * vy)
     if len(group) == 1:

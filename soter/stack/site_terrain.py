@@ -1,4 +1,4 @@
-"""A site with polygons as safe controllers see it: the same questions as to a rectangle, answered by convex pieces."""
+"""The terrain of a site with polygons: answers the same questions as that of a rectangle, from convex pieces."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from soter.stack.terrain import CELL_M, Point, Terrain
 
 _OF_RECTANGLES: Final = frozenset({"width_m", "depth_m", "boxes", "cell_fence", "cell_clearance"})
 _CELLS: Final = 1_000_000
-"""A large site has larger cells to retreat to, so that there are no more of them."""
+"""Most cells to retreat to: a large site has larger cells instead of more."""
 
 
 @lru_cache(maxsize=8)
 def terrain_of(workspace: Workspace, body_radius_m: float) -> Terrain:
-    """Return distances to what does not move in a workspace of any shape, for bodies of a radius in metres."""
+    """Return the terrain of a workspace of any shape, for bodies of a radius in metres."""
     return SiteTerrain(workspace, body_radius_m) if isinstance(workspace, Site) else Terrain(workspace, body_radius_m)
 
 
 class SiteTerrain(Terrain):
     """Distances to the fence and the areas of a site.
 
-    What is outside of the fence is treated as what is kept out: as convex pieces, of which the distance to each is
-    convex along a line. The distance to a fence that is a polygon is not concave, as that to a rectangle's sides is;
-    so a line is looked at all along.
+    The outside of the fence is treated like an area: as convex pieces, the distance to each of which is convex along a
+    line. Unlike that to a rectangle's sides, the distance to a polygonal fence is not concave, so lines are tested all
+    along.
     """
 
     convex = False
@@ -43,7 +43,7 @@ class SiteTerrain(Terrain):
         self._lay_cells(max(CELL_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _CELLS)))
 
     def __getattr__(self, name: str) -> Any:
-        # Whoever knows rectangles only must not take a site for its bounding box.
+        # Code that only knows rectangles must not take a site for its bounding box.
         if name in _OF_RECTANGLES:
             refuse(name)
         raise AttributeError(f"a site's terrain has no '{name}'")
@@ -88,19 +88,19 @@ class SiteTerrain(Terrain):
     ) -> float:
         reach_m = enough_m + self.body_radius_m
         found_m = self.site.keep_outs.segment_m(ax_m, ay_m, bx_m, by_m, reach_m)
-        # What is enough is enough, whatever rounding says.
+        # At `reach_m` or beyond, the clearance is enough, whatever rounding says.
         return enough_m if found_m >= reach_m else max(found_m, 0.0) - self.body_radius_m
 
     def lines_keep(
         self, a: NDArray[np.float64], b: NDArray[np.float64], clearance_m: float, inset_m: float
     ) -> NDArray[np.bool_]:
-        """Return which of many straight lines keep a body so clear of what is kept out, and so far from the fence.
+        """Return which of many straight lines keep a body at these distances from obstacles and fence.
 
         Args:
             a: where they begin, one place a row; or one place for all.
             b: where they end.
-            clearance_m: distance of the body from what is kept out.
-            inset_m: distance from the fence; below 0, none is asked for.
+            clearance_m: distance of the body from obstacles.
+            inset_m: distance from the fence; below 0 for none.
         """
         keep = self.site.keep_outs.lines_keep(a, b, clearance_m + self.body_radius_m)
         return keep & self.site.outside.lines_keep(a, b, inset_m) if inset_m >= 0.0 else keep
@@ -116,7 +116,7 @@ class SiteTerrain(Terrain):
         return fits
 
     def _strike(self, fits: NDArray[np.bool_], pieces: Pieces, needed_m: float) -> None:
-        """Take out the cells that are nearer to a piece than they may be."""
+        """Remove the cells that are too near to a piece."""
         for piece in pieces.all:
             low_x, low_y, high_x, high_y = piece.bounds
             columns, rows = self.window(low_x, low_y, max(needed_m, 0.0))
@@ -129,11 +129,11 @@ _ALL_M: Final = 1e6
 
 
 def _leg_m(pieces: Pieces, a: Point, b: Point, needed_m: float, slope: float) -> float:
-    """Return the least distance along a leg to any piece, but for pieces that it leads away from.
+    """Return the least distance along a leg to any piece, except pieces that it leads away from.
 
-    Of a piece that is nearer than `needed_m` at the beginning, `needed_m` is returned if every direction that the robot
-    may really move in leads away from it, and less if not: the distance to a convex set rises all the way along a line
-    if it does at the beginning.
+    A piece nearer than `needed_m` at the beginning counts as `needed_m` if every direction that the robot may really
+    take leads away from it, and as less if not: the distance to a convex set rises all along a line if it does so at
+    the beginning.
     """
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = math.hypot(dx, dy)

@@ -1,4 +1,4 @@
-"""Geofence and obstacles: the robot's centre stays inside the fence, and its body clear of what is kept out."""
+"""Geofence and obstacles: the robot's centre stays inside the fence, and its body clear of obstacles."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ class Fence(Region):
 
 @dataclass(frozen=True)
 class SiteFence(Region):
-    """Positions inside a fence that is a polygon; the margin is the distance to it, negative outside.
+    """Positions inside a polygonal fence; the margin is the distance to the fence, negative outside.
 
-    Its parts are the distances to the convex pieces of what is outside.
+    Its parts are the distances to the convex pieces of the outside.
 
     Attributes:
-        outside: what is outside.
-        inset_m: how far inside the region begins.
-        look_m: parts that are so much farther than the nearest cannot become the least before the next look.
+        outside: the outside of the fence.
+        inset_m: how far inside the fence the region begins.
+        look_m: parts that exceed the least by more than this cannot become the least before the next look.
     """
 
     outside: Pieces
@@ -81,7 +81,7 @@ class SiteFence(Region):
         return safer.inset_m - self.inset_m
 
     def inset(self, by_m: float) -> SiteFence:
-        """Return the positions that are `by_m` farther inside."""
+        """Return the region that begins `by_m` farther inside."""
         return replace(self, inset_m=self.inset_m + by_m)
 
 
@@ -89,7 +89,7 @@ def fence_of(terrain: Terrain, look_m: float) -> Fence | SiteFence:
     """Return the region inside a fence.
 
     Args:
-        terrain: whose fence it is.
+        terrain: the terrain with the fence.
         look_m: how far a robot gets before the next look, at most.
     """
     if isinstance(terrain, SiteTerrain):
@@ -105,8 +105,8 @@ class Clearance(Region):
         terrain: the boxes.
         least_m: clearance at the edge of the region.
         path_m: clearance of return paths, and their distance from the fence.
-        fenced: whether there is a fence to be kept.
-        look_m: boxes that are so much farther than the nearest cannot become it before the next look.
+        fenced: whether robots have to stay inside the fence.
+        look_m: boxes that are farther than the nearest by more than this cannot become it before the next look.
     """
 
     terrain: Terrain
@@ -122,16 +122,16 @@ class Clearance(Region):
     def leaves_room(self, situation: Situation, margin: float, keep: float, fall: float) -> bool:
         own, terrain = situation.own, self.terrain
         if not terrain.convex:
-            # Straight inwards need not be away from all that is near, nor a box that stands alone be one piece.
+            # Straight inwards may not lead away from everything near, and a single box may be several pieces.
             return margin - keep >= fall
         x, y = own.x_m, own.y_m
         fence_m = terrain.fence_m(x, y) if self.fenced else math.inf
         if fence_m < self.path_m:
-            # Near the fence the robot first drives inwards, so that there must be room for its body there, too.
+            # Near the fence the robot first drives inwards, so there must be room for its body there, too.
             margin = min(margin, terrain.clearance_m(*terrain.inside(x, y, self.path_m)) - self.least_m)
         if margin - keep >= fall:
             return True
-        # Beside one box in the open it drives straight away from that, from wherever the AC has taken it.
+        # Beside a single box in the open it can drive straight away from it, wherever the AC has taken it.
         others = sorted(clearance for clearance, _, _ in terrain.walls(x, y))[1:2]
         return min([fence_m, *(clearance - self.least_m for clearance in others)]) >= 2.0 * self.path_m + fall
 

@@ -1,4 +1,4 @@
-"""The static workspace as safe controllers see it: clearances, straight segments, cells to retreat to.
+"""The static workspace for safe controllers: clearances, straight segments, cells to retreat to.
 
 Everything here is exact plane geometry over the known boxes and the fence; nothing is learned, sampled or timed.
 """
@@ -16,31 +16,31 @@ from numpy.typing import NDArray
 from soter.geometry.workspace import Workspace, crosses
 
 CELL_M: Final = 0.1
-"""Side of the cells among which a place to retreat to is chosen."""
+"""Side of the cells among which refuges are chosen."""
 
 _LOOKS: Final = 400
-"""About so many places are looked at where all of a workspace is, spread evenly."""
+"""About how many evenly spread places sample a whole workspace."""
 
 Point = tuple[float, float]
 Edges = tuple[float, float, float, float]
 
 
 def length_m(way: Sequence[Point]) -> float:
-    """Return the length of straight legs from one place to the next."""
+    """Return the length of the straight legs from place to place."""
     return sum(math.dist(one, other) for one, other in pairwise(way))
 
 
 class Terrain:
-    """Distances to what does not move.
+    """Distances to fence and boxes.
 
     Args:
         workspace: fence and boxes.
         body_radius_m: radius of the disc that holds the robot's body.
 
     Attributes:
-        bounds: the least rectangle along the axes that holds the fence: low x, low y, high x, high y.
-        convex: whether the inside of the fence is, so that straight inwards is away from whatever is too near.
-        cell_x: the middles of the cells among which a place to retreat to is chosen, east.
+        bounds: the least axis-aligned rectangle that holds the fence: low x, low y, high x, high y.
+        convex: whether the inside of the fence is convex, so that straight inwards leads away from all of the fence.
+        cell_x: the middles of the cells among which refuges are chosen, east.
         cell_y: the same, north.
     """
 
@@ -67,7 +67,7 @@ class Terrain:
         self.cell_clearance: Final[NDArray[np.float64]] = clearance - body_radius_m
 
     def _lay_cells(self, cell_m: float) -> None:
-        """Cover the bounds with cells of about this side."""
+        """Cover the bounds with cells of about `cell_m`."""
         low_x, low_y, high_x, high_y = self.bounds
         wide_m, deep_m = high_x - low_x, high_y - low_y
         self._columns, self._rows = max(1, round(wide_m / cell_m)), max(1, round(deep_m / cell_m))
@@ -78,12 +78,12 @@ class Terrain:
 
     @property
     def look_m(self) -> float:
-        """Distance of the places that `looks` returns."""
+        """Spacing of the places that `looks` returns."""
         low_x, low_y, high_x, high_y = self.bounds
         return max(0.5, math.sqrt((high_x - low_x) * (high_y - low_y) / _LOOKS))
 
     def looks(self) -> list[Point]:
-        """Return places in which a body may be, spread evenly."""
+        """Return evenly spread places where a body fits."""
         low_x, low_y, high_x, high_y = self.bounds
         step_m = self.look_m
         columns, rows = math.ceil((high_x - low_x) / step_m), math.ceil((high_y - low_y) / step_m)
@@ -96,15 +96,15 @@ class Terrain:
         return min(x_m, self.width_m - x_m, y_m, self.depth_m - y_m)
 
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
-        """Return how near a straight line comes to the fence between its ends; infinite where never nearer than there.
+        """Return how near a straight line comes to the fence between its ends; infinity if it is nearest at an end.
 
-        Of what is farther than `enough_m`, that may be returned.
+        A result above `enough_m` may be returned as `enough_m`.
         """
         # The distance to the sides of a rectangle is concave along a line: least at one of its ends.
         return math.inf
 
     def leg_fence_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float) -> float:
-        """Return by how much a leg keeps more than `needed_m` from the fence; 0 where it leads away from nearer parts.
+        """Return by how much a leg's distance from the fence exceeds `needed_m`; 0 if it leads away from nearer parts.
 
         See `leg_clearance_m` for the arguments.
         """
@@ -125,10 +125,10 @@ class Terrain:
         """Return the nearest place that is `inset_m` from the fence and `clearance_m` from the nearest box.
 
         Args:
-            x_m: beside where, east.
-            y_m: the same, north.
-            inset_m: distance from the fence; minus infinity where that does not matter.
-            clearance_m: body clearance from the nearest box; None where that does not matter.
+            x_m: the place, east.
+            y_m: the place, north.
+            inset_m: distance from the fence; minus infinity for any.
+            clearance_m: body clearance from the nearest box; None for any.
         """
         if self.fence_m(x_m, y_m) < inset_m:
             x_m, y_m = self.inside(x_m, y_m, inset_m)
@@ -149,7 +149,7 @@ class Terrain:
             near = self._nearest_boxes(x_m, y_m)
         least = math.inf
         for low_x, low_y, high_x, high_y in near:
-            # The nearer edge counts on the inside too: it is where a way out leads.
+            # Inside a box, the distance to the nearer edge counts, which is the way out.
             dx = low_x - x_m if x_m + x_m < low_x + high_x else x_m - high_x
             dy = low_y - y_m if y_m + y_m < low_y + high_y else y_m - high_y
             distance = max(dx, dy)
@@ -160,14 +160,14 @@ class Terrain:
         return least - self.body_radius_m
 
     def walls(self, x_m: float, y_m: float, reach_m: float = math.inf) -> list[tuple[float, float, float]]:
-        """Return the clearance of a body from every box, and the direction in which it falls fastest.
+        """Return a body's clearance from every box, and the direction in which it falls fastest.
 
         The distance to a box is convex, inside it as well.
 
         Args:
-            x_m: of the body's centre, east.
-            y_m: the same, north.
-            reach_m: boxes that are farther may be left out.
+            x_m: the body's centre, east.
+            y_m: the body's centre, north.
+            reach_m: boxes that are farther away may be left out.
         """
         found = []
         for low_x, low_y, high_x, high_y in self._edges:
@@ -187,18 +187,18 @@ class Terrain:
     def leg_clearance_m(
         self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float
     ) -> float:
-        """Return the least clearance of a body that drives from a to b, but for boxes that it leads away from.
+        """Return the least clearance of a body that drives from a to b, except from boxes that the leg leads away from.
 
-        The distance to a box is convex along a line: where it rises at the beginning it rises all the way. Of a box
-        that is nearer than `needed_m` at the beginning, `needed_m` is returned if every direction that the robot may
-        really move in leads away from it, and less if not.
+        The distance to a box is convex along a line: if it rises at the beginning, it rises all the way. A box nearer
+        than `needed_m` at the beginning counts as `needed_m` if every direction that the robot may really take leads
+        away from it, and as less if not.
 
         Args:
             ax_m: where the leg begins, east.
             ay_m: the same, north.
             bx_m: where it ends, east.
             by_m: the same, north.
-            needed_m: clearance that a leg needs that does not lead away.
+            needed_m: clearance that a leg needs if it does not lead away.
             slope: least rise of the distance per metre of the leg: the sine of the angle by which the robot's motion
                 may differ from the leg's direction.
         """
@@ -222,9 +222,9 @@ class Terrain:
     ) -> float:
         """Return the least distance to any box of a body that moves straight from a to b; at most 0 on contact.
 
-        Of what is farther than `enough_m`, that may be returned.
+        A result above `enough_m` may be returned as `enough_m`.
         """
-        # No less near than where the leg begins: boxes farther than that from all of the leg need no second look.
+        # The result is at most the distance at the beginning: skip boxes farther than that from all of the leg.
         least = max(self.clearance_m(ax_m, ay_m) + self.body_radius_m, 0.0)
         left, right = (ax_m, bx_m) if ax_m < bx_m else (bx_m, ax_m)
         low, high = (ay_m, by_m) if ay_m < by_m else (by_m, ay_m)
@@ -238,12 +238,12 @@ class Terrain:
         return least - self.body_radius_m
 
     def _nearest_boxes(self, x_m: float, y_m: float) -> tuple[Edges, ...]:
-        """Return the boxes of which one is the nearest to any point of the same cell of a metre, and remember them.
+        """Return the boxes that may be the nearest to some point of the same 1 m cell; cached by cell.
 
-        A box that is everywhere in the cell farther than another one is at its farthest need not be looked at.
+        A box whose least distance to the cell exceeds another box's largest one is left out.
         """
         column, row = int(x_m), int(y_m)
-        # int() rounds towards 0: the cells next to an axis reach to both of its sides.
+        # int() rounds towards 0: the cells next to an axis extend to both sides of it.
         cell = (min(column, column - 1.0), min(row, row - 1.0), column + 1.0, row + 1.0)
         looks = [(_apart(cell, edges), _farthest(cell, edges), edges) for edges in self._edges]
         bound = min((farthest for _, farthest, _ in looks), default=math.inf)
@@ -252,14 +252,14 @@ class Terrain:
         return found
 
     def roomy_cells(self, fence_m: float, clearance_m: float) -> NDArray[np.bool_]:
-        """Return which cells are at least so far from the fence, and a body in them from boxes."""
+        """Return which cells are `fence_m` from the fence, and a body in them `clearance_m` from boxes."""
         return (self.cell_fence >= fence_m) & (self.cell_clearance >= clearance_m)
 
     def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
         """Return the index ranges of the cells within a square of half-width `reach_m` around a point."""
         low_x, low_y, high_x, high_y = self.bounds
         per_x, per_y = self._columns / (high_x - low_x), self._rows / (high_y - low_y)
-        # Farther off than this the window is at the edge, however far: even where no index could be calculated.
+        # Clamp first: far outside, the window is at the edge, and an index could not even be computed.
         x_m = min(max(x_m, low_x - reach_m), high_x + reach_m) - low_x
         y_m = min(max(y_m, low_y - reach_m), high_y + reach_m) - low_y
         left = min(max(int((x_m - reach_m) * per_x), 0), self._columns - 1)
@@ -270,11 +270,11 @@ class Terrain:
 
 
 def segment_to_box(ax: float, ay: float, bx: float, by: float, edges: Edges) -> float:
-    """Return the least distance from a straight leg to a box; 0 where they meet."""
+    """Return the least distance from a straight leg to a box; 0 if they meet."""
     low_x, low_y, high_x, high_y = edges
     if crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
         return 0.0
-    # Apart: the least distance is from an end of the segment to the box, or from a corner to the segment.
+    # They do not meet: the least distance is from an end of the segment to the box, or from a corner to the segment.
     least = min(_point_to_box(ax, ay, edges), _point_to_box(bx, by, edges))
     dx, dy = bx - ax, by - ay
     length_sq = dx * dx + dy * dy
@@ -290,12 +290,12 @@ def segment_to_box(ax: float, ay: float, bx: float, by: float, edges: Edges) -> 
 
 
 def _apart(one: Edges, other: Edges) -> float:
-    """Return the least signed distance between two rectangles; at most 0 where they meet."""
+    """Return the least signed distance between two rectangles; at most 0 if they meet."""
     return max(other[0] - one[2], one[0] - other[2], other[1] - one[3], one[1] - other[3])
 
 
 def _farthest(cell: Edges, box: Edges) -> float:
-    """Return the largest distance of any point of a cell to a box: it is convex, hence largest at a corner."""
+    """Return the largest distance of any point of a cell to a box, which is convex and so largest at a corner."""
     return max(_point_to_box(x, y, box) for x in (cell[0], cell[2]) for y in (cell[1], cell[3]))
 
 
@@ -322,7 +322,7 @@ def crossing(a: NDArray[np.float64], b: NDArray[np.float64], edges: NDArray[np.f
             delta = b[..., axis, None] - start
             first, second = (edges[:, axis] - start) / delta, (edges[:, axis + 2] - start) / delta
             inside = (edges[:, axis] < start) & (start < edges[:, axis + 2])
-            # A leg along the axis is inside this slab all the way or not at all.
+            # A leg that does not move across the slab is inside it all the way or not at all.
             low = np.where(delta == 0.0, np.where(inside, -np.inf, np.inf), np.minimum(first, second))
             high = np.where(delta == 0.0, np.where(inside, np.inf, -np.inf), np.maximum(first, second))
             enter, leave = np.maximum(enter, low), np.minimum(leave, high)

@@ -1,6 +1,6 @@
 """Safety modules by name: shipped, registered by an installed distribution, or a function of the user's own.
 
-All are declared alike, from a `ModuleKit` and a table of options.
+All are declared in the same way, from a `ModuleKit` and a table of options.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ BUILT_IN: Final[Mapping[str, str]] = {
     "geofence": "soter.stack.modules.geofence:declare",
     "battery": "soter.stack.modules.battery:declare",
 }
-"""The modules of this distribution. They are found without it being installed, and nobody can take their names."""
+"""The shipped modules. They are found even if SOTER is not installed, and nobody else can take their names."""
 
 LETS_GO_S: Final = 30.0
-"""A module of the user's that says nothing else lets go after so long, while the battery's module needs to drive."""
+"""Default `lets_go_s` of a user's module."""
 
 
 def target_of(name: str) -> str:
-    """Return what a name stands for, `package.module:function`; the name itself if nobody has registered it."""
+    """Return the `package.module:function` that a name is registered for; the name itself if it is not registered."""
     if name in BUILT_IN:
         return BUILT_IN[name]
     found = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=name)), None)
@@ -49,18 +49,18 @@ def target_of(name: str) -> str:
 def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -> RTAModule:
     """Return one module for one robot, under the name that the mission gives it.
 
-    A function declares it, `declare(kit)` or `declare(kit, options)`; the annotation of the second parameter is the
-    model of the options. A declaration that was made beforehand will do too; it is copied for every robot.
+    A function declares it: `declare(kit)` or `declare(kit, options)`, where the annotation of the second parameter is
+    the model of the options. A ready-made `RTAModule` will do too; it is copied for every robot.
 
     Args:
         mission: its `rta` tables.
-        kit: for the robot, with the module's name.
-        waypoint: where the robot's controllers publish.
+        kit: the robot's kit, with the module's name.
+        waypoint: topic on which the robot's controllers publish.
 
     Raises:
         ConfigError: there is no such function, it takes other arguments, an option is not allowed, or what it returns
             is no module.
-        IllFormedModule: the function itself refuses to declare one.
+        IllFormedModule: raised by the function itself.
     """
     table = mission.rta.module.get(kit.name)
     options: Mapping[str, Any] | BaseModel
@@ -106,7 +106,7 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
 
 
 def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> RTAModule:
-    """Return a module whose safe controller drives the robot by certified legs, its own or those of a wrapper."""
+    """Return the module with a safe controller that drives by certified legs: its own, or a wrapper around it."""
     if kit.name not in BUILT_IN and not math.isfinite(made.lets_go_s):
         made = replace(made, lets_go_s=LETS_GO_S)
     if isinstance(made.sc, SafeController):
@@ -118,7 +118,7 @@ def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[
 def _copied(
     declared: RTAModule, target: str, kit: ModuleKit, waypoint: Topic[Any], refused: Callable[[str], ConfigError]
 ) -> RTAModule:
-    """Return a declaration that was made beforehand, bound to one robot: a copy, since its controller has a state."""
+    """Return a copy of a ready-made declaration for one robot; a copy, since its controller has state."""
     copied = copy.deepcopy(declared)
     topics = [value for value in vars(copied.sc).values() if isinstance(value, Topic)]
     if len(topics) != 1:
@@ -132,7 +132,7 @@ def _copied(
 def _options_model(
     function: Callable[..., Any], target: str, refused: Callable[[str], ConfigError]
 ) -> type[BaseModel] | None:
-    """Return the model that a declaring function takes, or None if it takes a kit only."""
+    """Return the options model of a declaring function, or None if it takes a kit only."""
     try:
         parameters = list(inspect.signature(function).parameters.values())
         hints = typing.get_type_hints(function)

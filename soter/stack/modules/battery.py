@@ -1,4 +1,4 @@
-"""Battery: the charge always pays for the way home."""
+"""Battery: the charge always pays for the return path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from soter.stack.module_kit import ModuleKit
 from soter.stack.right_of_way import TURN_S
 
 WAITING: Final = 2.0
-"""Waiting costs so many times what standing does, but no more than driving: who waits makes room for others."""
+"""Waiting costs this many times what standing does, at most what driving does: waiting robots also make room."""
 
 
 def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
@@ -30,17 +30,17 @@ def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
         DischargeBound(1.0 / kit.battery.drive_s, v_max_m_s, dock.cost_per_m, tube),
         dwell_s=table.dwell_s,
         keep=_reserve(kit, table),
-        # No charge is above 1.
+        # The charge is at most 1.
         most_edge=paid.edge_margin(Charged(1.0)),
         instead=f"a larger battery.drive_s{less}",
     )
 
 
 def _reserve(kit: ModuleKit, table: BatteryModuleTable) -> float:
-    """Return the charge that is held back: for turns and detours, for others until they are home, and for contracts."""
+    """Return the reserve: the charge for turns and detours, for waiting for other robots, and for contracts."""
     battery, dock = kit.battery, kit.dock
     others = kit.peers.speeds if kit.recovery.rules.pairs else {}
     others_s = sum(count * (dock.longest_m / v_max_m_s + TURN_S) for v_max_m_s, count in others.items())
-    # Whoever waits also has to make room now and then.
+    # A robot that waits also has to make room now and then.
     waiting = WAITING * others_s / min(battery.idle_s, WAITING * battery.drive_s)
     return table.reserve_factor * dock.longest_m * dock.cost_per_m + waiting + kit.contracts_s / battery.drive_s

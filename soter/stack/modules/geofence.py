@@ -12,17 +12,17 @@ from soter.stack.static_rules import fence_of
 
 
 def keep_m(table: GeofenceTable, recovery: RecoveryPlanner, timing: Timing) -> float:
-    """Return what the module keeps so that a robot that was stopped is where paths are.
+    """Return the module's `keep`: enough for a stopped robot to be where paths may begin.
 
-    In a rectangle straight inwards is away from whatever side is too near, and nothing has to be kept.
+    In a rectangle it is 0: straight inwards leads away from whichever side is too near.
     """
     return 0.0 if recovery.terrain.convex else path_left_m(table, recovery, timing)
 
 
 def safer_inset_m(table: GeofenceTable, recovery: RecoveryPlanner, timing: Timing, speed: SpeedBound) -> float:
-    """Return how far inside phi_safer begins: no less than what the AC may use up and the safe controller needs.
+    """Return the inset of phi_safer: at least what the AC may use up plus what the safe controller needs.
 
-    A phi_safer that does not even leave the first is left as it is, and ill-formed.
+    A phi_safer too small for what the AC may use up is left as it is; the module is then ill-formed.
     """
     trusted_m = speed.bound(timing.horizon_s(table.delta_s)) + timing.noise_m
     if table.phi_safer_inset_m < trusted_m:

@@ -14,24 +14,24 @@ from soter.stack.static_rules import Clearance
 
 
 def keep_m(table: ObstacleTable, recovery: RecoveryPlanner, timing: Timing) -> float:
-    """Return what the module keeps so that a robot that was stopped is where paths are.
+    """Return the module's `keep`: enough for a stopped robot to be where paths may begin.
 
-    A module that fires leaves what the unused part of its horizon would have cost; a model that looks at the present
-    speed leaves nothing.
+    A module that fires leaves over what the unused part of its horizon would have cost; with a model that uses the
+    present speed, nothing is left over.
     """
     return path_left_m(table, recovery, timing) if recovery.rules.boxes else 0.0
 
 
 def path_left_m(table: ObstacleTable | GeofenceTable, recovery: RecoveryPlanner, timing: Timing) -> float:
-    """Return what of the room that paths need a module does not leave by firing as early as it does."""
+    """Return the part of the room that paths need which is not left over when the module fires."""
     unused_s = timing.ahead_s(table.delta_s) - table.delta_s if table.model == "speed" else 0.0
     return max(0.0, recovery.path_m - recovery.v_max_m_s * unused_s)
 
 
 def safer_m(table: ObstacleTable, recovery: RecoveryPlanner, timing: Timing, speed: SpeedBound) -> float:
-    """Return the clearance of phi_safer: no less than what the AC may use up and the safe controller needs.
+    """Return the clearance of phi_safer: at least what the AC may use up plus what the safe controller needs.
 
-    A phi_safer that does not even leave the first is left as it is, and ill-formed.
+    A phi_safer too small for what the AC may use up is left as it is; the module is then ill-formed.
     """
     trusted_m = speed.bound(timing.horizon_s(table.delta_s)) + timing.noise_m
     if not recovery.rules.boxes or table.phi_safer_m - table.phi_safe_m < trusted_m:

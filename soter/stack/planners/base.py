@@ -1,4 +1,4 @@
-"""What a planner is asked, what it answers, and what an answer costs in virtual time."""
+"""The interface of planners: requests, results, and the virtual time that a result costs."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ CHECK_COST_S = 20e-6
 """Virtual time that one state validity check takes, in seconds."""
 
 MAX_COST_S = 1.0
-"""A plan is never charged more virtual time than this, in seconds; a failure whose count is unknown costs it all."""
+"""The most virtual time that a plan costs, in seconds, and the cost of a failure with an unknown number of checks."""
 
 MAX_WAYPOINTS = 1000
-"""A longer path is taken for garbage."""
+"""Most waypoints of a path; a longer one is treated as garbage."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """One question to a planner. The answer must depend on nothing else.
+    """One request to a planner. The result must depend on nothing else.
 
     Attributes:
         request_id: number of the request, unique within a run.
         robot_id: the robot that wants to move.
         start: where its centre is, x and y in metres.
-        goal: where its centre shall be, x and y in metres; anywhere, outside the fence and inside boxes too.
+        goal: where its centre is to go, x and y in metres; it may be outside the fence or inside boxes.
         discs: other robots to keep away from: x and y in metres, and the distance in metres that the centre of
             this robot must keep from there (the planner adds nothing to it).
-        seed: of the run, or of the request; the planner mixes it with both ids.
+        seed: the seed of the run or of the request; the planner mixes it with both ids.
     """
 
     request_id: int
@@ -53,7 +53,7 @@ class PlanRequest:
             raise ValueError(f"a plan request needs finite numbers, got {self}")
 
     def random_seed(self) -> int:
-        """Return a seed from 1 to 2**32 - 1 made of seed, robot and request, the same in every process."""
+        """Return a seed from 1 to 2**32 - 1 derived from seed, robot and request, the same in every process."""
         text = f"{self.seed}/{self.robot_id}/{self.request_id}".encode()
         (value,) = struct.unpack("<I", hashlib.blake2b(text, digest_size=4).digest())
         return int(value) or 1
@@ -61,14 +61,14 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class PlanResult:
-    """One answer: a path, or the reason why there is none.
+    """The result of a request: a path, or the reason why there is none.
 
     Attributes:
         request_id: the request that this answers.
         path: waypoints without the start, x and y in metres; empty if and only if the plan failed.
-        checks: number of state and motion validity checks, which is what the plan costs.
-        reason: None, or why there is no path.
-        reaches_goal: the path ends at the goal itself, and not at the nearest point that is free of other robots.
+        checks: number of state and motion validity checks, which decides what the plan costs.
+        reason: why there is no path; None if there is one.
+        reaches_goal: whether the path ends at the goal itself, not at the nearest point free of other robots.
     """
 
     request_id: int
@@ -93,15 +93,15 @@ class PlanResult:
 
         Args:
             request_id: the request that failed.
-            reason: why, for people.
-            checks: what was spent on it; None, for a planner that cannot be trusted to know, costs the maximum.
+            reason: why it failed, for people to read.
+            checks: number of checks made; None, if the planner cannot be trusted to know, costs the maximum.
         """
         spent = round(MAX_COST_S / CHECK_COST_S) if checks is None else checks
         return cls(request_id, (), spent, reason, False)
 
 
 class PlannerOptions(BaseModel):
-    """What every planner can be told in `[planners.NAME]`; a planner's own model adds its options.
+    """Options of every planner in `[planners.NAME]`; a planner's own model adds more.
 
     Attributes:
         clearance_m: distance in metres that a planned path keeps between the body and every box.
@@ -113,7 +113,7 @@ class PlannerOptions(BaseModel):
 
 
 class Planner(ABC):
-    """A motion planner. It is not trusted: the service runs it in a process of its own and checks what it returns.
+    """A motion planner. Untrusted: the service runs it in a process of its own and checks what it returns.
 
     Plans must be reproducible: `plan()` may depend on the arguments of the constructor and on the request, not on
     time, on the process or on earlier requests. Random numbers come from `request.random_seed()`.
@@ -121,11 +121,11 @@ class Planner(ABC):
     Args:
         workspace: the known fence and boxes.
         body_radius_m: radius of the robot's round body, in metres.
-        options: an instance of `options_model`.
+        options: the options, an instance of `options_model`.
     """
 
     options_model: ClassVar[type[PlannerOptions]] = PlannerOptions
-    """Validates the planner's table of options; a subclass of `PlannerOptions`."""
+    """The model that validates the planner's options; a subclass of `PlannerOptions`."""
 
     def __init__(self, workspace: Workspace, body_radius_m: float, options: PlannerOptions) -> None:
         self.workspace, self.body_radius_m, self.options = workspace, body_radius_m, options
@@ -136,10 +136,9 @@ class Planner(ABC):
 
 
 class StraightLine(Planner):
-    """Answers every request with its goal, whatever stands in the way; it costs one check.
+    """Answers every request with its goal, whatever stands in the way; costs one check.
 
-    The safety modules are the only thing between the robot and the boxes, which is what makes it useful: the
-    cheapest application, and one that needs its protection.
+    Only the safety modules then keep the robot from boxes, which makes it a cheap application that needs protection.
     """
 
     def plan(self, request: PlanRequest) -> PlanResult:

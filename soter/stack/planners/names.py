@@ -1,4 +1,4 @@
-"""Planners by name: the built-in ones, or any other as `module:Class`. Nothing is imported before it is asked for."""
+"""Planners by name: built-in ones, or any other as `module:Class`. Planners are imported only when used."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BUILT_IN: Mapping[str, str] = {
 }
 
 TRUSTED = frozenset({"straight-line"})
-"""Planners that are part of SOTER, cannot fail and take microseconds: they may run in the mission's process."""
+"""Planners of SOTER that cannot fail and take microseconds: they may run in the mission's process."""
 
 
 class PlannerUnavailable(BackendUnavailable):
@@ -45,7 +45,7 @@ def planner_class(name: str) -> type[Planner]:
         name: a built-in name, or `module:Class`.
 
     Raises:
-        ConfigError: there is no such planner, or what is there is not a `Planner`.
+        ConfigError: there is no such planner, or the name is that of something else.
         PlannerUnavailable: a library that it needs is not installed.
     """
     try:
@@ -59,14 +59,14 @@ def planner_class(name: str) -> type[Planner]:
 
 @dataclass(frozen=True, slots=True)
 class PlannerSpec:
-    """Which planner, and what it is built for.
+    """A planner by name, and what it is built for.
 
     Attributes:
         name: a built-in name, or `module:Class`.
         workspace: the known fence and boxes.
-        body_radius_m: radius of the robots' round bodies, in metres; by id where they differ.
+        body_radius_m: radius of the robots' round bodies, in metres; by robot id if they differ.
         options: the raw table `[planners.NAME]`.
-        source: the mission file that the table is from, for error messages.
+        source: the mission file with the table, for error messages.
     """
 
     name: str
@@ -93,7 +93,7 @@ class PlannerSpec:
 
 
 class _ForEach(Planner):
-    """Asks for every robot the planner that is made for its body."""
+    """Passes each robot's requests to the planner built for its body."""
 
     def __init__(self, planners: Mapping[int, Planner]) -> None:
         largest = max(planners.values(), key=lambda each: each.body_radius_m)

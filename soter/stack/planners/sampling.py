@@ -21,7 +21,7 @@ from soter.stack.planners.space import FreeSpace, space_of
 ou.setLogLevel(ou.LOG_NONE)
 
 MAX_ASKED = 100
-"""A search ends when OMPL has asked whether to stop so many times its number of checks."""
+"""A search ends when OMPL has polled its stop condition this many times its number of checks."""
 
 SHORT_M = 0.01
 """A first or last leg shorter than this is left out, in metres."""
@@ -31,7 +31,7 @@ class SamplingOptions(PlannerOptions):
     """Options of every OMPL planner.
 
     Attributes:
-        checks: after so many validity checks the planner returns what it has.
+        checks: number of validity checks after which the planner returns what it has.
     """
 
     checks: int = Field(default=2000, ge=1, le=1_000_000)
@@ -41,7 +41,7 @@ class OptimisingOptions(SamplingOptions):
     """Options of the planners that go on improving a path.
 
     Attributes:
-        settle_checks: a path that has not become shorter by `settle_share` over so many checks is good enough.
+        settle_checks: a path that has not become shorter by `settle_share` over this many checks is good enough.
         settle_share: share of its length, from 0 to 1. With 0 the planner stops only if nothing improves.
     """
 
@@ -74,7 +74,7 @@ class RRTstarOptions(OptimisingOptions, RangeOptions):
 
 
 class _MotionValidator(ob.MotionValidator):
-    """Tests the whole segment exactly, as one check: cheaper than points along it, and it cuts no corner."""
+    """Tests the whole segment exactly, as one check: cheaper than sampling points on it, and it misses no corner."""
 
     def __init__(self, info: ob.SpaceInformation, space: FreeSpace) -> None:
         super().__init__(info)
@@ -85,19 +85,19 @@ class _MotionValidator(ob.MotionValidator):
 
 
 class SamplingPlanner(Planner):
-    """What OMPL's planners have in common: the space, the repair of starts and goals, the count, the seed.
+    """Base of OMPL's planners: the free space, the repair of starts and goals, the counting of checks, the seed.
 
     The planning region is the inside of the fence without the boxes grown by the body's radius and `clearance_m`, and
     without the request's discs. A start that is not free gets a first leg to its nearest free point. A goal that is
-    not free is replaced by its nearest free point and a straight last leg to the goal itself: what is fenced off is
-    for the safety modules to say. Only a goal inside a disc gets no last leg, because a robot stands there and
-    driving at it would only have both taken over; the path ends beside it and the result says so.
+    not free is replaced by its nearest free point and a straight last leg to the goal itself: forbidden areas are up to
+    the safety modules. Only a goal inside a disc gets no last leg, because a robot stands there, and driving at it
+    would only disengage both; the path ends beside it and the result says so.
 
     If the straight line is free it is the plan, as nothing can be shorter.
 
-    Only counting ends a search, so it does not depend on the host's speed. OMPL hands seeds to random number
-    generators as they are made; the state of that generator is set for each request, and everything that holds a
-    generator is made anew, so the plan does not depend on what was planned before.
+    Searches end by counting only, so they do not depend on the host's speed. OMPL seeds random number generators from a
+    global one when they are made. That one is reset for each request, and everything that holds a generator is made
+    anew, so a plan does not depend on earlier ones.
     """
 
     options_model: ClassVar[type[PlannerOptions]] = SamplingOptions
@@ -139,13 +139,13 @@ class SamplingPlanner(Planner):
 
     @abstractmethod
     def _make(self) -> ob.Planner:
-        """Return a new planner, which takes its seed now."""
+        """Return a new planner; its seed is drawn when it is made."""
 
     def _begin(self) -> None:
-        """Called before each search."""
+        """Prepare for a search; called before each."""
 
     def _settled(self, planner: Any) -> bool:
-        """Return whether to stop early; called often."""
+        """Return whether to end the search early; called often."""
         return False
 
     def _freed(self, point: Point) -> Point | None:
@@ -162,7 +162,7 @@ class SamplingPlanner(Planner):
         planner.setup()
         self._begin()
         settled = self._settled
-        # The second count is for a planner that comes to spin without checking anything.
+        # The second count ends a planner that spins without checking anything.
         asked = itertools.count()
 
         def stop() -> bool:
@@ -173,7 +173,7 @@ class SamplingPlanner(Planner):
             return None
         found = problem.getSolutionPath()
         points = [(state[0], state[1]) for state in map(found.getState, range(found.getStateCount()))]
-        # OMPL's copies of both ends are equal to them, but not its interpolations of anything else.
+        # OMPL copies both ends exactly, but what it interpolates may differ by rounding.
         return space.shortened([start, *points[1:-1], goal])
 
     def _state(self, point: Point) -> ob.RealVectorStateType:
@@ -183,7 +183,7 @@ class SamplingPlanner(Planner):
 
 
 class _OptimisingPlanner(SamplingPlanner):
-    """Stops, too, when a path no longer becomes shorter, seen at checkpoints `settle_checks` apart."""
+    """Also stops when a path no longer becomes shorter, judged at checkpoints `settle_checks` apart."""
 
     options_model: ClassVar[type[PlannerOptions]] = OptimisingOptions
     options: OptimisingOptions
@@ -204,7 +204,7 @@ class _OptimisingPlanner(SamplingPlanner):
         return settled
 
     def _still_nothing(self, planner: Any) -> None:
-        """Called at checkpoints before there is a path."""
+        """React to having no path yet; called at checkpoints."""
 
 
 class BITstar(_OptimisingPlanner):
@@ -219,7 +219,7 @@ class BITstar(_OptimisingPlanner):
         return planner
 
     def _still_nothing(self, planner: Any) -> None:
-        # Each batch costs the time of all before it: where there is no path, small ones would take quadratic time.
+        # Each batch costs the time of all before it: without a path, small batches would take quadratic time.
         planner.setSamplesPerBatch(max(self.options.samples_per_batch, self._space.checks // 2))
 
 
@@ -248,10 +248,10 @@ class RRTConnect(SamplingPlanner):
 
 
 def _joined(start: Point, middle: Sequence[Point], goal: Point) -> tuple[Point, ...]:
-    """Return the waypoints from start to goal by the free path between, without the start and without needless ones.
+    """Return the waypoints from start to goal along the free path between, without the start and needless ones.
 
-    Only legs that lead out of or into what is not free may be left out for being short: it moves the path by less
-    than `SHORT_M` there, while the free path keeps its clearance exactly.
+    Only short legs into or out of space that is not free are left out: the path moves by less than `SHORT_M` there,
+    while the free path keeps its clearance exactly.
     """
     inner = list(middle)
     if math.dist(start, inner[0]) < SHORT_M:
@@ -267,5 +267,5 @@ def _joined(start: Point, middle: Sequence[Point], goal: Point) -> tuple[Point, 
 
 
 def _between(a: Point, b: Point, c: Point) -> bool:
-    """Return whether b lies on the straight way from a to c."""
+    """Return whether b lies on the straight line from a to c."""
     return math.dist(a, b) + math.dist(b, c) - math.dist(a, c) < 1e-9

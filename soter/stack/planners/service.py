@@ -1,4 +1,4 @@
-"""Plans on request, delivered in virtual time, from planners that are not trusted with anything."""
+"""Runs untrusted planners in worker processes, and delivers their plans in virtual time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WORKER = "soter.stack.planners.worker"
 
 @dataclass(slots=True, eq=False)
 class PlanJob:
-    """A request on its way, submitted at a fleet time; its number counts the requests of a service."""
+    """A pending request, and the fleet time of its submission; jobs of a service are numbered."""
 
     number: int
     request: PlanRequest
@@ -35,13 +35,13 @@ class PlanJob:
 
     @property
     def due_s(self) -> float:
-        """When the result is to be delivered, fleet time; infinite while there is none."""
+        """Fleet time at which the result is to be delivered; infinite while there is none."""
         return math.inf if self.result is None else self.submitted_s + self.result.cost_s
 
 
 @dataclass(slots=True)
 class HostLimits:
-    """How long workers may take, in seconds of host time, and what went wrong because of the host."""
+    """Time limits of workers, in seconds of host time, and the incidents that the host caused."""
 
     start_s: float
     answer_s: float
@@ -49,9 +49,9 @@ class HostLimits:
 
 
 class Lane:
-    """One worker, the jobs that wait for it, and what has to happen when it fails.
+    """One worker and the jobs that wait for it; replaces the worker when it fails.
 
-    One job is with the worker at a time; so it is clear which one it failed on, and nothing has to be sent again.
+    The worker has one job at a time: so it is clear which job it failed on, and no other has to be sent again.
     """
 
     def __init__(self, spec: WorkerSpec, limits: HostLimits, box: SandboxRules | None = None) -> None:
@@ -78,7 +78,7 @@ class Lane:
         self._feed()
 
     def await_ready(self) -> None:
-        """Wait for the worker's first message; a failure to start is an error here, not a failed plan."""
+        """Wait until the worker is ready; raise if it cannot start."""
         while not self._ready:
             if self._worker is None:
                 self._start()
@@ -103,7 +103,7 @@ class Lane:
                 raise
 
     def step(self, *, wait: bool) -> None:
-        """Take one message from the worker, or find out that none will come in time."""
+        """Take one message from the worker, or give the worker up if none comes in time."""
         if self._worker is None:
             if not self._waiting:
                 return
@@ -169,7 +169,7 @@ class Lane:
         except ChildDied:
             sent = False
         if not sent:
-            # It died while it had nothing to do: no plan is lost.
+            # The worker died while idle: no plan is lost.
             self.close()
             self._start()
             return
@@ -177,7 +177,7 @@ class Lane:
         self._since_s = time.perf_counter()
 
     def _lose(self, reason: str) -> None:
-        """Give up the worker and the job that it had, or that it was started for."""
+        """Give up the worker, and fail the job that it had or was started for."""
         was_ready = self._ready
         self.close()
         job, self._busy = self._busy, None
@@ -186,16 +186,16 @@ class Lane:
         if job is not None:
             job.result = PlanResult.failed(job.request.request_id, reason)
             self._limits.incidents.append(f"request {job.request.request_id}: {reason}")
-        # A worker that does not even start is only tried again when there is a plan to make.
+        # A worker that could not even start is restarted only when there is a plan to make.
         if was_ready or self._waiting:
             self._start()
 
 
 TIME_LIMIT_S = 10.0
-"""A planner that has not answered after so much host time is killed, in seconds."""
+"""Host time in seconds after which a planner that has not answered is killed."""
 
 START_LIMIT_S = 60.0
-"""A worker that is not ready after so much host time is killed, in seconds."""
+"""Host time in seconds after which a worker that is not ready is killed."""
 
 MEMORY_LIMIT_BYTES = 2 << 30
 """Address space that a planner may use beyond the bare worker's, in bytes."""
@@ -204,28 +204,28 @@ WALL_CLOCK_NICENESS = 5
 
 
 class PlanService:
-    """Runs an untrusted planner in a worker process and hands out its plans at the right time.
+    """Runs an untrusted planner in a worker process and delivers its plans at the right time.
 
     In virtual time a plan is delivered at its request's time plus its cost (state checks), however long the host
-    took to compute it, so that a run repeats itself. Whatever the planner does costs its robot a plan and nothing
-    else: exceptions, garbage, silence beyond the time limit and the death of a worker become failed results.
+    took to compute it, so that a run repeats itself. A planner's misbehaviour costs its robot a plan and nothing else:
+    exceptions, garbage, silence beyond the time limit and the death of a worker become failed results.
 
     Trusted planners (`straight-line`) run in the caller's process; their results are the same either way.
 
     Not thread-safe: it belongs to the mission's thread. A context manager.
 
     Args:
-        planner: which, and what for.
-        virtual_time: False for a mission on a wall clock: results are handed out as they come and nothing waits.
-        in_process: False to have a worker for a trusted planner, too.
+        planner: the planner, and what it is built for.
+        virtual_time: False for a mission on a wall clock, where results are delivered as they come and nothing waits.
+        in_process: False to run a trusted planner in a worker, too.
         time_limit_s: host time after which a worker that does not answer is killed, in seconds.
         start_limit_s: host time that a worker may take to start, in seconds.
         memory_limit_bytes: address space that a planner may use, beyond the bare worker's.
-        box: what the worker is boxed in with, or None.
+        box: the worker's sandbox, or None for no sandbox.
 
     Raises:
-        ConfigError: the planner's name, or the options of a trusted planner, are wrong. For other planners the
-            worker finds out, and `ready()` raises.
+        ConfigError: the planner's name, or an option of a trusted planner, is wrong. Options of other planners are
+            checked by the worker, and `ready()` raises.
     """
 
     def __init__(
@@ -250,13 +250,13 @@ class PlanService:
         if in_process and planner.name in TRUSTED:
             self._local = planner.build()
             return
-        # A planner that runs wild must not starve the supervisors on the same host; in virtual time all wait for it.
+        # A runaway planner must not starve the supervisors on the same host; in virtual time everything waits for it.
         niceness = 0 if virtual_time else WALL_CLOCK_NICENESS
         self._lane = Lane(WorkerSpec(planner, memory_limit_bytes, niceness), self._limits, box)
 
     @property
     def incidents(self) -> tuple[str, ...]:
-        """What made the run non-deterministic, one line each, oldest first."""
+        """The incidents that made the run non-deterministic, one line each, oldest first."""
         return tuple(self._limits.incidents)
 
     @property
@@ -267,7 +267,7 @@ class PlanService:
     def ready(self) -> None:
         """Wait until the worker, which has been starting since the construction, is ready.
 
-        To be called before anything moves: it is where a bad option of an untrusted planner shows.
+        Call it before anything moves: it raises for a bad option of an untrusted planner.
 
         Raises:
             ConfigError: there is no such planner, or an option is wrong.
@@ -284,7 +284,7 @@ class PlanService:
         """Hand in a request and return at once.
 
         Args:
-            request: the request; its id must differ from those of all that are pending.
+            request: the request; its id must differ from those of all pending requests.
             now_s: fleet time.
 
         Raises:
@@ -307,7 +307,7 @@ class PlanService:
             self._lane.add(job)
 
     def due(self, now_s: float) -> list[PlanResult]:
-        """Return the results whose time has come, earliest first, then in the order of their requests.
+        """Return the results that are due, earliest first, then in the order of their requests.
 
         In virtual time this waits for a worker if, and only as long as, a pending result might be due by now.
         """

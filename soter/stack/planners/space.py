@@ -1,4 +1,4 @@
-"""Where the centre of a robot may be, for planners: exact tests against inflated boxes, areas, discs; and repairs."""
+"""The free space of a robot's centre, for planners: exact tests against inflated boxes, areas and discs; repairs."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ TOUCH_M = 1e-9
 _INSIDE_M: Final = 2.0 * TOUCH_M
 
 PIECE_M = 0.25
-"""Paths are cut into pieces of at most this length, in metres, before corners are cut off."""
+"""Longest piece in metres that paths are divided into before corners are cut off."""
 
 
 class FreeSpace:
-    """The fence rectangle without the boxes, grown on every side, and without discs around other robots.
+    """The fence rectangle minus the boxes, grown on every side, and minus discs around other robots.
 
     Points on an edge are free. Every test of a point or of a segment adds one to `checks`.
 
     Args:
         workspace: fence and boxes.
-        inflation_m: by how much boxes grow on each side: the body's radius and the clearance wanted.
+        inflation_m: by how much boxes grow on each side: the body's radius plus the wanted clearance.
     """
 
     def __init__(self, workspace: Workspace, inflation_m: float) -> None:
@@ -60,7 +60,7 @@ class FreeSpace:
         """Return whether the segment between two points inside the fence meets no box and no disc."""
         self.checks += 1
         for low_x, low_y, high_x, high_y in self._boxes:
-            # Most boxes are to one side of the segment: these four comparisons settle them.
+            # Most boxes lie to one side of the segment: these four comparisons rule them out.
             if ax <= low_x:
                 if bx <= low_x:
                     continue
@@ -77,12 +77,12 @@ class FreeSpace:
         return not discs or all(distance_to_line_m(cx, cy, ax, ay, dx, dy) >= r - TOUCH_M for cx, cy, r in discs)
 
     def nearest_free(self, x: float, y: float) -> Point | None:
-        """Return the free point nearest to a point that is not free, or None if there is none to be reached.
+        """Return the free point nearest to a point that is not free, or None if none can be reached.
 
-        The straight way there leads out of the obstacles that hold the point and through no other one, if there
-        is such a point: the nearest point alone may be behind a wall.
+        Points that a straight line reaches through no other obstacle than those that hold the given point come first:
+        the nearest of all may be behind a wall.
 
-        It is exact: the nearest point lies on an edge straight across, or where two edges meet.
+        The result is exact: the nearest point lies straight across on an edge, or where two edges meet.
         """
         candidates = [(c, y) for c in self._xs] + [(x, c) for c in self._ys] + self._corners
         candidates += self._around_discs(x, y)
@@ -96,7 +96,7 @@ class FreeSpace:
         return fallback
 
     def shortened(self, path: Sequence[Point]) -> list[Point]:
-        """Return a path with the same ends, nowhere longer, without needless waypoints.
+        """Return a path with the same ends, no longer, without needless waypoints.
 
         Args:
             path: start, waypoints and goal, all segments open.
@@ -123,8 +123,8 @@ class FreeSpace:
         return not self._discs or not self.in_disc(x, y)
 
     def _leads_out(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Return whether the way from a point that is not free to one that is meets only what holds the first."""
-        # What counts is the part of the way inside the fence: nobody gets far outside it.
+        """Return whether the line from a point that is not free to a free one meets only what holds the first."""
+        # Only the part of the line inside the fence counts: robots do not get far outside it.
         enter = 0.0
         for start, end, high in ((x, to_x, self.width_m), (y, to_y, self.depth_m)):
             if start < 0.0:
@@ -144,12 +144,12 @@ class FreeSpace:
         return True
 
     def _around_discs(self, x: float, y: float) -> Iterator[Point]:
-        """Yield where the nearest free point can be because of discs: straight out, and where edges meet a disc."""
+        """Yield candidates for the nearest free point around discs: straight out, and where edges meet a disc."""
         for number, (cx, cy, r) in enumerate(self._discs):
             away = math.hypot(x - cx, y - cy)
             if away > TOUCH_M:
                 yield cx + (x - cx) / away * r, cy + (y - cy) / away * r
-            # From the middle all directions are equally far, and elsewhere they are a second choice.
+            # From the middle all directions are equally far; elsewhere they are a second choice.
             for step in range(16):
                 angle = math.tau * step / 16
                 yield cx + r * math.cos(angle), cy + r * math.sin(angle)
@@ -166,7 +166,7 @@ class FreeSpace:
 
 
 def distance_to_line_m(cx: float, cy: float, ax: float, ay: float, dx: float, dy: float) -> float:
-    """Return the distance from c to the segment from a, by d."""
+    """Return the distance from c to the segment from a to a + d."""
     square = dx * dx + dy * dy
     share = ((cx - ax) * dx + (cy - ay) * dy) / square if square else 0.0
     share = min(max(share, 0.0), 1.0)
@@ -186,7 +186,7 @@ def circles_meet(ax: float, ay: float, ar: float, bx: float, by: float, br: floa
 
 
 def _pieces(path: Sequence[Point]) -> list[Point]:
-    """Return a path with more points on the same way."""
+    """Return the same path with more points on it."""
     points = [path[0]]
     for (ax, ay), (bx, by) in pairwise(path):
         number = max(math.ceil(math.hypot(bx - ax, by - ay) / PIECE_M), 1)
@@ -201,12 +201,12 @@ _GROWTH: Final = 1.25
 
 
 def space_of(workspace: Workspace, inflation_m: float) -> FreeSpace:
-    """Return where a centre may be that keeps `inflation_m` from what is kept out of a workspace of any shape."""
+    """Return the free space of centres that keep `inflation_m` from all obstacles, in a workspace of any shape."""
     return SiteSpace(workspace, inflation_m) if isinstance(workspace, Site) else FreeSpace(workspace, inflation_m)
 
 
 class SiteSpace(FreeSpace):
-    """The inside of a site's fence without its areas, inflated, and without discs around other robots."""
+    """The inside of a site's fence minus its areas, inflated, and minus discs around other robots."""
 
     def __init__(self, site: Site, inflation_m: float) -> None:
         self._site: Final = site
@@ -214,7 +214,7 @@ class SiteSpace(FreeSpace):
         self.bounds = site.bounds
         self.checks = 0
         self._discs = ()
-        # Among discs alone: the fence and the areas are looked at otherwise.
+        # For discs only: the fence and the areas are tested in another way.
         self._xs = self._ys = []
 
     def is_open(self, ax: float, ay: float, bx: float, by: float) -> bool:
@@ -225,9 +225,9 @@ class SiteSpace(FreeSpace):
         return all(distance_to_line_m(cx, cy, ax, ay, dx, dy) >= r - TOUCH_M for cx, cy, r in self._discs)
 
     def nearest_free(self, x: float, y: float) -> Point | None:
-        """Return a free point near one that is not, or None; the nearest to within a quarter of how far it is.
+        """Return a free point near one that is not, or None; at most a quarter farther away than the nearest.
 
-        Points that a straight line leads to without getting any nearer to what holds the first come before others.
+        Points that a straight line reaches without getting nearer to the obstacles that hold the given one come first.
         """
         found, checks = self._repaired(x, y, self._discs)
         self.checks += checks
@@ -235,7 +235,7 @@ class SiteSpace(FreeSpace):
 
     @lru_cache(maxsize=64)  # noqa: B019 - spaces are few, and kept as long
     def _repaired(self, x: float, y: float, discs: tuple[tuple[float, float, float], ...]) -> tuple[Point | None, int]:
-        """Return the same among some discs, and the checks that it takes: who gets no plan asks for one again."""
+        """Return the nearest free point among some discs, and the checks made; cached, since failures are retried."""
         before = self.checks
         found = self._nearest(x, y)
         checks, self.checks = self.checks - before, before
@@ -278,11 +278,11 @@ class SiteSpace(FreeSpace):
         )
 
     def _leads_there(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Whether the line to a free point crosses no area but on its way out of where it begins."""
+        """Return whether the line to a free point crosses no area except on its way out of where it begins."""
         here_m = self._site.keep_outs.distance_m(x, y)
         if here_m >= self._inflation_m:
             return self._keeps(x, y, to_x, to_y)
-        # Nearer than wanted: it may not get nearer than it is, nor, from inside an area, out of it and into another.
+        # The start is too near: the line must not get nearer, nor, from inside an area, leave it and enter another.
         steps = max(2, math.ceil(math.dist((x, y), (to_x, to_y)) / max(self._inflation_m, 0.05)))
         distances = [
             self._site.keep_outs.distance_m(x + (to_x - x) * k / steps, y + (to_y - y) * k / steps)

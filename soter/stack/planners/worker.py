@@ -1,6 +1,6 @@
 """The main function of a worker process: builds one planner and answers requests until its parent is gone.
 
-What it may say are short JSON messages, so that nothing of a worker's is ever unpickled.
+It answers in short JSON messages, so that nothing from a worker is ever unpickled.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from soter.stack.planners.base import MAX_WAYPOINTS, Planner, PlanResult, Point
 from soter.stack.planners.names import PlannerSpec, PlannerUnavailable
 
 MAX_REASON = 300
-"""Longest reason that is passed on, in characters."""
+"""Length in characters to which reasons are cut."""
 
 T = TypeVar("T")
 
 
 def describe(error: BaseException) -> str:
-    """Return type and message of an exception in one short line, even if its message cannot be had."""
+    """Return type and message of an exception in one short line, even if its `__str__` raises."""
     try:
         text = str(error)
     except Exception:  # noqa: BLE001 -- untrusted code wrote that __str__
@@ -60,10 +60,10 @@ def _points(path: Any) -> tuple[Point, ...]:
 
 
 def checked(request_id: int, answer: Any) -> PlanResult:
-    """Return a planner's answer as a result that can be relied on in form: plain, finite, short, and to that request.
+    """Return a planner's answer as a well-formed result: plain, finite, short, and for that request.
 
     Raises:
-        Garbage: it is anything else.
+        Garbage: the answer is anything else.
     """
     if not isinstance(answer, PlanResult):
         raise Garbage(f"the planner returned {type(answer).__name__}, not PlanResult")
@@ -82,15 +82,15 @@ def checked(request_id: int, answer: Any) -> PlanResult:
 
 
 def garbage(request_id: int, error: Garbage) -> PlanResult:
-    """Return the failed result that stands for garbage."""
+    """Return the failed result for a garbage answer."""
     return PlanResult.failed(request_id, f"garbage: {error}")
 
 
 def decode_start(data: bytes) -> Refused | None:
-    """Decode a worker's first message: None when it is ready, else why it never will be.
+    """Decode a worker's first message: None if it is ready, else why it cannot start.
 
     Raises:
-        Garbage: it is none.
+        Garbage: it is no such message.
     """
     return _decoded(_start, data)
 
@@ -123,12 +123,12 @@ MAX_REQUEST_BYTES = 1 << 18
 
 @dataclass(frozen=True, slots=True)
 class WorkerSpec:
-    """What a worker is told when it starts.
+    """The parameters that a worker is started with.
 
     Attributes:
-        planner: which, and what for.
-        memory_limit_bytes: address space that the planner may add to what the bare worker has.
-        niceness: how much less than the mission the worker is favoured by the scheduler.
+        planner: the planner, and what it is built for.
+        memory_limit_bytes: address space that the planner may use beyond the bare worker's.
+        niceness: nice value of the worker, relative to the mission's.
     """
 
     planner: PlannerSpec
