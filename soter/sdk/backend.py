@@ -1,4 +1,4 @@
-"""A backend opens robots; a fleet is the robots of an opened backend."""
+"""Backends, which open robots, and fleets, which are the robots of an opened backend."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class Truth(Protocol):
 
 
 class BackendConfig(BaseModel):
-    """What every backend is told. A backend's own model adds its options, given in `[backends.NAME]`.
+    """The configuration of every backend. A backend's own model adds options, given in `[backends.NAME]`.
 
     Attributes:
-        workspace: filled in by the runner; a simulated backend builds its world from it.
-        seed: filled in by the runner.
-        limits: filled in by the runner; a simulated backend judges its world by them.
-        promise: what robots promise that is not what they declare; a backend may narrow it by a model of its own.
+        workspace: set by the runner; a simulated backend builds its world from it.
+        seed: set by the runner.
+        limits: set by the runner; a simulated backend judges its world by them.
+        promise: promises that replace declared ones; a backend may narrow it by a model of its own.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -66,8 +66,8 @@ class Fleet(ABC):
 
     Args:
         clock: fleet time.
-        robots: in the order in which they were asked for.
-        truth: of a simulated world, else None.
+        robots: in the order in which they were requested.
+        truth: ground truth of a simulated world, else None.
     """
 
     def __init__(self, clock: Clock, robots: Sequence[Robot], truth: Truth | None) -> None:
@@ -84,7 +84,7 @@ class Fleet(ABC):
         self.close()
 
     def close(self) -> None:
-        """Stop and close every robot, then the rest, whatever fails on the way. Idempotent.
+        """Stop and close every robot, then what they share, whatever fails on the way. Idempotent.
 
         Raises:
             BaseException: the first failure, or Ctrl-C, after everything else has been closed.
@@ -103,19 +103,19 @@ class Fleet(ABC):
             raise failures[0]
 
     def lost(self) -> str:
-        """Return which process of a world that was started for these robots has ended, in words; empty for none.
+        """Return, in words, which process that was started for these robots has ended; empty for none.
 
-        Asked at every tick; must not wait. Whoever was given robots has none.
+        Called at every tick; must not wait. Empty, too, if no process was started for them.
         """
         return ""
 
     def injected(self) -> Sequence[FaultReport]:
-        """Return what injected faults did up to now, always in the same order; none in robots as they are."""
+        """Return what injected faults did up to now, always in the same order; empty without fault injection."""
         return ()
 
     @abstractmethod
     def _close(self) -> None:
-        """Free what the robots share. Called after every robot is closed; must be idempotent."""
+        """Free what the robots share. Called after all robots are closed; must be idempotent."""
 
 
 class Backend(ABC):
@@ -129,8 +129,8 @@ class Backend(ABC):
     def promises(cls, config: Any) -> Capabilities:
         """Return what robots promise under these options, before any is opened.
 
-        That is what they declare, with what `config.promise` says in its place; a backend may add to that, not leave
-        it out.
+        These are the declared promises, with those of `config.promise` in their place; an override may add to this,
+        but not drop it.
         """
         return replace(cls.robot_class.declared, **config.promise.given)
 
@@ -140,17 +140,17 @@ class Backend(ABC):
 
         Args:
             config: the options.
-            robots: which, and what each is to promise; see `RobotSpec.promised`.
+            robots: the robots, and what each is to promise; see `RobotSpec.promised`.
 
         Raises:
-            RobotUnavailable: they are not there.
+            RobotUnavailable: a robot cannot be opened.
         """
 
     def read_missions(self, config: Any, robot_ids: Sequence[int], timeout_s: float) -> dict[int, HeldMission]:
-        """Ask robots for the missions that they hold, by id; nothing moves.
+        """Return the missions that robots hold, by id; nothing moves.
 
         Raises:
-            Unsupported: robots of this backend hold none.
-            RobotUnavailable: one does not answer in time.
+            Unsupported: robots of this backend hold no missions.
+            RobotUnavailable: a robot does not answer in time.
         """
         raise Unsupported("its robots hold no missions of their own; those of mavlink and mavsdk do")

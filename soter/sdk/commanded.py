@@ -1,6 +1,6 @@
-"""Robots that drive to goals by themselves behind a gate of their own; what all adapters to such robots have in common.
+"""The base of adapters to robots that drive to goals by themselves, behind a gate of their own.
 
-What is left to an adapter: how a message is encoded, decoded, published and heard.
+An adapter only encodes, decodes, publishes and receives messages.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from soter.sdk.values import Capabilities, Controller, Link, RobotSpec, RobotSta
 logger = logging.getLogger(__name__)
 
 SETTLED: Final = 10
-"""After so many reports the least delay among them is near the least there is, and stamps no longer wander."""
+"""Number of reports after which the least delay seen is close to the least possible one, and stamps are steady."""
 
 _REPEAT_S: Final = 0.05
 _LOST_S: Final = 1.0
 
 
 class CommandedRobot(Robot):
-    """One robot on a wire that takes a `Command` and says a `Report`.
+    """One robot on a wire that takes a `Command` and sends a `Report`.
 
-    Every call says the whole of what the robot is to do, under a new number; none waits. `receive` takes what arrives,
-    in any one thread, and writes one field; all else belongs to the calling thread.
+    Every call sends the complete command under a new number, and never waits. `receive` takes reports, in any one
+    thread, and writes one field; everything else belongs to the calling thread.
     """
 
     def __init__(self, spec: RobotSpec, clock: VehicleClock) -> None:
@@ -51,14 +51,14 @@ class CommandedRobot(Robot):
 
     @abstractmethod
     def _publish(self, message: bytes) -> None:
-        """Send a command on its way; never wait. One that cannot be sent is dropped: the next says it all again."""
+        """Send a command; never wait. Drop it if it cannot be sent: the next one is complete again."""
 
     def _encode(self, command: Command) -> bytes:
-        """Return a command as the robot reads it."""
+        """Return the robot's encoding of a command."""
         return command.encode()
 
     def _decode(self, message: bytes) -> Report:
-        """Return what the robot says; raise ValueError, or anything, where that makes no sense: it is dropped then."""
+        """Return the report in a message; raise ValueError, or anything else, to have an invalid message dropped."""
         return Report.decode(message)
 
     def _release(self) -> None:
@@ -67,14 +67,14 @@ class CommandedRobot(Robot):
     # --- what an adapter calls -----------------------------------------------------------------------------
 
     def receive(self, message: bytes) -> None:
-        """Take a message of the robot, in the thread that hears it and as soon as it is there."""
+        """Take a message of the robot, as soon as it arrives, in the thread that received it."""
         received_s = self.__clock.steady_s()
         try:
             report = self._decode(message)
             if report.robot != self.id:
                 raise ValueError(f"it is of robot {report.robot}, at the address of robot {self.id}")
         except Exception as failure:  # noqa: BLE001 - a bug in `_decode` must not end the thread that hears all robots
-            # The sender ages, and its link goes down, until a valid message comes.
+            # Until a valid message comes, the robot's sample ages and its link goes down.
             self.__dropped += 1
             if self.__dropped == 1:
                 logger.warning("robot %d: a message that makes no sense was dropped: %r", self.id, failure)
@@ -89,14 +89,14 @@ class CommandedRobot(Robot):
         if anew:
             self.__heard = 0
         elif before is not None and report.stamp_s < before.stamp_s:
-            # It was overtaken on its way.
+            # A newer report has overtaken it.
             return
         self.__clock.observe(self.id, report.stamp_s, received_s, anew=anew)
         self.__report = report
         self.__heard += 1
         if self.__heard < SETTLED:
             return
-        # What it says of who is in charge is about us only if it listens to us.
+        # The controller and goal that it reports are ours only if it follows this program.
         ours = self.__is_ours(report, 0)
         state = RobotState(
             robot_id=self.id,
@@ -134,14 +134,14 @@ class CommandedRobot(Robot):
         return None if latest is None else latest[0]
 
     def _hand_over(self, to: Controller) -> None:
-        # One message shuts the old controller's stream and flushes its goal: the robot's gate drops it with the change.
+        # One message shuts the old controller's stream and drops its goal: the robot's gate flushes it at the change.
         same = to.value == self.__command.controller
         self.__say(controller=to.value, goal=self.__command.goal if same else None)
 
     def _renew_lease(self) -> None:
         report = self.__report
         assert report is not None
-        # The robot's own time of now: what is late on its way, or waits somewhere, renews nothing.
+        # Stamped with the robot's own time, so that a message that arrives late renews nothing.
         self.__say(clock=report.clock, renewed_s=self.__clock.to_vehicle_s(self.id, self.clock.now()))
 
     def _halt(self) -> None:
@@ -159,13 +159,13 @@ class CommandedRobot(Robot):
             self._release()
 
     def __say(self, **changes: object) -> None:
-        """Say the whole of what the robot is to do, with these changes, under a new number."""
+        """Send the complete command, with these changes, under a new number."""
         command = self.__command._replace(seq=self.__command.seq + 1, **changes)  # type: ignore[arg-type]
         self.__command = command
         self._publish(self._encode(command))
 
     def __settle(self, timeout_s: float) -> bool:
-        """Repeat the command until the robot has taken it and stands still; return whether it does in time."""
+        """Repeat the command until the robot has taken it and stands still; return whether that happens in time."""
         first, until_s = self.__command.seq + 1, self.__clock.steady_s() + timeout_s
         while self.__clock.steady_s() < until_s:
             self.__say()
@@ -178,7 +178,7 @@ class CommandedRobot(Robot):
             return self.__changed.wait_for(holds, timeout_s)
 
     def __follows_and_rests(self, first: int) -> bool:
-        """Return whether the robot has taken a command from this number on, and stands still."""
+        """Return whether the robot has taken a command numbered `first` or higher, and stands still."""
         latest = self.__latest
         if latest is None:
             return False
@@ -186,10 +186,10 @@ class CommandedRobot(Robot):
         return self.__is_ours(report, first) and self.declared.rests(state)
 
     def __is_ours(self, report: Report, first: int) -> bool:
-        """Return whether the robot follows this very program, by a command from this number on.
+        """Return whether the robot follows this program, by a command numbered `first` or higher.
 
-        Sessions are drawn at random here. Under a name that an adapter put in their place, such as the robot's, two
-        programs would be one: the numbers of the other one, which was never said here, tell.
+        Sessions are random. If an adapter puts a fixed name in their place, such as the robot's, two programs look
+        alike; a number that was never sent here gives the other one away.
         """
         gate, own = report.gate, self.__command
         return gate.session == own.session and first <= gate.seq <= own.seq
@@ -203,7 +203,7 @@ class CommandedRobot(Robot):
             )
         state, gate = latest[0], latest[1].gate
         if gate.session == self.__command.session and gate.seq > self.__command.seq:
-            return "another program commands it under the same name; `_encode` must pass on the session as it is"
+            return "another program commands it under the same session; `_encode` must pass on the session unchanged"
         if gate.session == self.__command.session:
             return self.declared.unrest(state)
         if gate.alive:

@@ -1,4 +1,4 @@
-"""Handles of what was asked of a robot. Only the robot's base class writes them, inside `read_state()`."""
+"""Handles of goals and of changes of control. Only the robot's base class writes them, inside `read_state()`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from soter.sdk.values import Controller, GoalStatus, Waypoint
 
 
 class Goal:
-    """One goto and how it ended.
+    """One `goto` call, and how it ended.
 
     Attributes:
         id: unique within the robot's life.
-        target: where to.
-        by: which controller asked.
+        target: the waypoint to go to.
+        by: the controller that requested it.
         sent_s: fleet time of the call.
-        status: ACTIVE until it ends, then for ever what it ended as.
+        status: ACTIVE until it ends, then its final status.
         reason: why it ended so, in words; empty while active.
         ended_s: fleet time at which it ended, or None.
     """
@@ -38,11 +38,11 @@ class Goal:
 
     @property
     def active(self) -> bool:
-        """Whether the robot still works on it."""
+        """Whether the goal has not ended yet."""
         return self.status is GoalStatus.ACTIVE
 
     def cancel(self) -> None:
-        """End this goal, and no other, as CANCELLED; the robot stops if it was sent no other since, reached or not."""
+        """End this goal as CANCELLED. The robot stops, even at a reached goal, unless it was sent another one since."""
         self._cancel(self)
 
     def _end(self, status: GoalStatus, reason: str, now_s: float) -> None:
@@ -54,14 +54,14 @@ class Goal:
 
 
 class Switch:
-    """One change of the controller in charge, or a renewal of its lease.
+    """One change of the active controller, or a renewal of its lease.
 
     Attributes:
-        to: who is to be in charge.
-        reason: why.
+        to: the controller that is to be active.
+        reason: why control changes.
         requested_s: fleet time of the call.
         effective_s: when the old controller's stream was shut and the new one could command; None until then.
-        confirmed_s: when the robot's own report showed it; None until then, or where robots do not report it.
+        confirmed_s: when the robot's own report showed the change; None until then, or if the robot does not report it.
     """
 
     __slots__ = ("confirmed_s", "effective_s", "reason", "requested_s", "to")

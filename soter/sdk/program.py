@@ -1,4 +1,4 @@
-"""Simulators in processes of their own, as adapters start them where no robot is given: how they begin and end."""
+"""Starts and ends simulators in processes of their own, for adapters that are given no robots."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _END_TIMEOUT_S: Final = 3.0
 def start(
     module: str, *arguments: str, pipes: bool = True, environment: Mapping[str, str] = os.environ
 ) -> subprocess.Popen[bytes]:
-    """Start a module that takes `--parent PID`, by which it ends with this process, however this one ends.
+    """Start a module that takes `--parent PID`, with which it ends when this process does, however this one ends.
 
     Args:
-        module: what `python -m` runs; found where this process would find it.
-        arguments: more of them.
-        pipes: whether it is handed something on standard input, and says something on standard output.
-        environment: of the process, besides that of Python.
+        module: the module that `python -m` runs, found as this process would find it.
+        arguments: further arguments.
+        pipes: whether its standard input and output are pipes to this process.
+        environment: its environment, apart from `PYTHONPATH`.
     """
     kind = subprocess.PIPE if pipes else subprocess.DEVNULL
     paths = os.pathsep.join(filter(None, sys.path))
-    # A session of its own: Ctrl-C in a terminal is for who commands the robots, and stops them in good order.
+    # In a session of its own: Ctrl-C in a terminal is for the program that commands the robots, which stops them first.
     return subprocess.Popen(
         [sys.executable, "-m", module, "--parent", str(os.getpid()), *arguments],
         stdin=kind, stdout=kind, start_new_session=True, env={**environment, "PYTHONPATH": paths},
@@ -39,10 +39,10 @@ def start(
 
 
 def hand_over(process: subprocess.Popen[bytes], module: str, described: bytes) -> dict[str, Any]:
-    """Hand a world to a simulator, whose input ends behind it, and return what it says of where its robots are.
+    """Send a world to a simulator, close its input, and return where its robots are, as it says.
 
     Raises:
-        RobotUnavailable: it does not start.
+        RobotUnavailable: the simulator does not start.
     """
     try:
         told = json.loads(first_line(process, described))
@@ -56,14 +56,14 @@ def hand_over(process: subprocess.Popen[bytes], module: str, described: bytes) -
 
 
 def first_line(process: subprocess.Popen[bytes], described: bytes = b"") -> bytes:
-    """Hand something to a program and return the first line that it prints, once it is ready.
+    """Send a program its input, close that, and return the first line that it prints, which it does once it is ready.
 
     Args:
-        process: started with pipes.
-        described: what is handed over; its standard input ends behind it.
+        process: the program, started with pipes.
+        described: all of its standard input.
 
     Raises:
-        OSError: it has ended, or says nothing in time.
+        OSError: the program has ended, or prints nothing in time.
     """
     into, out = process.stdin, process.stdout
     assert into is not None
@@ -87,18 +87,18 @@ class Program:
     """A simulator in a process of its own, which ends with this one, however this one ends.
 
     Args:
-        what: what it is called in messages.
-        module: what `python -m` runs.
+        what: its name in messages.
+        module: the module that `python -m` runs.
         described: its world.
-        arguments: more of the program's.
+        arguments: further arguments.
 
     Attributes:
-        process: the child.
-        told: what it says of where its robots are.
-        truth: where it tells what really happens, as `host:port`.
+        process: the child process.
+        told: where its robots are, as it says.
+        truth: address of its ground truth, `host:port`.
 
     Raises:
-        RobotUnavailable: it does not start.
+        RobotUnavailable: the simulator does not start.
     """
 
     def __init__(self, what: str, module: str, described: bytes, *arguments: str) -> None:
@@ -133,10 +133,10 @@ def ended(what: str, process: subprocess.Popen[bytes]) -> str:
 
 
 def end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
-    """End processes and wait until they are gone; those that do not go in time are killed. Idempotent."""
+    """End processes and wait until they are gone; kill those that do not end in time. Idempotent."""
     for process in processes:
         process.terminate()
-        # One that was stopped could not end by itself.
+        # A stopped process could not end by itself.
         process.send_signal(signal.SIGCONT)
     for process in processes:
         try:

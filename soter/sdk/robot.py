@@ -1,4 +1,4 @@
-"""The narrow interface to one robot: five calls, enforced once here, filled in by adapters through five hooks."""
+"""The narrow interface to one robot: five calls, whose rules are enforced here; adapters fill in the hooks."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ STALE_AFTER_S: Final = 0.5
 DOWN_AFTER_S: Final = 3.0
 
 FUTURE_S: Final = 0.1
-"""A sample stamped later than now by more than this is a broken clock's: believed, it would never grow old."""
+"""A sample stamped more than this in the future is dropped: its clock is broken, and it would never grow old."""
 
 
 class Robot(ABC):
     """One robot. Used from one thread, the supervisor's.
 
-    The public methods are templates: life cycle, authority, finiteness, identity and staleness are enforced
-    here, so that every adapter means the same by them. An adapter fills the underscored hooks only.
+    The public methods are templates: life cycle, authority, finiteness, identity and staleness are enforced here, in
+    the same way for all adapters. An adapter fills in the underscored hooks only.
 
     Args:
         spec: which robot this is.
@@ -32,9 +32,9 @@ class Robot(ABC):
     """
 
     declared: ClassVar[Capabilities]
-    """What every robot of this class promises, readable before anything is connected.
+    """What every robot of this class promises, known before anything is connected.
 
-    One that is to promise something else (`RobotSpec.promised`) has its own.
+    A robot that is to promise something else (`RobotSpec.promised`) has its own.
     """
 
     stale_after_s: float = STALE_AFTER_S
@@ -62,15 +62,15 @@ class Robot(ABC):
         self.__discarded = 0
 
     def __init_subclass__(cls, *, overrides: Collection[str] = (), **options: object) -> None:
-        """See that a subclass fills hooks and overrides nothing that must be the same for all robots.
+        """Check that a subclass only fills hooks, and overrides nothing that must be the same for all robots.
 
         Args:
             overrides: public names of this class that it overrides on purpose, as in
                 `class Mine(Robot, overrides=("goto",))`.
-            options: of other base classes.
+            options: keywords of other base classes.
 
         Raises:
-            TypeError: it overrides one by accident.
+            TypeError: it overrides a name by accident.
         """
         super().__init_subclass__(**options)
         above = next(each for each in cls.__mro__[1:] if issubclass(each, Robot))
@@ -82,7 +82,7 @@ class Robot(ABC):
 
     @property
     def spec(self) -> RobotSpec:
-        """Which robot this is, and where it starts."""
+        """The robot's number, its start, and its promises."""
         return self.__spec
 
     @property
@@ -97,7 +97,7 @@ class Robot(ABC):
 
     @property
     def in_charge(self) -> Controller:
-        """The controller that was put in charge last."""
+        """The active controller: the one that was given control last."""
         return self.__in_charge
 
     @property
@@ -112,17 +112,17 @@ class Robot(ABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What this very robot promises: `declared`, or narrower. Known after `init()`."""
+        """What this robot promises: `declared`, or narrower. Known after `init()`."""
         if self.__capabilities is None:
             raise LifecycleError(f"robot {self.__id}: capabilities are known only after init()")
         return self.__capabilities
 
     def init(self, timeout_s: float) -> None:
-        """Connect, arm and get ready. Blocks for at most `timeout_s`; afterwards the SC is in charge and all is still.
+        """Connect, arm and get ready. Blocks for at most `timeout_s`; afterwards the SC is active and the robot stands.
 
         Raises:
             RobotUnavailable: the robot is not there, does not answer, or refuses; the message says which and why.
-            LifecycleError: it was closed, or is ready already.
+            LifecycleError: the robot was closed, or is ready already.
             TypeError: an attribute of the object hides one of this class.
         """
         for hidden in sorted(_OWN.keys() & vars(self).keys()):
@@ -140,14 +140,13 @@ class Robot(ABC):
         self._hand_over(Controller.SC)
 
     def goto(self, target: Waypoint, by: Controller) -> Goal:
-        """Ask for a place; sends and returns at once. Being sent is not being accepted, nor being reached.
+        """Send a goal and return at once. That it was sent does not mean that it was accepted, or will be reached.
 
-        A goal of a controller that is not in charge is REJECTED and moves nothing. The goal before it ends as
-        SUPERSEDED.
+        A goal of a controller that is not active is REJECTED and moves nothing. The goal before it ends as SUPERSEDED.
 
         Raises:
             ValueError: a coordinate is not finite or absurd; nothing was sent.
-            TypeError: it is no waypoint, or a value in it is no number; nothing was sent.
+            TypeError: the target is no waypoint, or a value in it is no number; nothing was sent.
             LifecycleError: before `init()` or after `close()`.
         """
         self.__require_ready("goto")
@@ -162,7 +161,7 @@ class Robot(ABC):
         if by is not self.__in_charge:
             goal._end(GoalStatus.REJECTED, f"{by} is not in charge, {self.__in_charge} is", now_s)
             return goal
-        # Before anything changes here: where it fails, the vehicle works on what it had, and can be told to stop.
+        # Send before anything changes here: if that fails, the vehicle keeps its goal, and can be told to stop.
         self._send_goto(goal)
         if self.__goal is not None:
             self.__goal._end(GoalStatus.SUPERSEDED, f"goal {goal.id} took its place", now_s)
@@ -199,7 +198,7 @@ class Robot(ABC):
         return state
 
     def switch_ac_sc(self, to: Controller, reason: str) -> Switch:
-        """Say who is in charge. A change pre-empts whatever the other had in flight; the same renews the lease.
+        """Make a controller the active one. A change pre-empts the other's goal; no change renews the lease.
 
         Raises:
             LifecycleError: before `init()` or after `close()`.
@@ -210,12 +209,12 @@ class Robot(ABC):
         if to is self.__in_charge and not self.__in_doubt:
             self._renew_lease()
             switch.effective_s = now_s
-            # Only the robot's own report confirms; a change that is not confirmed yet is not by being repeated.
+            # Only the robot's own report confirms a change; repeating the call does not.
             if self.__switch is None and self.__state is not None and self.__state.controller is to:
                 switch.confirmed_s = now_s
             return switch
-        # First of all, so that where it fails nothing has changed here, and calling again tries again. It may have
-        # reached the vehicle all the same, which has to hear of whoever is to be in charge next.
+        # Send before anything changes here, so that a call that fails can be repeated. The message may have reached the
+        # vehicle all the same, so the next change has to be sent to it in any case.
         self.__in_doubt = True
         self._hand_over(to)
         self.__in_doubt = False
@@ -223,7 +222,7 @@ class Robot(ABC):
         if self.__goal is not None:
             self.__goal._end(GoalStatus.PREEMPTED, f"{to} took over: {reason}", now_s)
         self.__goal = self.__sent = None
-        # The switch was made all the same; a robot that does not obey says so when its lease is renewed next.
+        # The switch was made all the same; disobedience shows when the lease is renewed next.
         with suppress(Uncontrolled):
             self._renew_lease()
         switch.effective_s = now_s
@@ -231,7 +230,7 @@ class Robot(ABC):
         return switch
 
     def hand_over_again(self) -> None:
-        """Send the last change of control once more: the robot's own report shows that it has not heard of it.
+        """Resend the last change of control, of which the robot has not heard, as its own report shows.
 
         Raises:
             LifecycleError: before `init()` or after `close()`.
@@ -240,12 +239,12 @@ class Robot(ABC):
         self._hand_over(self.__in_charge)
 
     def renew_lease(self) -> None:
-        """Renew the lease of the controller in charge: `switch_ac_sc` to the same one, without a handle."""
+        """Renew the lease of the active controller: `switch_ac_sc` to the same one, without a handle."""
         self.__require_ready("renew_lease")
         self._renew_lease()
 
     def close(self, timeout_s: float) -> None:
-        """Stop the robot and let go of it. Idempotent; may be called at any time."""
+        """Stop the robot and disconnect. Idempotent; may be called at any time."""
         if self.__closed:
             return
         self.__closed = True
@@ -258,11 +257,11 @@ class Robot(ABC):
 
     @abstractmethod
     def _connect(self, timeout_s: float) -> Capabilities:
-        """Get the robot ready within `timeout_s`, still and with the SC in charge; return what it can do."""
+        """Get the robot ready within `timeout_s`, at rest and with the SC active; return what it promises."""
 
     @abstractmethod
     def _send_goto(self, goal: Goal) -> None:
-        """Send the goal on its way; never wait."""
+        """Send the goal; never wait."""
 
     @abstractmethod
     def _sample(self) -> RobotState | None:
@@ -270,9 +269,9 @@ class Robot(ABC):
 
     @abstractmethod
     def _hand_over(self, to: Controller) -> None:
-        """Shut the other controller's stream, flush what it had in flight, on the vehicle too; put `to` in charge.
+        """Shut the other controller's stream, drop its goals, on the vehicle too, and make `to` the active controller.
 
-        Called again with the same one, it says that again and leaves that one's own goal in force.
+        If `to` is active already, send that again and leave its goal in force.
         """
 
     @abstractmethod
@@ -285,7 +284,7 @@ class Robot(ABC):
 
     @abstractmethod
     def _disconnect(self, timeout_s: float) -> None:
-        """Leave the vehicle stopped and free what was opened. Called once, ready or not."""
+        """Leave the vehicle stopped, and free what was opened. Called once, whether the robot became ready or not."""
 
     # --- what is enforced once -----------------------------------------------------------------------------
 
@@ -326,14 +325,14 @@ class Robot(ABC):
             goal._end(GoalStatus.REACHED, "", now_s)
             self.__goal = None
         elif now_s >= goal.deadline_s:
-            # First of all: a goal whose robot could not be told to stop has not ended.
+            # Stop first: a goal whose robot could not be told to stop has not ended.
             self._halt()
             goal._end(GoalStatus.TIMED_OUT, f"not there after {target.timeout_s:g} s", now_s)
             self.__goal = None
 
     def __cancel(self, goal: Goal) -> None:
         if goal is self.__sent:
-            # Also one that has been reached: the vehicle may be on its way to the middle, or not have heard of it yet.
+            # A reached goal is stopped too: the vehicle may still drive to the middle, or not have heard of it yet.
             self._halt()
             goal._end(GoalStatus.CANCELLED, "cancelled by its owner", self.__clock.now())
             self.__goal = self.__sent = None
@@ -345,7 +344,7 @@ _OWN: Final = {
     "read_state": "fill _sample()", "switch_ac_sc": "fill _hand_over()", "renew_lease": "fill _renew_lease()",
     "close": "fill _disconnect()",
 }  # fmt: skip
-"""What adapters do not override, by name, and what they do instead."""
+"""By public name that adapters must not override: what to do instead."""
 
 
 def _collides(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Ground truth that a simulated world tells beside its robots, see `soter_sim.truth_server`."""
+"""Ground truth that a simulated world sends on a channel of its own; see `soter_sim.truth_server`."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _TOLD: Final = {"time_s", "poses", "speeds", "violations", "min_margin", "contac
 
 
 class ToldTruth:
-    """What a simulated world says that really happens, as it comes over any wire; implements `soter.sdk.Truth`.
+    """Ground truth of a simulated world, received over any wire; implements `soter.sdk.Truth`.
 
-    One thread hears; any may ask, which waits for nothing: a pose is the last one heard, moved on at its speed to the
-    time of asking.
+    One thread calls `hear`; any thread may ask, without waiting. A pose is the last one heard, extrapolated at its
+    speed to the time of the call.
 
     Args:
-        clock: fleet time, in which violations are told.
+        clock: fleet time, in which violations are reported.
     """
 
     def __init__(self, clock: VehicleClock) -> None:
@@ -41,14 +41,14 @@ class ToldTruth:
 
     @property
     def known(self) -> bool:
-        """Whether anything was heard."""
+        """Whether anything was heard yet."""
         return self._latest is not None
 
     def hear(self, message: bytes) -> None:
-        """Take what the world tells, see `soter_sim.truth_server`.
+        """Take a message of the world; see `soter_sim.truth_server`.
 
         Raises:
-            ValueError: it is no truth.
+            ValueError: the message is no ground truth.
         """
         told = json.loads(message)
         if not isinstance(told, dict) or not told.keys() >= _TOLD:
@@ -58,14 +58,14 @@ class ToldTruth:
         if before is None or told["time_s"] < before["time_s"]:
             self._offset_s = offset_s
         else:
-            # The quickest line tells best; but a world may fall behind, on a host that lags, and stay there.
+            # The quickest message has the best offset; but on a slow host a world may fall behind, and stay there.
             lag_s = _LAG * (told["time_s"] - before["time_s"])
             self._offset_s = min(offset_s, self._offset_s + lag_s)
         self._heard_s = heard_s
         self._latest = told
 
     def report(self) -> TruthReport:
-        """Return what has happened up to now; of a simulator that is gone, up to its end, with a warning."""
+        """Return what has happened up to now, or up to the end of a simulator that is gone, with a warning."""
         told, offset_s = self._told(), self._offset_s
         silent_s = self._clock.now() - self._heard_s
         if silent_s > _SILENT_S and not self._warned:
@@ -83,7 +83,7 @@ class ToldTruth:
         )
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
-        """Return where a robot is: x_m, y_m, heading_rad."""
+        """Return where a robot really is: x_m, y_m, heading_rad."""
         told = self._told()
         x_m, y_m, heading_rad = told["poses"][str(robot_id)]
         v_m_s, yaw_rate_rad_s = told["speeds"][str(robot_id)]
@@ -107,11 +107,11 @@ class StreamedTruth(ToldTruth):
 
     Args:
         address: `host:port` of the world's truth.
-        clock: fleet time, in which violations are told.
+        clock: fleet time, in which violations are reported.
         timeout_s: how long to wait for the first line.
 
     Raises:
-        RobotUnavailable: nobody tells anything there.
+        RobotUnavailable: no truth is sent there.
     """
 
     def __init__(self, address: str, clock: VehicleClock, timeout_s: float = 5.0) -> None:

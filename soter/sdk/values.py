@@ -13,21 +13,21 @@ from soter.controller import Controller as Controller
 from soter.controller import direct
 
 MAX_COORDINATE_M = 25_000.0
-"""A coordinate beyond this is a mistake, not a place."""
+"""A coordinate beyond this is a mistake."""
 
 _MOVING_M_S: Final = 0.02
 
 REST_M_S: Final = 1e-3
 REST_RAD_S: Final = 1e-2
-"""A robot without noise that reports no more than this stands still."""
+"""Turn rate up to which a robot without noise counts as standing still."""
 
 MAX_HEADING_RAD = 1e6
-"""A heading beyond this is a mistake: it says nothing any more, and in a vehicle's own unit it may be no number."""
+"""A heading beyond this is a mistake: it has lost its precision, and may overflow in a vehicle's own unit."""
 
 
 @direct
 class Link(Enum):
-    """How alive the robot's link is, judged by the age of its latest sample."""
+    """State of a robot's link, judged by the age of its latest sample."""
 
     UP = "UP"
     STALE = "STALE"
@@ -36,7 +36,7 @@ class Link(Enum):
 
 @direct
 class GoalStatus(Enum):
-    """A goal leaves ACTIVE once, for one of the others, and stays there."""
+    """Status of a goal. It leaves ACTIVE once, for one of the others, and stays there."""
 
     ACTIVE = "active"
     REACHED = "reached"
@@ -55,8 +55,8 @@ class Waypoint(NamedTuple):
         x_m: east.
         y_m: north.
         z_m: up; 0 for a ground robot.
-        heading_rad: the heading to arrive with, or None. A vehicle that can reverse drives the leg backwards
-            when that arrives with this heading.
+        heading_rad: the heading to arrive with, or None. A vehicle that can reverse drives the leg backwards if it then
+            arrives with this heading.
         speed_m_s: a cap on the speed on the way, or None for the vehicle's own.
         radius_m: the goal is reached when the robot is at most this far from the place.
         timeout_s: fleet time after which the goal is TIMED_OUT and the robot stops.
@@ -71,11 +71,11 @@ class Waypoint(NamedTuple):
     timeout_s: float = 120.0
 
     def check(self, max_coordinate_m: float = MAX_COORDINATE_M) -> None:
-        """Refuse what no robot can mean.
+        """Raise unless all values are numbers that a robot can work with.
 
         Raises:
-            ValueError: a value is not finite or out of range; the message names it, and nothing was sent.
-            TypeError: a value is not a number: what only compares like one would fail later, in the vehicle.
+            ValueError: a value is not finite or out of range; the message names it.
+            TypeError: a value is not a number: one that only compares like a number would fail later, in the vehicle.
         """
         values: tuple[object, ...] = self
         for value in values:
@@ -97,14 +97,14 @@ class Waypoint(NamedTuple):
             raise ValueError(f"Waypoint.timeout_s is {self.timeout_s}, allowed: above 0")
 
     def in_floats(self) -> Waypoint:
-        """Return the same place with a float for each number: others, such as NumPy's, are none to most wires."""
+        """Return the same waypoint with Python floats; most wires cannot encode other numbers, such as NumPy's."""
         if all(type(value) is float or value is None for value in self):
             return self
         return Waypoint(*(None if value is None else float(value) for value in self))  # type: ignore[arg-type]
 
 
 def _is_finite(value: float) -> bool:
-    """Return whether a number is one as a float, too: a limit would be infinite itself in one of 32 bits."""
+    """Return whether a number is finite as a Python float; compared in 32 bits, a limit could itself be infinite."""
     try:
         return math.isfinite(value)
     except OverflowError:
@@ -115,7 +115,7 @@ class RobotState(NamedTuple):
     """The latest sample of one robot.
 
     Attributes:
-        robot_id: whose sample it is.
+        robot_id: the robot.
         stamp_s: fleet time at which the vehicle was in this state.
         vehicle_stamp_s: the same moment on the vehicle's own clock.
         x_m: east.
@@ -124,12 +124,12 @@ class RobotState(NamedTuple):
         heading_rad: body heading in (-pi, pi].
         vx_m_s: velocity, east.
         vy_m_s: velocity, north.
-        yaw_rate_rad_s: counter-clockwise.
-        battery: charge from 0 to 1, or None where it is unknown.
-        controller: who is in charge, as the robot itself reports it; None where it does not.
+        yaw_rate_rad_s: turn rate, counter-clockwise.
+        battery: charge from 0 to 1; None if unknown.
+        controller: the active controller that the robot itself reports; None if it reports none.
         goal_id: the goal that the robot is working on, or None.
-        link: how alive the link is.
-        vz_m_s: velocity, up; None where the robot does not report it.
+        link: state of the link.
+        vz_m_s: velocity, up; None if not reported.
     """
 
     robot_id: int
@@ -155,7 +155,7 @@ class RobotState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """What a robot promises. The proofs stand on these numbers and the conformance kit measures them.
+    """What a robot promises. The proofs rest on these numbers, and the conformance kit measures them.
 
     Attributes:
         in_process: the robot lives in this process, in virtual time.
@@ -176,9 +176,9 @@ class Capabilities:
         overshoot_m: how far it runs beyond a target, at most.
         position_noise_m: error of a reported position, at most.
         pivots_first: it turns in place before it drives.
-        accel_m_s2: how fast its speed along the heading grows, at most; None where it does not promise that.
-        speed_noise_m_s: error of a reported velocity, at most, or None, likewise.
-        heading_noise_rad: error of a reported heading, at most, or None, likewise.
+        accel_m_s2: how fast its speed along the heading grows, at most; None if not promised.
+        speed_noise_m_s: error of a reported velocity, at most; None if not promised.
+        heading_noise_rad: error of a reported heading, at most; None if not promised.
     """
 
     in_process: bool
@@ -205,13 +205,13 @@ class Capabilities:
 
     @property
     def moving_m_s(self) -> float:
-        """A robot that reports a speed above this moves, whatever the noise; at or below it, it may stand."""
+        """Reported speed above which a robot moves, whatever the noise; at or below it, the robot may stand."""
         return _MOVING_M_S + (self.speed_noise_m_s or 0.0)
 
     def rests(self, state: RobotState) -> bool:
-        """Return whether a robot that reports this stands still, as far as its noise lets anybody tell.
+        """Return whether a robot that reports this state stands still, as far as its noise allows to tell.
 
-        Its rim may seem to move as fast as its middle may.
+        The speed noise also bounds how fast the rim of its body may seem to move.
         """
         noise_m_s, turns_rad_s = self.speed_noise_m_s or 0.0, abs(state.yaw_rate_rad_s)
         return math.hypot(state.vx_m_s, state.vy_m_s) <= REST_M_S + noise_m_s and (
@@ -219,19 +219,19 @@ class Capabilities:
         )
 
     def unrest(self, state: RobotState) -> str:
-        """Return in words why a robot that was told to stand, and reports this, does not count as standing."""
+        """Return, in words, why a robot that was told to stand and reports this state does not count as standing."""
         speed_m_s = math.hypot(state.vx_m_s, state.vy_m_s)
         return (
-            f"it does not come to rest although nothing is asked of it: it reports {speed_m_s:.3f} m/s and "
-            f"{state.yaw_rate_rad_s:.3f} rad/s; who else moves it? If nobody does, that is noise, and "
+            f"it does not come to rest although it has no goal: it reports {speed_m_s:.3f} m/s and "
+            f"{state.yaw_rate_rad_s:.3f} rad/s; does something else move it? If not, that is noise, and "
             f"promise.speed_noise_m_s = {self.speed_noise_m_s} allows too little of it"
         )
 
     def widened_beyond(self, declared: Capabilities) -> str | None:
-        """Return the name of a promise that is worse than `declared` allows, by `WIDENS`, or None."""
+        """Return the name of the first promise that is worse than `declared`, as `WIDENS` says; None if none is."""
         for name in self.__slots__:
             mine, theirs = getattr(self, name), getattr(declared, name)
-            # What is not promised may be anything.
+            # A figure that is not promised may be anything.
             mine, theirs = (math.inf if each is None else each for each in (mine, theirs))
             # Written so that NaN counts as worse.
             up, down = mine <= theirs, mine >= theirs
@@ -241,7 +241,7 @@ class Capabilities:
 
 
 class Widens(Enum):
-    """Which change of a promise lets a robot do what the proofs do not count on."""
+    """The direction of change of a promise that lets a robot do what the proofs rule out."""
 
     UP = "up"
     DOWN = "down"
@@ -251,12 +251,12 @@ class Widens(Enum):
 WIDENS: Final[Mapping[str, Widens]] = {
     "in_process": Widens.EITHER_WAY,
     "deterministic": Widens.UP,
-    # A robot may lack what its kind can do, and is then supervised as one that cannot; it may not claim more.
+    # A robot may lack an ability of its class, and is then supervised without it; it may not claim more.
     "reverses": Widens.UP,
     "reports_battery": Widens.UP,
     "reports_controller": Widens.UP,
     "v_max_m_s": Widens.UP,
-    # A fast turn leads where nothing was looked at; a slow one takes longer than waiting and ways home are paid for.
+    # Faster turns lead where nothing was checked; slower ones take longer than waits and return paths are paid for.
     "yaw_rate_max_rad_s": Widens.EITHER_WAY,
     "brake_m_s2": Widens.DOWN,
     "body_radius_m": Widens.UP,
@@ -273,25 +273,25 @@ WIDENS: Final[Mapping[str, Widens]] = {
     "speed_noise_m_s": Widens.UP,
     "heading_noise_rad": Widens.UP,
 }
-"""By promise of `Capabilities`, all of them."""
+"""By promise, for all fields of `Capabilities`: which change widens it."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """One robot that a backend is asked to open.
+    """One robot that a backend is to open.
 
     Attributes:
         id: its number, from 1; also the MAVLink system id.
-        x_m: where it is expected at the start, east (a simulated robot is put there).
-        y_m: the same, north.
-        heading_rad: the same, heading.
+        x_m: its expected position at the start, east (a simulated robot is put there).
+        y_m: its expected position at the start, north.
+        heading_rad: its expected heading at the start.
         battery: charge from 0 to 1 that a simulated robot starts with; None for full.
         drive_s: time from full to empty when driving, of a simulated robot.
-        idle_s: the same when standing still.
+        idle_s: time from full to empty when standing still, of a simulated robot.
         charge_s: time from empty to full at a charger, of a simulated robot.
         name: the robot's name on a wire that has names.
-        promised: what this robot promises, where that is known beforehand: a simulated robot is built so large, so fast
-            and with such brakes, and every robot declares it. None for what its class declares.
+        promised: what this robot promises, if known beforehand: every robot declares it, and a simulated one is built
+            with that size, speed and brakes. None for what its class declares.
     """
 
     id: int
@@ -311,10 +311,10 @@ class FaultReport:
     """What one injected fault did to one robot.
 
     Attributes:
-        kind: which fault.
-        robot_id: to which robot.
+        kind: the fault's kind.
+        robot_id: the robot.
         declared: whether the robot's promises allow for it.
-        affected: how often it spoilt a command or a sample, or impaired the vehicle.
+        affected: how often it altered a command or a sample, or impaired the vehicle.
     """
 
     kind: str
@@ -324,11 +324,11 @@ class FaultReport:
 
 
 class HeldMission(NamedTuple):
-    """What a robot holds as a mission of its own.
+    """A mission that a robot itself holds.
 
     Attributes:
         points: the places that it would visit, in order: metres, x and y in the workspace.
-        left_out: what else it would do, in words.
+        left_out: what else the mission would do, in words.
     """
 
     points: tuple[tuple[float, float], ...]
@@ -341,13 +341,13 @@ RULES = ("battery", "geofence", "collision", "obstacle")
 
 @dataclass(frozen=True, slots=True)
 class RuleLimits:
-    """From where on a simulated world counts a rule as broken: what the mission promises, with its modules or without.
+    """Limits below which a simulated world counts a rule as broken: what the mission promises, with or without modules.
 
-    Bodies that overlap are in collision, and a body in a box breaks a rule, whatever stands here.
+    Bodies that overlap, and a body in a box, always break a rule, whatever the limits.
 
     Attributes:
-        separation_m: two centres are no nearer.
-        clearance_m: a body is no nearer to a box.
+        separation_m: least distance of two centres.
+        clearance_m: least distance of a body to a box.
     """
 
     separation_m: float = 0.3
@@ -379,9 +379,8 @@ class TruthReport:
         violations: every interval, oldest first.
         min_margin: by rule, the least margin seen: metres, or charge from 0 to 1 for the battery.
         contacts: number of times that bodies began to touch, a robot and a box or two robots.
-        ended_s: fleet time at which the world fell silent; what has happened since then is not known. None while it
-            is heard.
-        charges: by robot, the charge that is left now, from 0 to 1; empty where the world does not tell.
+        ended_s: fleet time at which the world fell silent, after which nothing is known; None while it is heard.
+        charges: by robot, the charge that is left now, from 0 to 1; empty if the world does not report it.
     """
 
     violations: tuple[Violation, ...]

@@ -1,4 +1,4 @@
-"""Backends of robots on a wire: those that are given, or simulated ones that are started for the occasion."""
+"""Backends of robots on a wire: given robots, or simulated ones that are started for the run."""
 
 from __future__ import annotations
 
@@ -23,40 +23,40 @@ from soter.sdk.values import RobotSpec, RuleLimits
 
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits) -> bytes:
-    """Return a world as simulators read it, see `soter_sim.program.read_world`."""
+    """Return a world in the encoding that simulators read; see `soter_sim.program.read_world`."""
     return TypeAdapter(tuple[Workspace | SitePlan, tuple[RobotSpec, ...], RuleLimits]).dump_json(
         (plain(workspace), tuple(robots), limits)
     )
 
 
 class Runs(Protocol):
-    """What was started for a fleet, and ends with it."""
+    """Processes that were started for a fleet, and end with it."""
 
     def lost(self) -> str:
-        """Return which process has ended, in words; empty while all run."""
+        """Return, in words, which process has ended; empty while all run."""
 
     def close(self) -> None:
-        """End it, and wait until it is gone. Idempotent."""
+        """End the processes, and wait until they are gone. Idempotent."""
 
 
 S = TypeVar("S", bound=Runs)
 
 
 class Simulator(program.Program):
-    """Simulated robots in a process of their own, which can be mistreated from here.
+    """Simulated robots in a process of their own, whose clocks and restarts tests can control.
 
     Args:
-        module: their program, see `soter_sim.commanded`.
-        workspace: their world.
-        robots: which, and where they start.
+        module: the simulator's module; see `soter_sim.commanded`.
+        workspace: the robots' world.
+        robots: the robots, and where they start.
         limits: what the mission promises.
-        at: by robot, the address that a simulator before said; for robots that come back where they were.
+        at: by robot, the address that an earlier simulator gave it; for robots that come back at the same address.
 
     Attributes:
-        robots: by robot, its address, as the program says it.
+        robots: by robot, its address, as the simulator says.
 
     Raises:
-        RobotUnavailable: it does not start.
+        RobotUnavailable: the simulator does not start.
     """
 
     def __init__(
@@ -73,11 +73,11 @@ class Simulator(program.Program):
         self._control: Final[int] = self.told["control"]
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
-        """Set a robot's own clock forward, or back where negative, within one of its periods."""
+        """Set a robot's own clock forward, or back if negative, within one of its periods."""
         self._mistreat({"robot": robot_id, "step_clock_s": seconds})
 
     def restart(self, robot_id: int) -> None:
-        """Switch a robot's computer off and on: it knows nothing of what it was told, and its clock begins at 0."""
+        """Reboot a robot's computer: it forgets all commands, and its clock begins at 0."""
         self._mistreat({"robot": robot_id, "restart": True})
 
     def _mistreat(self, asked: dict[str, object]) -> None:
@@ -86,17 +86,17 @@ class Simulator(program.Program):
 
 
 class WireFleet(Fleet, Generic[S]):
-    """Robots on a wire, what they share, and the simulator if it was started for them.
+    """Robots on a wire, what they share, and the simulator if one was started for them.
 
     Args:
         clock: follows the robots' clocks.
-        robots: in the order in which they were asked for.
-        truth: `host:port` at which a simulated world says what really happens, or None.
+        robots: in the order in which they were requested.
+        truth: `host:port` of a simulated world's ground truth, or None.
         simulator: a simulator to end with the fleet, or None.
-        shared: closed behind the robots; the fleet takes it over.
+        shared: closed after the robots; the fleet takes it over.
 
     Raises:
-        RobotUnavailable: nobody tells the truth there; nothing was taken over.
+        RobotUnavailable: no truth is sent there; `shared` was not taken over.
     """
 
     robots: tuple[Any, ...]
@@ -122,11 +122,11 @@ class WireFleet(Fleet, Generic[S]):
 
 
 class WireConfig(BackendConfig):
-    """What backends on a wire are told. An adapter's own model may give addresses a type of its own.
+    """The configuration of backends on a wire. An adapter's own model may give addresses a type of its own.
 
     Attributes:
-        robots: by number, where the robots are; where none is given, simulated ones are started.
-        truth: `host:port` at which a simulator that was started by hand says what really happens.
+        robots: by number, the robots' addresses; if none is given, simulated robots are started.
+        truth: `host:port` of the ground truth of a simulator that was started by hand.
     """
 
     robots: dict[int, Any] = Field(default_factory=dict)
@@ -137,13 +137,13 @@ class WireBackend(Backend):
     """Opens robots on a wire."""
 
     simulated_by: ClassVar[str]
-    """The program of simulated robots, as `python -m` runs it; see `soter_sim.commanded`."""
+    """The module of simulated robots that `python -m` runs; see `soter_sim.commanded`."""
 
     @abstractmethod
     def connect(
         self, config: Any, robots: Sequence[RobotSpec], clock: VehicleClock, shared: ExitStack
     ) -> Sequence[Robot]:
-        """Return the robots at the addresses of `config`, all given; `shared` takes what to close behind them."""
+        """Return the robots at the addresses of `config`, which are all given; push what to close last on `shared`."""
 
     @classmethod
     def clock(cls, config: Any) -> VehicleClock:
@@ -152,13 +152,13 @@ class WireBackend(Backend):
 
     @classmethod
     def simulate(cls, config: Any, robots: Sequence[RobotSpec]) -> Any:
-        """Start simulated robots in the world of `config`: a `Simulator`, or what else `located` takes."""
+        """Start simulated robots in the world of `config`; return a `Simulator`, or anything that `located` takes."""
         return Simulator(cls.simulated_by, config.workspace, robots, config.limits)
 
     @classmethod
     def located(cls, config: Any, simulator: Any) -> Any:
-        """Return the options with the robots of a simulator in them."""
-        # Checked like what is given by hand.
+        """Return the configuration with a simulator's robots in it."""
+        # Validated like addresses that are given by hand.
         return type(config).model_validate({**dict(config), "robots": simulator.robots, "truth": simulator.truth})
 
     def open(self, config: Any, robots: Sequence[RobotSpec]) -> WireFleet[Any]:
@@ -170,8 +170,8 @@ class WireBackend(Backend):
         missing = [spec.id for spec in robots if spec.id not in config.robots]
         if config.robots and missing:
             raise RobotUnavailable(
-                f"no address is given for the robots {missing}; add them to the backend's table `robots`, or take all "
-                "out to have simulated ones"
+                f"no address is given for the robots {missing}; add them to the backend's table `robots`, or remove "
+                "all addresses to have simulated robots"
             )
         clock = self.clock(config)
         with ExitStack() as started, ExitStack() as shared:
