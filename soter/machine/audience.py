@@ -1,4 +1,4 @@
-"""Who watches the machines: specs that judge what is sent, and observers of the changes of state."""
+"""The audience of the machines: specs, which judge what is sent, and observers of the changes of state."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ def _observes(spec: SpecContext, event: type[Event]) -> bool:
 
 
 class Audience:
-    """The specs and observers of a runtime, and what they complain about."""
+    """The specs and observers of a runtime, and their failures."""
 
     def __init__(self, core: Core) -> None:
         self.core = core
         self.specs: list[SpecContext] = []
         self.spec_ids: set[int] = set()
         self.observers: list[Callable[[Transition], None]] = []
-        # Failures that are not of the machine whose step it is; that step is finished before they are
-        # reported.
+        # Failures of specs and observers, not of the machine whose step it is; that step is finished before they
+        # are reported.
         self.failures: deque[Exception] = deque()
         self._watchers: dict[type, tuple[SpecContext, ...]] = {}
 
@@ -79,14 +79,14 @@ class Audience:
             try:
                 spec.tell(event)
             except MachineError as error:
-                # It is not the sender's failure: its handler goes on, and the step is what reports this.
+                # Not the sender's failure: its handler goes on, and the failure is reported after the step.
                 self.core.halt(spec)
                 self.failures.append(error)
             finally:
                 self.core.current = teller
 
     def note(self, transition: Transition) -> None:
-        """Tell the observers. What they raise is no machine's failure and leaves `run` after the step."""
+        """Tell the observers. An exception of theirs is no machine's failure and leaves `run` after the step."""
         for observer in tuple(self.observers):
             try:
                 observer(transition)

@@ -1,4 +1,4 @@
-"""The control flow inside one machine: run a handler, and all that follows from what it returns."""
+"""The control flow inside one machine: runs a handler, and all that follows from its result."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Ending = tuple["StateTable | None", Any, "Handler | None", "Event | None"]
 class MachineContext(Intake):
     """What the runtime keeps for one machine.
 
-    The machine context runs handlers and follows their results; the runtime decides when, and owns all that is between
+    The machine context runs handlers and follows their results; the runtime decides when, and owns everything between
     machines.
     """
 
@@ -59,13 +59,13 @@ class MachineContext(Intake):
         self.core = core
         self.table = table
         self.machine: Any = None
-        # What its handlers have sent and created, waiting for its turn under systematic testing; else None.
+        # Under systematic testing: what its handlers have sent and created, to take effect in later steps; else None.
         self.outbox: deque[tuple[MachineRef | MachineContext | None, Event | None]] | None = None
         self.told = False  # specs have seen the first of the outbox
         self.coro: CoroutineType[Any, Any, Any] | None = None
         self.ending: Ending | None = None
         self.entry_lost = False  # an interrupt has abandoned the entry handler
-        self.ready = False  # it is in the list of machines that can do something, or doing it
+        self.ready = False  # it is in the list of machines that can take a step, or taking one
         self.halting = False  # it will be halted when its outbox is empty
         self.halted = False
 
@@ -113,8 +113,8 @@ class MachineContext(Intake):
             if handler.role < FIRST_SILENT:
                 self._run(self._dispatch(event))
                 return
-            # The state is being left already: nothing can handle the Halt any more. But an event that was not
-            # handled, which may be why the state is being left, must not go unnoticed.
+            # The state is being left already, so nothing can handle the Halt any more. But an unhandled event, which
+            # may be why the state is left, must not go unnoticed.
             assert self.ending is not None
             if self.ending[0] is None:
                 self._run(self._proceed(crossed=True))
@@ -179,7 +179,7 @@ class MachineContext(Intake):
             self.coro = None
             raise
         except BaseException as exc:
-            # Who exits, or cancels what is not there, has failed as well; nothing of that ends the program.
+            # A handler that exits or cancels has failed as well; it must not end the program.
             self.coro = None
             raise self.failure(exc) from exc
         if request.__class__ is not Wait or request.context is not self:
@@ -230,7 +230,7 @@ class MachineContext(Intake):
     # Following results
 
     def _next(self, result: Any) -> tuple[Handler, Any] | None:
-        """Return the handler that follows from a result, with its argument; None if the machine comes to rest."""
+        """Return the handler that a result leads to, with its argument; None if the machine comes to rest."""
         handler = self.handler
         assert handler is not None
         cls = result.__class__
@@ -332,7 +332,7 @@ class SpecContext(MachineContext):
         self.hot_since = steps if target.state.hot else None
 
     def tell(self, event: Event) -> None:
-        """Handle an event now."""
+        """Handle an event at once."""
         self.pending_event = event
         self.pending = EVENT
         self.perform()

@@ -1,4 +1,4 @@
-"""The scheduler: which machine does its next step, and what passes between machines."""
+"""The scheduler: decides which machine takes the next step, and passes events between machines."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Core:
-    """Everything that lies between machines: what they send, the choice of who is next, timers.
+    """Everything between machines: the events they send, the choice of the next machine, timers.
 
     Without `pick` a step is one event handled to the end of its handler, or to its next `receive`, and what a
     handler sends is queued at once; machines take turns. With `pick` a step ends at every scheduling point,
@@ -56,7 +56,7 @@ class Core:
         self.choosing = False
         self.steps = 0
         self.next_id = 1
-        # Whoever posts and whatever timers send takes part in the scheduling like a machine.
+        # Posted events and those of timers take part in the scheduling like a machine.
         nowhere = StateTable("outside", State())
         outside = ClassTable("outside", nowhere, {}, {})
         self.outside = self._prepare(MachineContext(self, MachineRef(0, "outside", node), outside, nowhere))
@@ -116,7 +116,7 @@ class Core:
         self.ready.append(context)
 
     def halt(self, context: MachineContext) -> None:
-        """Stop a machine, once everything it has sent is under way."""
+        """Stop a machine once everything it has sent has been queued."""
         context.pending = NOTHING
         context.halting = True
         if not context.outbox:
@@ -135,7 +135,7 @@ class Core:
             self.audience.note(Transition(self.now(), context.ref, context.state.name, context.event, None))
 
     def entered(self, context: MachineContext, source: StateTable | None, target: StateTable) -> None:
-        """Tell whom it concerns that a machine has changed its state."""
+        """Tell specs and observers that a machine has changed its state."""
         if context.__class__ is SpecContext:
             context.enter(target, self.steps)
         if self.audience.observers:
@@ -143,7 +143,7 @@ class Core:
             self.audience.note(Transition(self.now(), context.ref, name, context.event, target.name))
 
     def idling(self, context: MachineContext) -> None:
-        """Note that an idle handler runs: in a live runtime it must not keep `run` from coming to an end."""
+        """Note that an idle handler runs: in a live runtime it must not keep `run` from ending."""
         if self.pick is None:
             context.idled = True
             self.idled.append(context)
@@ -169,7 +169,7 @@ class Core:
             outbox.append((to, event))
 
     def announce(self, context: MachineContext, event: Event) -> None:
-        """Tell the specs of an event that is sent to nobody."""
+        """Show the specs an event that is not sent to any machine."""
         guard = guard_of(event.__class__)
         if guard is not None:
             guard(event)
@@ -179,7 +179,7 @@ class Core:
             self.audience.tell(event)
 
     def check_target(self, to: object) -> None:
-        """Raise MisuseError unless events can be sent there. A halted machine is a fine target."""
+        """Raise MisuseError unless events can be sent there; a halted machine is allowed."""
         if not isinstance(to, MachineRef):
             raise MisuseError(f"events are sent to a MachineRef, not to {to!r}")
         if to.node != self.node:
@@ -230,9 +230,9 @@ class Core:
             self.wake(self.outside)
 
     def _collect(self) -> None:
-        """Take in what other threads have posted and what timers have to send."""
+        """Send the events that other threads have posted and that timers are due to send."""
         posted = self.posted
-        # No more than was there at the beginning: a thread that floods must not keep the machines waiting.
+        # No more than were posted at the beginning: a flood from a thread must not keep the machines waiting.
         for _ in range(len(posted)):
             self._emit(*posted.popleft())
         if self.timers.heap:
@@ -241,7 +241,7 @@ class Core:
                 self._emit(timer.to, timer.event)
 
     def choose(self, n: int) -> int:
-        """Make a choice that is left open."""
+        """Return a number from 0 to n - 1, chosen by `pick`, or 0."""
         if n < 1:
             raise ValueError(f"cannot choose one of {n}")
         if self.pick is None or n == 1:
@@ -343,10 +343,10 @@ class Core:
         elif context.waiting is not None:
             more = context.take() != NOTHING
         elif self.pick is None:
-            # Whether it can take any of it is found out when its turn comes.
+            # Whether it can take an event is found out when its turn comes.
             more = bool(context.queue) or (state.idle is not None and not context.idled)
         elif state.interrupts or state.idle is not None:
-            # What is taken here depends on what arrives before the next step, so it must be a step of its own.
+            # The event to take depends on what arrives before the next step, so taking it must be a step of its own.
             more = context.can_take()
         else:
             more = context.take() != NOTHING
@@ -372,7 +372,7 @@ class Core:
     # Failures
 
     def _fail(self, context: MachineContext, error: MachineError) -> None:
-        """Halt the machine that failed, and let the application decide about the rest."""
+        """Halt the machine that failed, and let the application decide whether the others go on."""
         context.abandon(quietly=True)
         self.halt(context)
         if context.outbox:
@@ -381,7 +381,7 @@ class Core:
         self.judge(error)
 
     def judge(self, error: MachineError) -> None:
-        """Hand a failure to the application; without one that takes it, raise it."""
+        """Pass a failure to the application's `on_failure`; without one, raise it."""
         if self.on_failure is None:
             raise error
         self.on_failure(error)

@@ -1,4 +1,4 @@
-"""What a machine takes next: the rules of its queue."""
+"""The rules of a machine's queue: what it takes next."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class Timer:
         self.active = True
 
     def cancel(self) -> bool:
-        """Do not send the event; return whether this prevented it. One that is in a queue cannot be called back."""
+        """Cancel the timer; return whether this kept the event from being sent. A queued event cannot be recalled."""
         was_active, self.active = self.active, False
         return was_active
 
 
 class TimerQueue:
-    """Timers by time, and by age where the times are equal."""
+    """Timers in order of time, and of age for equal times."""
 
     __slots__ = ("_count", "heap")
 
@@ -109,7 +109,7 @@ class Wait:
 
 
 class Intake:
-    """The queue of a machine, the place where the machine is, and what follows from the two."""
+    """The queue of a machine, its state, and the event that it takes next."""
 
     __slots__ = ("event", "handler", "idled", "pending", "pending_event", "queue", "ref", "state", "waiting")
 
@@ -213,17 +213,17 @@ class Intake:
             wanted = wait.wants(event)
         except KeyboardInterrupt:
             raise
-        except BaseException:  # noqa: BLE001 - it is the receiver's failure, and its own step will hit it again
+        except BaseException:  # noqa: BLE001 - the receiver's failure, which its own step will raise again
             return True
         if not wanted and wait.seen == len(self.queue) - 1:
             wait.seen += 1
         return wanted
 
     def failure(self, exc: BaseException, prefix: str = "") -> MachineError:
-        """Describe an exception that came out of user code."""
+        """Return the error that reports an exception raised by user code."""
         return self.error(prefix + account_of(exc, lambda each: f"{type(each).__name__}: {each}"))
 
     def error(self, reason: str, kind: type[MachineError] = HandlerError) -> MachineError:
-        """Describe a failure at the place where the machine is."""
+        """Return an error that names the machine's state, handler and event."""
         where = None if self.handler is None else self.handler.where
         return kind(reason, machine=self.ref.name, state=self.state.name, handler=where, event=self.event)

@@ -1,4 +1,4 @@
-"""The base classes of machines and specs: what a handler can do."""
+"""The base classes of machines and specs, with what their handlers may call."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Machine:
 
     @property
     def ref(self) -> MachineRef:
-        """This machine's reference, to be sent to others."""
+        """This machine's reference, to send to others."""
         return self._own_context().ref
 
     def now(self) -> float:
@@ -229,7 +229,7 @@ class Spec:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> NoReturn:
-            """Say why a spec lacks what machines have."""
+            """Raise an error that says why a spec lacks a method of machines."""
             if name in _MACHINE_NAMES:
                 raise MisuseError(f"{type(self).__name__} is a spec and only watches: it has no {name}()")
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")

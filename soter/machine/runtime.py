@@ -30,7 +30,7 @@ class Blocked(NamedTuple):
 
 
 class SpecStatus(NamedTuple):
-    """How a spec stands.
+    """The status of a spec.
 
     Attributes:
         spec: Which spec.
@@ -124,7 +124,7 @@ class Runtime:
         return context.ref
 
     def observe(self, observer: Callable[[Transition], None]) -> Callable[[], None]:
-        """Call something, which must not call the runtime, with every change of state; return what ends that."""
+        """Call an observer, which must not call the runtime, with every change of state; return what ends this."""
         self._core.audience.observers.append(observer)
 
         def stop() -> None:
@@ -197,7 +197,7 @@ class Runtime:
             core.running = False
 
     def finish(self) -> None:
-        """Check that nothing is owed at the end of a run.
+        """Check at the end of a run that no spec is in a hot state.
 
         Raises:
             LivenessError: Specs are in hot states.
@@ -261,7 +261,7 @@ class Runtime:
     def current_handler(self) -> str | None:
         """The machine and the handler that is running; None between steps. Any thread may read it.
 
-        A watchdog that finds the same handler and the same `steps` for too long knows who blocks.
+        If a watchdog finds the same handler and the same `steps` for too long, that handler blocks.
         """
         context = self._core.current
         handler = None if context is None else context.handler
@@ -269,7 +269,7 @@ class Runtime:
 
     @property
     def candidates(self) -> tuple[MachineRef, ...]:
-        """While `pick` is asked who is next: the machines it chooses from, in order. Empty for other choices.
+        """While `pick` chooses the next machine: the machines to choose from, in order. Empty for other choices.
 
         Number 0 stands for the outside: what was posted and what timers send.
         """
@@ -306,7 +306,7 @@ class Runtime:
         return found
 
     def specs(self) -> list[SpecStatus]:
-        """Return how every attached spec stands."""
+        """Return the status of every attached spec."""
         core = self._core
         return [
             SpecStatus(s.ref, s.state.name, s.state.state.hot, s.temperature(core.steps)) for s in core.audience.specs

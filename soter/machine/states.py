@@ -1,4 +1,4 @@
-"""The words a machine is written in: states, decorators that attach handlers, and what handlers return."""
+"""The language of machines: states, decorators that attach handlers, and the results of handlers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from soter.machine.events import Event, Halt
 
 
 class _Missing:
-    """The payload of those who gave none, since None is a payload too."""
+    """Stands for a payload that was not given, since None is a payload too."""
 
     def __repr__(self) -> str:
         return "no payload"
@@ -90,7 +90,7 @@ INTERRUPT: Final = "interrupt"
 
 @dataclass(eq=False, slots=True)
 class Registration:
-    """One use of a decorator; it becomes part of the class in whose body it stands when that is complete."""
+    """One use of a decorator; it takes effect when the class in whose body it stands is complete."""
 
     state: State[Any]
     kind: str
@@ -244,7 +244,7 @@ class State(Generic[P]):
 
 
 def _attach(registration: Registration, handler: H) -> H:
-    """Note a handler. Whether it is right is checked with the class, when all names are known."""
+    """Register a handler. It is checked with its class, when all names are known."""
     if registration.handler is not None:
         # One decorator object applied twice: the second method must be reported as a duplicate, not forgotten.
         registration = Registration(registration.state, registration.kind, registration.events, registration.goto)

@@ -1,4 +1,4 @@
-"""Turns a machine class into lookup tables when it is defined, and says what is wrong with it."""
+"""Compiles a machine class into lookup tables when it is defined, and reports its errors."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ LAST_TAKEN: Final = UNHANDLED
 
 @dataclass(frozen=True, slots=True)
 class Handler:
-    """A method with what the control flow needs to know about it.
+    """A handler method, and what the control flow needs to know about it.
 
     Attributes:
         call: The method as a plain function.
         takes: Whether it is called with a payload or an event besides the machine.
         optional: Whether that parameter has a default.
-        role: What it is for; one of the numbers above.
-        may_end: Whether it may end without saying where to go: declared to return None, or not annotated.
+        role: One of the roles above.
+        may_end: Whether it may end without a result: declared to return None, or not annotated.
         where: Its name for messages.
     """
 
@@ -71,10 +71,10 @@ class StateTable:
     interrupts: bool = False
 
     def action(self, cls: type) -> Action:
-        """Find what is done with an event class, by the nearest of its bases, and remember it."""
+        """Return the action for an event class, found by the nearest of its bases; cached."""
         action = self.actions.get(cls)
         if action is None:
-            # Halt counts only where it is named: a catch-all must not keep a machine alive.
+            # Halt only counts if it is named: a catch-all must not keep a machine alive.
             meant = (cls,) if cls is Halt else cls.__mro__
             bases = (self.declared.get(base) for base in meant)
             action = next((found for found in bases if found is not None), _UNHANDLED)
@@ -154,11 +154,11 @@ def _states_of(cls: type) -> dict[str, State[Any]]:
 
 
 def _own_registrations(cls: type, states: Mapping[str, State[Any]]) -> list[Registration]:
-    """Take what the decorators in the body of this class have left in its states, own and inherited."""
+    """Return the registrations that decorators in the body of this class left in its own and inherited states."""
     own = []
     for state in states.values():
         own += state.pending
-        # Also when the class turns out to be wrong: the next class must not inherit its leavings.
+        # Clear them even if the class turns out to be wrong: the next class must not get them.
         state.pending = []
     for name, value in vars(cls).items():
         for state in getattr(value, "soter_states", ()):
@@ -197,7 +197,7 @@ class _Compiler:
         self.owners: dict[tuple[str, str | type], type] = {}
 
     def declare(self, table: StateTable) -> None:
-        """Take over what the State itself says."""
+        """Enter the options of a State into its table."""
         state = table.state
         where = f"{self.cls.__name__}.{table.name}"
         if self.spec and state.defer:
@@ -215,7 +215,7 @@ class _Compiler:
                 self.owners[table.name, event] = state.owner or self.cls
 
     def register(self, base: type, registration: Registration) -> None:
-        """Add one decorator's use, found in a base of the class or in the class itself."""
+        """Enter one use of a decorator, in the body of the class or of a base."""
         table = self.by_state[registration.state]
         where = registration.where(base)
         if not registration.events:
@@ -242,7 +242,7 @@ class _Compiler:
             table.declared[event] = Action(kind, handler, target)
 
     def _claim(self, base: type, table: StateTable, key: str | type, where: str) -> None:
-        """Let a subclass override its bases, but no class say two things about the same event."""
+        """Let a subclass override its bases, but refuse two actions of one class for the same event."""
         if self.owners.get((table.name, key)) is base:
             what = key if isinstance(key, str) else key.__name__
             _refuse(f"{where}: state {base.__name__}.{table.name} already says what to do with {what}")
