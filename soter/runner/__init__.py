@@ -1,4 +1,4 @@
-"""Mission in, result out."""
+"""Runs a mission: mission in, result out."""
 
 from soter.runner.progress import Follower, Progress, RobotProgress
 from soter.runner.result import Run, RunResult, TickTimes

@@ -1,4 +1,4 @@
-"""What a mission's untrusted processes are boxed in with."""
+"""The sandboxes of a mission's untrusted processes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from soter.runner.part import Part
 
 
 def box_of(mission: MissionFile, part: Part | None = None) -> SandboxRules | None:
-    """Return the box of a mission's process, or of a planner; None where it is to have none.
+    """Return the sandbox rules of a mission's process, or of a planner; None if it is to have no sandbox.
 
     Args:
-        mission: its `isolation` says whether, and what may be read besides its own folder and those of its workspace
-            and its script or controller.
-        part: which part of a distributed mission is in it. Its machines talk to those of others over a bus, and so it
-            keeps the network, and the files that the bus needs. Controllers talk to nobody.
+        mission: its `isolation` says whether there is a sandbox, and what may be read besides its own folder and those
+            of its workspace and its script or controller.
+        part: the part of a distributed mission in the process. Its machines talk to those of others over a bus, so it
+            keeps the network and the files that the bus needs. Controllers do not use the bus.
     """
     if mission.isolation.sandbox == "off":
         return None

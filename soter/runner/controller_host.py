@@ -29,12 +29,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass
 class _Driver:
-    """A controller, and what has come of it.
+    """One controller and its robots.
 
     Attributes:
-        controller: untrusted; everything of it is called by `ControllerHost._attempt`.
+        controller: untrusted; called by `ControllerHost._attempt` only.
         robot_ids: its robots.
-        incidents: how many of its incidents are known.
+        incidents: how many of its incidents were reported already.
     """
 
     controller: Controller
@@ -43,7 +43,7 @@ class _Driver:
 
     @property
     def name(self) -> str:
-        """What it is called in messages."""
+        """Its name in messages."""
         return type(self.controller).__name__
 
     @property
@@ -59,22 +59,22 @@ class _Driver:
 
     @property
     def acts(self) -> str:
-        """What runs at a tick, in messages."""
+        """The name in messages of the method that runs at a tick."""
         return "step" if type(self.controller).act is Controller.act else "act"
 
 
 class ControllerHost:
-    """A `MissionHost` with controllers behind it. No planner, no machines, no targets.
+    """A `MissionHost` that runs controllers. No planner, no machines, no targets.
 
     A controller that fails costs its own robots their AC, and nothing else.
 
     Args:
-        mission: its `ac` says which.
-        workspace: where.
-        part: which part of the mission is in this process; None for all of it. Its robots are driven, all are seen.
+        mission: its `ac` names the controller.
+        workspace: fence, boxes, chargers.
+        part: this process's part of the mission; None for all of it. Only its robots are driven, but all are seen.
 
     Raises:
-        ConfigError: no such controller, or options that it does not allow.
+        ConfigError: there is no such controller, or it does not allow an option.
     """
 
     paths_replaced = 0
@@ -94,17 +94,17 @@ class ControllerHost:
         self.current_handler: str | None = None
 
     def ready(self) -> None:
-        """Nothing runs elsewhere."""
+        """Return at once: nothing runs in another process."""
 
     def receive(self) -> None:
-        """Nothing is said elsewhere."""
+        """Do nothing: nothing runs in another process."""
 
     def start(self, scene: Scene) -> None:
         """Give every controller its ports."""
         mission = self._mission
         for driver in self._drivers:
             ids = driver.robot_ids
-            # A controller of a fleet knows one body: the largest. What it does to it no module is to see.
+            # A controller of a fleet is given one body radius, the largest.
             radius_m = max(scene.rooms[each].terrain.body_radius_m for each in ids)
             arena = Arena(
                 terrain_of(scene.workspace, radius_m), {each: scene.ports[each] for each in ids},
@@ -114,7 +114,7 @@ class ControllerHost:
             self._attempt(driver, "begin", methodcaller("begin", arena))
 
     def hear(self, report: Report) -> None:
-        """Pass on what a port reports."""
+        """Pass on a port's report."""
         driver = self._driver_of[report.robot_id]
         self._attempt(driver, "hear", methodcaller("hear", report))
 
@@ -125,7 +125,7 @@ class ControllerHost:
             self._attempt(driver, driver.acts, partial(self._act, driver, now_s, tick))
 
     def close(self) -> None:
-        """End what the controllers started."""
+        """Close the controllers."""
         for driver in self._drivers:
             self.current_handler = f"{driver.name}.close"
             try:

@@ -24,15 +24,15 @@ def make_host(
     """Return the mission host of a mission, not yet begun.
 
     Args:
-        mission: its `ac` says who the ACs are.
-        workspace: where.
-        body_radius_m: of the robots, by id.
-        virtual_time: time does not pass by itself, so that what is worked out may not depend on the host.
-        part: which part of the mission is in this process; None for all of it.
+        mission: its `ac` says what the ACs are.
+        workspace: fence, boxes, chargers.
+        body_radius_m: body radii of the robots, by id.
+        virtual_time: whether the run is in virtual time, where results must not depend on the host's speed.
+        part: this process's part of the mission; None for all of it.
 
     Raises:
-        ConfigError: no such AC, or options that it does not allow; nothing has moved.
-        BackendError: what joins the processes cannot be opened.
+        ConfigError: there is no such AC, or it does not allow an option; nothing has moved.
+        BackendError: the bus between the processes cannot be opened.
     """
     if mission.ac != MISSION:
         return ControllerHost(mission, workspace, part)

@@ -34,7 +34,7 @@ from soter.stack.declaration import timing_of
 logger = logging.getLogger(__name__)
 
 DISC_SLACK_M: Final = 0.05
-"""Added to the distance at which the collision module acts, for plans around robots that stand in the way."""
+"""How much farther than the collision module's distance plans keep from robots that stand in the way."""
 
 _DECIDING: Final = "a safety module", SLOW_S
 _JUDGING: Final = "the rule of a safety module", SLOW_S
@@ -45,9 +45,9 @@ class Accepted(NamedTuple):
     """A mission that may be run.
 
     Attributes:
-        mission: what is to be done.
-        workspace: where.
-        unproved: what is run although it is not proved.
+        mission: the mission.
+        workspace: fence, boxes, chargers.
+        unproved: conditions that are not proved, but were accepted.
     """
 
     mission: MissionFile
@@ -59,13 +59,13 @@ class Loop:
     """One run, from the first tick to the last.
 
     Args:
-        accepted: what is run.
-        fleet: the robots, ready; none where the mission's task planner is alone in its process.
+        accepted: the mission to run.
+        fleet: the robots, ready; no robots if the mission's task planner is alone in its process.
         host: runs the ACs.
-        study: what is changed of the modules.
-        recorder: records it, or None.
+        study: changes to the modules.
+        recorder: records the run, or None.
         session: the other processes of a distributed mission, or None.
-        watchdog: ends the run where foreign code does not come back; None for no such thing.
+        watchdog: ends the run if foreign code does not return; None for no such limit.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Loop:
         self.robots: Final = tuple(self.safety.supervisor.robots.values())
         self.trace: Final = Trace()
         self.ticks = 0
-        # Without robots of its own it is a process of a distributed mission.
+        # A run without robots is a process of a distributed mission, on a wall clock.
         self.wall_clock: Final = not fleet.robots or not all(robot.capabilities.in_process for robot in fleet.robots)
         self.real_time = False
         self.jitter_s: Final = max((robot.capabilities.jitter_s for robot in fleet.robots), default=math.inf)
@@ -121,10 +121,10 @@ class Loop:
         return Others(taps, self.session.promises)
 
     def begin(self) -> None:
-        """Begin the recording and the mission host; the first tick is near.
+        """Begin the recording and the mission host, shortly before the first tick.
 
         Raises:
-            RunFailed: the mission host does not come back.
+            RunFailed: the mission host does not return.
         """
         recorder, safety = self.recorder, self.safety
         rooms = {
@@ -165,7 +165,7 @@ class Loop:
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
 
     def run(self, follower: Follower) -> tuple[str, str]:
-        """Tick until the time is up; return the status and, for a failure, what it was."""
+        """Tick until the time is up; return the status, and the reason of a failure."""
         start_s = time.perf_counter()
         try:
             with ExitStack() as stack:
@@ -176,7 +176,7 @@ class Loop:
                     self.real_time = stack.enter_context(real_time(required=wanted == "always"))
                 status = self._tick_on(start_s, follower)
             failure = self.host.failures.get(None)
-            # The robots were brought home by their SCs, but what they were for was not done.
+            # Their SCs brought the robots home, but the mission was not done.
             return ("failed", failure) if failure and status == "completed" else (status, "")
         except (RunFailed, BackendError, CutOff) as failure:
             logger.error("the run failed: %s", failure)
@@ -201,7 +201,7 @@ class Loop:
             host.receive()
             if session is not None:
                 session.look()
-            # In virtual time the clock shows just this time; on a wall clock it shows how late the tick really is.
+            # In virtual time the clock shows exactly this time; on a wall clock it shows how late the tick is.
             now_s = clock.now()
             late_s = now_s - (began_s + tick * base_tick_s)
             watchdog.phase = _DECIDING
@@ -218,7 +218,7 @@ class Loop:
             if recorder is not None:
                 recorder.tick(now_s, tick)
             if follower.show is not None and tick % look_ticks == 0:
-                # Now there is time until the next tick.
+                # From here on there is time until the next tick.
                 wall_s = time.perf_counter()
                 if wall_s - shown_s >= follower.every_s:
                     shown_s = wall_s
@@ -271,7 +271,7 @@ class Loop:
         return {rule: round(margin, 5) for rule, margin in margins.items()}
 
     def _follow(self, rule: str, now_s: float) -> None:
-        """Note it where the least margin of a rule has fallen; what is drawn from now on has no say in that."""
+        """Note the time if a rule's least margin has fallen; later random draws cannot change that."""
         truth = self.fleet.truth
         margin = (self._min_margin(None if truth is None else truth.report()) or {}).get(rule)
         if margin is not None and not (self.falls and margin >= self.falls[-1][1]):

@@ -1,4 +1,4 @@
-"""The mission's side of the ports: machines, the planner service, and who is told what. Untrusted as a whole."""
+"""The mission's side of the ports: machines, the planner service, and the routing of reports. Untrusted."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from soter.stack.remote import RemoteTaskPlanner, RemoteTasks
 logger = logging.getLogger(__name__)
 
 SAYS: Final = "mission: "
-"""What begins a line that a mission logs, as it begins each line that a mission's own process prints."""
+"""Prefix of lines that a mission logs, and of each line that a mission's own process prints."""
 
 _MOST_SAYINGS: Final = 100
-"""What a mission says in one tick; the rest is counted."""
+"""Most lines that a mission may log in one tick; further ones are only counted."""
 _LONGEST_SAYING: Final = 4000
 
 TASK_PLANNER: Final = "TaskPlanner"
@@ -41,18 +41,18 @@ HERE: Final = "local"
 
 
 class MachineHost:
-    """A `MissionHost`: the machines, run between the ticks, and what the ports and the planner report to them.
+    """A `MissionHost` that runs the machines between ticks, and passes them the reports of ports and planner.
 
     Args:
-        mission: what to do.
-        workspace: where.
-        body_radius_m: of the robots, by id.
-        virtual_time: plans are delivered at a time that does not depend on the host.
-        part: which part of the mission is in this process; None for all of it.
+        mission: the mission.
+        workspace: fence, boxes, chargers.
+        body_radius_m: body radii of the robots, by id.
+        virtual_time: whether plans are delivered at times that do not depend on the host's speed.
+        part: this process's part of the mission; None for all of it.
 
     Raises:
-        ConfigError: options of the planner, or of what joins the processes, that it does not allow.
-        BackendError: what joins the processes cannot be opened.
+        ConfigError: the planner, or the bus between the processes, does not allow an option.
+        BackendError: the bus between the processes cannot be opened.
     """
 
     sandbox = None
@@ -78,7 +78,7 @@ class MachineHost:
         self.failures: dict[int | None, str] = {}
         self._clock: Clock | None = None
         self._part: Final = part
-        # Robots of a task planner elsewhere need no mission: what they are to do comes over the bus.
+        # Robots of a remote task planner need no mission here: their targets come over the bus.
         self._plays: Final = make_mission(mission) if part is None or part.planner else None
         self._scene: Scene | None = None
         self._said = 0
@@ -98,10 +98,10 @@ class MachineHost:
             self._plans.ready()
 
     def receive(self) -> None:
-        """Nothing is said elsewhere."""
+        """Do nothing: nothing runs in another process."""
 
     def start(self, scene: Scene) -> None:
-        """Let the mission create its machines, or create what stands for it; these create the rest."""
+        """Let the mission, or a remote proxy of the task planner, create its machines; these create the rest."""
         path, ports, seed = self._mission.rta.path, scene.ports, self._mission.seed
         self._ports, self._clock, self._scene = ports, scene.clock, scene
         if self._mission.rta.enabled and path.enabled:
@@ -151,7 +151,7 @@ class MachineHost:
         self._runtime.run()
 
     def hear(self, report: Report) -> None:
-        """Pass on what a port reports. Called in the supervisor's thread; only posts."""
+        """Pass on a port's report. Called in the supervisor's thread; only posts."""
         event: Event
         if isinstance(report, ControlReport):
             event = Reengaged() if report.engaged else Disengaged(report.module, report.cause)
@@ -161,7 +161,7 @@ class MachineHost:
             self._runtime.post(machine, event)
 
     def run(self, now_s: float) -> None:
-        """Deliver the plans whose time has come and let the machines do what they can do now."""
+        """Deliver the plans that are due, and run the machines until they have nothing to do."""
         if self._mailbox is not None:
             self._mailbox.pump(now_s)
         if self._plans is not None and self._waiting:
@@ -178,23 +178,23 @@ class MachineHost:
 
     @property
     def current_handler(self) -> str | None:
-        """The handler that runs now, or None. Readable from any thread."""
+        """The handler that is running, or None. Readable from any thread."""
         between = "of a machine that sends without end" if self._runtime.running else None
         return self._runtime.current_handler or between
 
     @property
     def incidents(self) -> tuple[str, ...]:
-        """Plans that came when the host pleased, one line each."""
+        """Plans whose time depended on the host, one line each."""
         return () if self._plans is None else self._plans.incidents
 
     @property
     def done(self) -> bool:
-        """Whether the mission has nothing left to do; never where other processes have a part in it."""
+        """Whether the mission has nothing left to do; always False if other processes have a part in it."""
         return self._part is None and self._plays is not None and self._plays.finished
 
     @property
     def paths_replaced(self) -> int:
-        """Paths of the untrusted planner that were not used."""
+        """Number of the untrusted planner's paths that were replaced."""
         return sum(guard.replaced for guard in self._guards.values())
 
     def close(self) -> None:
@@ -206,20 +206,20 @@ class MachineHost:
         try:
             self._runtime.close()
         except SoterError as failure:
-            # The run is over: what a script does in a `finally` has no robot any more.
+            # The run is over: a script's `finally` can no longer command a robot.
             logger.warning("not ended cleanly: %s", failure)
 
     def _now(self) -> float:
         return 0.0 if self._clock is None else self._clock.now()
 
     def _say(self, name: str, text: str) -> None:
-        """Log what the mission says, and record it as something that happens to a machine of its name."""
+        """Log a message of the mission, and record it as a transition of a machine with that name."""
         self._said += 1
         if self._said > _MOST_SAYINGS:
             return
-        # Half a surrogate pair is text in Python, and nowhere else.
+        # Python strings may hold half a surrogate pair, which UTF-8 cannot encode.
         text, scene = text[:_LONGEST_SAYING].encode("utf-8", "replace").decode(), self._scene
-        # A warning, so that nobody has to set up logging to see what a script says.
+        # A warning, so that it shows without any set-up of logging.
         logger.warning("%s%s", SAYS, text)
         if scene is not None and scene.on_transition is not None:
             scene.on_transition(TransitionEvent(self._now(), name, 0, HERE, "", "", "log", text[:DETAIL_CHARACTERS]))
@@ -235,11 +235,11 @@ class MachineHost:
             self._listeners.setdefault((robot_id, event), []).append(machine)
 
     def _failed(self, failure: MachineError) -> None:
-        """One robot's machine costs that robot its AC; the task planner's failure costs all of them theirs."""
+        """Note a failed machine: one robot's costs that robot its AC, the task planner's costs all robots theirs."""
         robot_id, words = self._owners.get(failure.machine), str(failure)
         who = f"a machine of the mission failed: {failure.machine}"
         if isinstance(failure.__cause__, ScriptFailed):
-            # Its author knows the line; the machine that drives it is nothing of theirs.
+            # The author knows the script, not the machine that runs it.
             words = f"its script failed: {failure.__cause__}"
             who = who if robot_id is None else f"robot {robot_id}"
         logger.error("%s: %s", who, words)

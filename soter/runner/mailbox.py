@@ -1,4 +1,4 @@
-"""What the machines of one process and those of others tell each other: events here, reliable messages on the way."""
+"""Carries events between the machines of different processes, as reliable messages on the bus."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 
 class Mailbox:
-    """Brings the task planner's events to robots elsewhere and theirs to it. One thread: that of the machines."""
+    """Passes events between the task planner and robots in other processes. Used from the machines' thread only."""
 
     def __init__(self, part: Part, bus: Bus, runtime: Runtime) -> None:
         self._part: Final = part
@@ -28,7 +28,7 @@ class Mailbox:
         self._task_planner: MachineRef | None = None
 
     def kit(self, robot_id: int) -> RemoteKit:
-        """Return what stands for a robot of another process, beside the task planner."""
+        """Return the kit of the proxy for a robot of another process, for use beside the task planner."""
         return RemoteKit(robot_id, partial(self._tell, self._part.homes[robot_id]), self._agents.__setitem__)
 
     def tell_task_planner(self, event: Event) -> None:
@@ -36,11 +36,11 @@ class Mailbox:
         self._tell(self._part.planner_home, event)
 
     def hears_task_planner(self, machine: MachineRef) -> None:
-        """Name the machine that is told of what comes from the task planner's process."""
+        """Set the machine that receives the events from the task planner's process."""
         self._task_planner = machine
 
     def pump(self, now_s: float) -> None:
-        """Deliver what has come to the machines, and send what is due. Never waits."""
+        """Deliver received messages to the machines, and send what is due. Never waits."""
         for sender, message in self._channel.pump(now_s):
             for machine, event in self._delivered(sender, message):
                 self._runtime.post(machine, event)
@@ -53,7 +53,7 @@ class Mailbox:
         self._channel.send(process, _MESSAGES[type(event)](event))
 
     def _delivered(self, sender: str, message: ReliableMessage | Came) -> Iterator[tuple[MachineRef, Event]]:
-        """Return who is told of a message, and by which event."""
+        """Yield the machines that receive a message, each with its event."""
         part = self._part
         if isinstance(message, Came):
             for robot_id in part.robots_of(sender):

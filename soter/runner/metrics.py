@@ -1,4 +1,4 @@
-"""What is counted while a mission runs."""
+"""The metrics of a running mission."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from soter.stack.events import Place, TargetOutcome
 from soter.stack.right_of_way import BATTERY
 
 STALL_S: Final = 300.0
-"""A robot that has been without its AC for so long, and not charging, is stalled."""
+"""A robot that has been without its AC for this long, and not charging, is stalled."""
 
 MOVED_M: Final = 0.05
 LEAST_RUN_S: Final = 60.0
-"""A run that is no longer does not say whether a robot moves."""
+"""A run of at most this length does not show whether a robot moves."""
 
 _FULL: Final = 0.999
-"""A robot with such a charge is not charging, even if it stands on its station for that."""
+"""From this charge on a robot does not count as charging, even if it stands on its station to charge."""
 
 
 class Standstill:
-    """One robot, looked at a few times a second.
+    """The times without AC, and the movement, of one robot; sampled a few times a second.
 
     Attributes:
         longest_s: longest time without the AC while not charging, up to the last look.
-        stalls: those that were stalls.
-        moved_m: how far it got from where it was first seen.
+        stalls: the times that were stalls.
+        moved_m: largest distance from where the robot was first seen.
     """
 
     __slots__ = ("_begin", "_robot_id", "_since_s", "longest_s", "moved_m", "stalls")
@@ -53,12 +53,12 @@ class Standstill:
         self.moved_m = 0.0
 
     def look(self, now_s: float, robot: RobotSupervisor, *, charging: bool) -> None:
-        """Take one look; a robot is charging that stands on its station because it has to."""
+        """Take one look; `charging` says whether the robot stands on its station because it has to charge."""
         own, driver = robot.situation.own, robot.driver
         begin = self._begin = self._begin or (own.x_m, own.y_m)
         self.moved_m = max(self.moved_m, math.hypot(own.x_m - begin[0], own.y_m - begin[1]))
         charging = charging and not (own.battery is not None and own.battery >= _FULL)
-        # A robot whose AC has failed for good is its safe controllers' for the rest of the run, as it ought to be.
+        # A robot whose AC has failed for good rightly stays with its safe controllers.
         if driver is None or charging or robot.ac_failure:
             if self.stalls and self.stalls[-1].end_s is None:
                 self.stalls[-1] = replace(self.stalls[-1], end_s=now_s)
@@ -90,7 +90,7 @@ class Standstills:
         return [stalled for robot in self.robots.values() for stalled in robot.stalls]
 
     def permanent(self, end_s: float) -> dict[int, result.StallFigures]:
-        """Return, by robot, the stalls that went on at the end of the run, at fleet time `end_s`."""
+        """Return, by robot, the stalls that lasted to the end of the run, at fleet time `end_s`."""
         return {
             each.robot_id: result.StallFigures(
                 since_s=round(each.start_s, 6), lasted_s=round(end_s - each.start_s, 6), module=each.module,
@@ -101,14 +101,14 @@ class Standstills:
         }  # fmt: skip
 
     def never_moved(self, duration_s: float) -> tuple[int, ...]:
-        """Return the robots that never moved in a run of this length, whatever they had to do."""
+        """Return the robots that never moved; none if the run was too short to tell."""
         if duration_s <= LEAST_RUN_S:
             return ()
         return tuple(robot_id for robot_id, robot in self.robots.items() if robot.moved_m <= MOVED_M)
 
 
 SAMPLE_TICKS: Final = 5
-"""Tracks and stalls are sampled every so many ticks."""
+"""Ticks between two samples of tracks and stalls."""
 
 STALL_M: Final = 0.1
 
@@ -126,7 +126,7 @@ class LongestStay:
         self._x_m = self._y_m = math.inf
 
     def look(self, now_s: float, x_m: float, y_m: float, counts: bool) -> None:
-        """Take one sample; `counts` is False while standing still is no stall."""
+        """Take one sample; with `counts` False, standing still is no stall."""
         dx, dy = x_m - self._x_m, y_m - self._y_m
         if not counts or not dx * dx + dy * dy <= STALL_M * STALL_M:
             self._x_m, self._y_m, self._since_s = x_m, y_m, now_s
@@ -138,8 +138,8 @@ class Metrics:
     """Counts for a run; a `Watch` of every robot's supervisor.
 
     Attributes:
-        standstills: robots that get nowhere.
-        uncontrolled: robots that for a time did not do what they were told.
+        standstills: the robots' times without AC.
+        uncontrolled: robots that for a time did not obey.
         end_s: fleet time of the end of the run, once it is finished.
     """
 
@@ -177,10 +177,10 @@ class Metrics:
         self._late_s: array[float] = array("d")
         self.uncontrolled: dict[int, result.UncontrolledFigures] = {}
 
-    # --- told by others --------------------------------------------------------------------------------------
+    # --- called by others ------------------------------------------------------------------------------------
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
-        """Count a change of hands."""
+        """Count a change of control."""
         self.tracks.switches.append(record)
         if record.before is None and record.after is not None:
             self.disengagements[record.module] += 1
@@ -201,7 +201,7 @@ class Metrics:
         self._progress_s = self._now_s
 
     def begin(self, now_s: float) -> None:
-        """Begin to count: robots may have been ready for long, and have waited for others."""
+        """Start counting, at the first tick: robots may have been ready, and waiting for others, for long."""
         self._begun_s = self._progress_s = self._now_s = now_s
 
     def tick(
@@ -212,7 +212,7 @@ class Metrics:
         robots: Sequence[RobotSupervisor],
         charging: Callable[[int], bool],
     ) -> None:
-        """Take one tick, and how late it came."""
+        """Count one tick, and how late it came."""
         passed_s = max(now_s - self._now_s, 0.0)
         self._now_s = now_s
         self._late_s.append(late_s)
@@ -247,7 +247,7 @@ class Metrics:
             self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
 
     def finish(self, duration_s: float) -> None:
-        """Close what is still open at the end of the run."""
+        """End all open intervals at the end of the run."""
         self.end_s = self._begun_s + duration_s
         self.no_progress_s = max(self.no_progress_s, self.end_s - self._progress_s)
 
@@ -289,7 +289,7 @@ def counts(counter: Mapping[str, int], names: Sequence[str]) -> dict[str, int]:
 
 
 def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, result.ModuleFigures]:
-    """Return what the spec monitors of every module saw, all robots together."""
+    """Return the figures of every module's spec monitors, summed up over all robots."""
     by_name: dict[str, list[ModuleMonitor]] = {}
     for robot in robots:
         for module in robot.modules:
@@ -309,7 +309,7 @@ def module_figures(robots: Sequence[RobotSupervisor]) -> dict[str, result.Module
 
 
 def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, result.BreachFigures]]:
-    """Return which assumptions did not hold, by robot; robots for which all did are left out."""
+    """Return the assumptions that failed, by robot; robots without any are left out."""
     return {
         robot.robot_id: {
             assumption.id: result.BreachFigures(
@@ -329,7 +329,7 @@ def breach_figures(robots: Sequence[RobotSupervisor]) -> dict[int, dict[str, res
 
 
 def fault_figures(fleet: Fleet) -> tuple[result.FaultFigures, ...]:
-    """Return what was injected into a fleet, and how much that has spoilt."""
+    """Return the faults that were injected into a fleet, and how often they had an effect."""
     return tuple(
         result.FaultFigures(kind=fault.kind, robot=fault.robot_id, declared=fault.declared, affected=fault.affected)
         for fault in fleet.injected()
@@ -337,7 +337,7 @@ def fault_figures(fleet: Fleet) -> tuple[result.FaultFigures, ...]:
 
 
 def percentiles(times: NDArray[np.floating[Any]]) -> result.TickTimes:
-    """Return what results say of many times; zeros where there are none."""
+    """Return median, 99th percentile and maximum of times; zeros if there are none."""
     if not times.size:
         return result.TickTimes(p50=0.0, p99=0.0, max=0.0)
     p50, p99 = (float(value) for value in np.percentile(times, (50, 99)))

@@ -1,4 +1,4 @@
-"""What runs the ACs, as the runner needs it: machines or controllers, in this process or in one of their own."""
+"""The interface of mission hosts, which run the ACs: machines or controllers, in this process or their own."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from soter.stack.kit import RobotPort
 from soter.stack.terrain import Terrain
 
 ARRIVAL_M: Final = 0.10
-"""How near is reached, for robots that get so near."""
+"""Least distance from a target at which robots count as there."""
 
 
 MAX_INCIDENTS: Final = 100
-"""What a mission tells of incidents beyond so many is left out."""
+"""Most incidents of a mission that are kept."""
 
 
 def arrival_m(promised: Capabilities) -> float:
-    """Return how near to a target a robot counts as there: no nearer than it stops, as it is seen."""
+    """Return how near to a target a robot counts as there: no less than how near it stops, with its noise."""
     return max(ARRIVAL_M, promised.overshoot_m + promised.position_noise_m)
 
 
@@ -33,9 +33,9 @@ class OwnRoom:
     """The room that one robot takes.
 
     Attributes:
-        terrain: fence and boxes, as distances of its body.
+        terrain: distances of its body to fence and boxes.
         disc_m: distance that its plans keep from robots that stand in the way.
-        arrival_m: how near to a target is reached.
+        arrival_m: distance from a target at which it counts as there.
     """
 
     terrain: Terrain
@@ -45,16 +45,16 @@ class OwnRoom:
 
 @dataclass(frozen=True)
 class Scene:
-    """What the ACs get to see and use.
+    """What the ACs see and use.
 
     Attributes:
         clock: fleet time.
         workspace: fence, boxes, chargers.
         rooms: by robot, the room that it takes.
-        ports: the ACs' rights, by robot.
-        log: told of targets.
-        on_transition: told of every change of state of the mission's machines, or None; for recordings.
-        peers: the robots that other processes command, by robot: ports that show where they are and take nothing.
+        ports: the ACs' ports, by robot.
+        log: called with targets, and with how they end.
+        on_transition: called with every change of state of the mission's machines, or None; for recordings.
+        peers: by robot, read-only ports of the robots that other processes command.
         capabilities: what the robots of the ports promise.
     """
 
@@ -69,19 +69,19 @@ class Scene:
 
 
 class MissionHost(Protocol):
-    """Everything that is untrusted. Made before the robots are opened, so that bad options move nothing."""
+    """Runs all untrusted code of a mission. Made before the robots are opened, so that bad options move nothing."""
 
     @property
     def failures(self) -> Mapping[int | None, str]:
-        """What failed for good, by robot; None for what all robots depend on."""
+        """Permanent failures, by robot; the key None is for a failure of what all robots depend on."""
 
     @property
     def current_handler(self) -> str | None:
-        """What is running right now in this process, or None. Readable from any thread."""
+        """The handler that is running in this process, or None. Readable from any thread."""
 
     @property
     def paths_replaced(self) -> int:
-        """How many paths of the untrusted planner were not used."""
+        """Number of the untrusted planner's paths that were replaced."""
 
     @property
     def done(self) -> bool:
@@ -89,26 +89,26 @@ class MissionHost(Protocol):
 
     @property
     def incidents(self) -> Sequence[str]:
-        """What made this run one that does not repeat; empty while it does."""
+        """Incidents that made this run non-deterministic; empty while it is deterministic."""
 
     @property
     def sandbox(self) -> Mapping[str, str] | None:
-        """What is taken from the process that they run in, and by what; None where that is this one."""
+        """What the sandbox denies the ACs' process, and by which means; None if they run in this process."""
 
     def ready(self) -> None:
-        """Wait until everything that runs elsewhere has started."""
+        """Wait until everything in other processes has started."""
 
     def start(self, scene: Scene) -> None:
         """Begin; called once, before the first tick."""
 
     def hear(self, report: Report) -> None:
-        """Take what a port reports. Called in the supervisor's thread, in the middle of a tick."""
+        """Take a port's report. Called in the supervisor's thread, in the middle of a tick."""
 
     def receive(self) -> None:
-        """Take what was said elsewhere since the last tick. Called before every tick; never waits."""
+        """Take what other processes have sent since the last tick. Called before every tick; never waits."""
 
     def run(self, now_s: float) -> None:
-        """Do what is to be done now. Called after every tick, in the supervisor's thread."""
+        """Run the ACs. Called after every tick, in the supervisor's thread."""
 
     def close(self) -> None:
         """End everything that was started. Idempotent."""

@@ -1,4 +1,4 @@
-"""The main function of a mission's process: makes the mission host and runs it at every tick that it is told of."""
+"""The main function of a mission's process: makes the mission host and runs it at every tick of the supervisor."""
 
 from __future__ import annotations
 
@@ -45,21 +45,21 @@ logger = logging.getLogger(__name__)
 
 _LOOK_S: Final = 0.1
 _BUSY_LOOKS: Final = 2
-"""A handler that has been found running so often in a row, with nothing done in between, is named."""
+"""Consecutive looks that find the same handler running, with no progress, after which it is reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionSpec:
-    """What a mission's process is told when it starts.
+    """The parameters that a mission's process is started with.
 
     Attributes:
-        factory: makes the mission host, as `module:function`; called as `soter.runner.hosts.make_host` is.
-        mission: what to do.
-        workspace: where.
-        body_radius_m: of the robots, by id.
-        memory_limit_bytes: address space that the process may add to what it has before the mission host is made.
-        niceness: how much less than the supervisor it is favoured by the scheduler.
-        part: which part of the mission is in this process; None for all of it.
+        factory: makes the mission host, as `module:function`; called like `soter.runner.hosts.make_host`.
+        mission: the mission.
+        workspace: fence, boxes, chargers.
+        body_radius_m: body radii of the robots, by id.
+        memory_limit_bytes: address space that the process may use beyond what it has before the mission host is made.
+        niceness: nice value of the process, relative to the supervisor's.
+        part: this process's part of the mission; None for all of it.
     """
 
     factory: str
@@ -81,7 +81,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(lifeline_fd)
-    # Where it crashes is said among its last words.
+    # On a crash, print the stack to its output.
     faulthandler.enable()
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(line_buffering=True)  # type: ignore[union-attr] # both are text files here
@@ -92,7 +92,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
 
 
 class _Host:
-    """The mission host in this process, and who it talks to."""
+    """The mission host in this process, and its link to the supervisor."""
 
     def __init__(self, spec: MissionSpec, link: socket.socket) -> None:
         self._spec: Final = spec
@@ -121,7 +121,7 @@ class _Host:
                     self._end.answer(self._turn(host))
                 self._turns += 1
         except (BrokenPipeError, ConnectionResetError):
-            # The run has ended while this was answered.
+            # The run has ended while this turn was computed.
             logger.debug("the supervisor is gone")
         finally:
             host.close()
@@ -177,7 +177,7 @@ class _Host:
         self._attempt(partial(self._host.hear, report))
 
     def _attempt(self, call: Callable[[], None]) -> None:
-        """Call the mission host, unless that has failed already."""
+        """Call the mission host, unless it has failed already."""
         if self._broken:
             return
         try:
@@ -199,7 +199,7 @@ class _Host:
         )  # fmt: skip
 
     def _watch(self, host: MissionHost) -> None:
-        """Name a handler that does not come back, while the interpreter still lets other threads run."""
+        """Report a handler that does not return, if the interpreter still lets other threads run."""
         seen, looks = (-1, ""), 0
         pause = threading.Event()
         while not pause.wait(_LOOK_S):

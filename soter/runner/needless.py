@@ -1,6 +1,6 @@
-"""How many disengagements were needless: the AC, left alone, would have kept the rule after all.
+"""Judges which disengagements were needless: the AC, left alone, would have kept the rule.
 
-A statistic about how timid the modules are. It uses what the AC intended, which the modules themselves never may.
+A statistic about how conservative the modules are. It uses the AC's intentions, which the modules themselves never may.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class NeedlessJudge:
         self._v_max_m_s: Final = v_max_m_s
 
     def judge(self, record: SwitchRecord) -> bool:
-        """Return whether the whole rest of the path would have kept the module's rule."""
+        """Return whether all of the AC's remaining path would have kept the module's rule."""
         module = next((m for m in self._robots[record.robot_id].declared.modules if m.name == record.module), None)
         if module is None or module.phi_safe is None:
             return False
@@ -60,28 +60,28 @@ class NeedlessJudge:
         return True
 
     def _way_of_peer(self, state: RobotState) -> list[Place]:
-        """A peer whose AC has no control stays where it is."""
+        """Return the path of a peer; a peer whose AC has no control stays where it is."""
         supervisor = self._supervisors.get(state.robot_id)
         if supervisor is None or supervisor.mode is Controller.SC:
             return [(state.x_m, state.y_m)]
         return self._pending(state.robot_id, state)
 
     def _pending(self, robot_id: int, state: RobotState) -> list[Place]:
-        """Return where a robot is, and the places that its AC still means to pass."""
+        """Return where a robot is, and the places that its AC intends to pass."""
         request = self._robots[robot_id].forwarder.request
         pending: list[Waypoint] = [] if request is None else [request.command, *request.upcoming]
         return [(state.x_m, state.y_m), *(place for waypoint in pending if (place := _place(waypoint)) is not None)]
 
 
 def _place(waypoint: Waypoint) -> Place | None:
-    """Return where a waypoint is; None for what an untrusted AC has passed off as one."""
+    """Return where a waypoint is; None if an untrusted AC has passed something else as one."""
     if type(waypoint) is not Waypoint or type(waypoint.x_m) is not float or type(waypoint.y_m) is not float:
         return None
     return (waypoint.x_m, waypoint.y_m) if math.isfinite(waypoint.x_m + waypoint.y_m) else None
 
 
 def _moved(state: RobotState, way: Sequence[Place], travelled_m: float) -> RobotState:
-    """Return the state of a robot that has gone so far along a way."""
+    """Return the state of a robot that has travelled this far along a path."""
     x, y = way[-1]
     left = travelled_m
     for a, b in pairwise(way):

@@ -1,4 +1,4 @@
-"""One process's part of a distributed mission: which robots are its own, who the others are, what joins them."""
+"""One process's part of a distributed mission: its own robots, the other processes, the bus between them."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ _EXAMPLE: Final = "give each a table, such as [distribution.processes.alpha] wit
 
 _DIGEST_CHARACTERS: Final = 32
 _AGREED: Final = {"backend", "base_tick_s", "battery", "rta", "fault"}
-"""What processes of one mission have to agree on, beside workspace, promises, who is where, and whether the ACs are
-controllers."""
+"""Settings on which all processes of a mission have to agree, beside workspace, promises, the robots' processes, and
+whether the ACs are controllers."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """What one process does.
+    """The part of one process.
 
     Attributes:
-        name: of the process.
+        name: name of the process.
         mission: the whole mission.
         robots: the ids of its own robots.
-        planner: whether the task planner is here.
-        homes: by robot, the process that commands it; of all robots.
-        planner_home: the process of the task planner; empty where controllers are the ACs, which need none.
-        promised: by robot, what it promises; of all robots.
-        digest: the same in all processes that run the same mission.
+        planner: whether the task planner is in this process.
+        homes: for all robots, the process that commands them.
+        planner_home: the process of the task planner; empty if the ACs are controllers, which need none.
+        promised: for all robots, what they promise.
+        digest: equal in all processes that run the same mission.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Part:
         """Return the part of a process.
 
         Raises:
-            ConfigError: the mission has no such process, or is none that can be distributed.
+            ConfigError: the mission has no such process, or cannot be distributed.
             BackendError: its backend cannot be loaded.
         """
         processes = mission.distribution.processes
@@ -97,7 +97,7 @@ class Part:
 
     @property
     def others(self) -> tuple[str, ...]:
-        """The names of the other processes, but for one that has nothing to do."""
+        """The names of the other processes, except one that has nothing to do."""
         names = (*self.mission.distribution.processes,)
         return tuple(
             each for each in names if each != self.name and (each == self.planner_home or self.robots_of(each))
@@ -108,17 +108,17 @@ class Part:
         return tuple(robot_id for robot_id, name in self.homes.items() if name == process)
 
     def open_bus(self) -> Bus:
-        """Open what joins the processes.
+        """Open the bus between the processes.
 
         Raises:
-            ConfigError: options that it does not allow.
-            BackendError: it cannot be opened.
+            ConfigError: the bus does not allow an option.
+            BackendError: the bus cannot be opened.
         """
         table = self.mission.distribution
         return open_bus(table.via, table.bus, table.processes[self.name].bus, self.name, self.mission.source)
 
     def peer_group(self, bus: Bus, clock: Clock) -> PeerGroup:
-        """Return this process among the others, on a bus that it then closes."""
+        """Return the peer group of this process, on a bus that the group then closes."""
         others = {
             name: {robot_id: _bound(self.promised[robot_id]) for robot_id in self.robots_of(name)}
             for name in self.others
@@ -126,19 +126,16 @@ class Part:
         return PeerGroup(bus, self.mission.distribution.prefix, self.name, others, self.digest, clock)
 
     def reliable_channel(self, bus: Bus) -> ReliableChannel:
-        """Return what carries messages between the machines here and those of others, on a bus that it then closes.
-
-        Messages pass between the task planner and robots.
-        """
+        """Return the channel between a task planner and robots elsewhere, on a bus that the channel then closes."""
         others = [name for name in self.others if self.planner or name == self.planner_home]
         return ReliableChannel(bus, self.mission.distribution.prefix, self.name, others, self.digest)
 
 
 def refuse_in_one_process(mission: MissionFile, backend: type[Backend]) -> None:
-    """Refuse to command the robots of several processes from one; simulated ones in this process may be.
+    """Refuse to command the robots of several processes from one, unless they are simulated in this process.
 
     Raises:
-        ConfigError: the mission is distributed, and its robots are elsewhere.
+        ConfigError: the mission is distributed, and its robots are not simulated in this process.
     """
     processes = mission.distribution.processes
     if processes and not backend.robot_class.declared.in_process:

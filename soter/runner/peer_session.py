@@ -1,4 +1,4 @@
-"""A run among others: their robots as peers of its own, what it tells of itself, and waiting for them at first."""
+"""One process's session with the other processes of its mission: exchanges the robots' states, and waits for all."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from soter.stack.kit import RobotPort
 from soter.stack.right_of_way import needs_charge
 
 SAY_EVERY_S: Final = 5.0
-"""Host time between two lines on who is waited for."""
+"""Host time between two messages about missing processes."""
 
 _LOOK_S: Final = 0.05
 _DUPLICATE_S: Final = 0.5
-"""So long a process listens at least for another one of its name before anything moves."""
+"""Least time for which a process listens for a duplicate of its name before anything moves."""
 
 
 class PeerSession:
-    """Everything that a process with others needs beside its own robots. One thread: the supervisor's.
+    """A process's connection to the other processes of its mission. Used from the supervisor's thread only.
 
     A context manager that leaves the bus.
 
     Args:
-        part: which part of the mission is here.
+        part: this process's part of the mission.
         clock: fleet time; thread-safe.
 
     Attributes:
-        process: this one's name.
+        process: this process's name.
         peers: the robots of other processes.
         promises: what each of those promises, by id.
-        ports: what planners here are shown of them, by robot.
+        ports: by robot, the read-only ports of those for the planners here.
     """
 
     def __init__(self, part: Part, clock: Clock) -> None:
@@ -69,7 +69,7 @@ class PeerSession:
         self._peer_group.close()
 
     def look(self) -> None:
-        """Take what has been heard. To be called before every tick."""
+        """Take what the others have sent. To be called before every tick."""
         begun_s = time.perf_counter()
         self._peer_group.look()
         self._took_s.append(time.perf_counter() - begun_s)
@@ -77,25 +77,25 @@ class PeerSession:
         self._ages_s.extend(now_s - sample.stamp_s for peer in self.peers if (sample := peer.sample()) is not None)
 
     def tell(self, robots: Sequence[RobotSupervisor]) -> None:
-        """Tell the others how the robots are. To be called after every tick."""
+        """Send the others the states of this process's robots. To be called after every tick."""
         begun_s = time.perf_counter()
         self._peer_group.tell([_status(robot) for robot in robots])
         self._took_s[-1] += time.perf_counter() - begun_s
 
     def wait(self, robots: Sequence[Robot], follower: Follower) -> bool:
-        """Wait until all other processes are there; the robots stand meanwhile, and the others are told where.
+        """Wait until all other processes have joined; meanwhile the robots stand, and their states are sent.
 
         Args:
-            robots: of this process, ready.
-            follower: told who is waited for, whenever that changes and every few seconds, and asked again and again
-                whether to give up.
+            robots: this process's robots, ready.
+            follower: shown the missing processes, whenever they change and every few seconds, and polled for whether
+                to give up.
 
         Returns:
-            Whether they are all there; False when told to stop.
+            Whether all have joined; False if the follower gave up.
 
         Raises:
-            RobotUnavailable: they have not come in time; says who is missing and why.
-            ConfigError: another process of this name is there.
+            RobotUnavailable: a process has not joined in time; the message says which, and why.
+            ConfigError: another process of this name is running.
         """
         clock, limit_s = self._clock, self._part.mission.distribution.wait_s
         begun_s, said, said_s = clock.steady_s(), "", -math.inf
@@ -130,15 +130,15 @@ class PeerSession:
             )
 
     def took_us(self) -> TickTimes:
-        """Return how long hearing and telling took at a tick, of host time in microseconds."""
+        """Return how long receiving and sending took at a tick, of host time in microseconds."""
         return percentiles(np.frombuffer(self._took_s) * 1e6)
 
     def ages_ms(self) -> TickTimes | None:
-        """Return how old the others' samples were at the ticks, at most; None where they have no robots."""
+        """Return how old the others' samples were at the ticks, at most; None if the others have no robots."""
         return percentiles(np.frombuffer(self._ages_s) * 1e3) if self.peers else None
 
     def progress(self) -> tuple[RobotProgress, ...]:
-        """Return how the other processes' robots are doing, as far as they have told."""
+        """Return the progress of the other processes' robots, as far as they have reported it."""
         now_s, found = self._clock.now(), []
         for peer in self._peer_group.peers:
             state = peer.sample()

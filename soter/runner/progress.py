@@ -1,4 +1,4 @@
-"""What a run shows while it runs."""
+"""The progress of a run, and those who follow it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from soter.rta import RobotSupervisor
 from soter.runner.metrics import Metrics
 
 NOBODY: Final = "nobody"
-"""Drives a robot that does not do what it is told."""
+"""In place of a driver's name, for a robot that does not obey."""
 
 
 class RobotProgress(NamedTuple):
@@ -26,11 +26,11 @@ class RobotProgress(NamedTuple):
         x_m: east.
         y_m: north.
         driver: "AC", the safety module that drives, or `NOBODY` while the robot is not under control.
-        cause: why a module drives, or nobody; empty otherwise.
+        cause: why a module drives, or why none does; empty while the AC drives.
         battery: charge from 0 to 1, or None.
-        margins: by module, as its decision module saw it last, in the module's unit.
-        targets_reached: so far.
-        disengagements: so far.
+        margins: by module, the margin at its decision module's last look, in the module's unit.
+        targets_reached: number so far.
+        disengagements: number so far.
     """
 
     robot_id: int
@@ -49,10 +49,10 @@ class Progress(NamedTuple):
 
     Attributes:
         time_s: fleet time.
-        duration_s: when it will end.
+        duration_s: fleet time at which it will end.
         wall_s: host time since the start.
-        robots: all of them.
-        violations: by rule so far, or None without truth.
+        robots: the progress of all robots.
+        violations: number so far by rule, or None without truth.
     """
 
     time_s: float
@@ -67,18 +67,18 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Follower:
-    """Who follows a run, and may end it.
+    """Callbacks of a program that follows a run, and may end it.
 
     Attributes:
-        show: called with its progress when the robots begin to move, and every `every_s`; or None.
+        show: called with the run's progress when the robots begin to move, and every `every_s`; or None.
         every_s: host time between two calls.
-        stop: asked at every tick whether to end the run early, as Ctrl-C does.
+        stop: called at every tick; returns whether to end the run early, as Ctrl-C does.
         pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
             virtual time: a wall clock has a pace of its own.
-        connecting: gives what is entered where `stop` is not asked, for robots on a wire: while modules are proved, and
-            while robots and the mission's process get ready. What it raises ends the run.
-        say: told which other processes of a distributed mission are waited for.
-        recording: called before the first tick with the file that is written, once it says what is run.
+        connecting: returns a context manager that is entered while `stop` is not called, for robots on a wire: while
+            modules are proved, and while robots and the mission's process get ready. An exception ends the run.
+        say: called with which other processes of a distributed mission are missing.
+        recording: called before the first tick with the recording's file, once it has the mission in it.
         falls_of: the rule whose least margin is followed, see `soter.runner.Run`; empty for none.
     """
 
@@ -93,7 +93,7 @@ class Follower:
 
 
 def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple[RobotProgress, ...]:
-    """Return how the robots are doing."""
+    """Return the progress of the robots."""
     return tuple(
         RobotProgress(
             robot.robot_id,
@@ -111,16 +111,16 @@ def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple
 
 
 _LAST_S: Final = 1.0
-"""How long the end of a run waits for what is being shown."""
+"""How long the end of a run waits for the thread to finish showing."""
 
 
 class ProgressThread:
-    """A thread that shows the latest progress there is, beside the ticks. A context manager.
+    """A thread that shows the latest progress beside the ticks. A context manager.
 
-    A terminal that is slow, or that somebody has stopped, delays none of them.
+    A terminal that is slow or stopped delays no tick.
 
     Args:
-        show: called in the thread; once it has failed it is not called again.
+        show: called in the thread; not called again once it has raised.
     """
 
     def __init__(self, show: Callable[[Progress], None]) -> None:
@@ -140,7 +140,7 @@ class ProgressThread:
         self._thread.join(_LAST_S)
 
     def put(self, progress: Progress) -> None:
-        """Have this shown, in place of what waits; returns at once."""
+        """Have progress shown, in place of any that still waits; returns at once."""
         self._latest = progress
         self._wake.set()
 

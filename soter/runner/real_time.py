@@ -1,4 +1,4 @@
-"""Real-time scheduling of this process: what else the host has to do no longer delays a tick."""
+"""Real-time scheduling of this process, so that other work of the host does not delay ticks."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _NORMAL: Final = 0
 
 @contextmanager
 def real_time(*, required: bool) -> Iterator[bool]:
-    """Schedule all threads that there are before anything that is not real-time, and as before when it is over.
+    """Schedule all present threads in real time while the context lasts, and as before afterwards.
 
-    All of them, because they share the interpreter's lock: a tick would have to wait for a thread that holds it and is
-    not let run. Threads and processes that they start meanwhile are scheduled as usual.
+    All threads, because they share the interpreter's lock: a tick would have to wait for a thread that holds it and
+    does not get to run. Threads and processes that they start meanwhile are scheduled as usual.
 
     Args:
-        required: False to go on as before where the kernel does not allow it.
+        required: False to go on without real-time scheduling if the kernel does not allow it.
 
     Yields:
-        Whether it is so.
+        Whether the threads are scheduled in real time.
 
     Raises:
-        ConfigError: it is required, and the kernel does not allow it; says what to do.
+        ConfigError: it is required, and the kernel does not allow it; the message says what to do.
     """
     try:
         _schedule(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, _LOWEST)

@@ -1,4 +1,4 @@
-"""The mission host in a process of its own, on a wall clock: whatever becomes of it, the supervisor's ticks go on."""
+"""The mission host in a process of its own, on a wall clock: whatever happens to it, the supervisor's ticks go on."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _JOIN_S: Final = 0.5
 
 
 class OutputPump:
-    """A pipe for a process's output, and a thread that logs what comes out of it.
+    """A pipe for a process's output, and a thread that logs what the process writes.
 
-    A process that prints without end is heard in part, and costs its reader a few wake-ups a second.
+    Of a process that prints without end only a part is logged, at the cost of a few wake-ups a second.
 
     Attributes:
-        output_fd: the pipe's end to write to; to be closed with `started` once the process has it.
+        output_fd: the pipe's end to write to; `started` closes it once the process has it.
     """
 
     def __init__(self, name: str) -> None:
@@ -46,12 +46,12 @@ class OutputPump:
         self._thread: Final = threading.Thread(target=self._pass_on, name=f"words of {name}", daemon=True)
 
     def started(self) -> None:
-        """Listen: the process has its end of the pipe."""
+        """Start the thread, once the process has its end of the pipe."""
         os.close(self.output_fd)
         self._thread.start()
 
     def close(self) -> None:
-        """Wait for the last words of a process that has ended; not for those of one that it has left behind."""
+        """Wait for the last output of a process that has ended, but not for that of processes it has left behind."""
         self._thread.join(_JOIN_S)
 
     def _pass_on(self) -> None:
@@ -71,7 +71,7 @@ class OutputPump:
         for line in lines[:_PASSED_LINES]:
             if line.strip():
                 text = "".join(c if c.isprintable() else " " for c in line[:_PASSED_CHARACTERS])
-                # What a script logs has the mission's name already, as in the process of the run.
+                # Lines that a script logs already begin with the mission's name.
                 logger.warning("%s: %s", self._name, text.removeprefix(f"{self._name}: "))
         if len(lines) > _PASSED_LINES:
             logger.warning("%s: ... and %d lines more", self._name, len(lines) - _PASSED_LINES)
@@ -92,16 +92,16 @@ WALL_CLOCK: Final = "it ran on a wall clock"
 
 
 class RemoteMissionHost:
-    """A `MissionHost` that speaks for another one, in a process of its own.
+    """A `MissionHost` that is a proxy of another one, in a process of its own.
 
-    The process is killed when it fails, when the run ends, and by the kernel when this process ends, however it does.
+    That process is killed when it fails, when the run ends, and by the kernel when this process ends in any way.
 
     Args:
-        mission: what to do; its `isolation` says what the process may use.
-        workspace: where.
-        body_radius_m: of the robots, by id.
-        factory: makes the mission host over there, as `module:function`.
-        part: which part of the mission is in this process; None for all of it.
+        mission: the mission; its `isolation` says what the process may use.
+        workspace: fence, boxes, chargers.
+        body_radius_m: body radii of the robots, by id.
+        factory: makes the mission host in that process, as `module:function`.
+        part: this process's part of the mission; None for all of it.
     """
 
     current_handler: str | None = None
@@ -122,7 +122,7 @@ class RemoteMissionHost:
         limits = mission.isolation
         self._output: Final = OutputPump("mission")
         spec = MissionSpec(factory, mission, workspace, body_radius_m, limits.memory_mib << 20, NICENESS, part)
-        # At a tick there is no time to wait for how a process has ended.
+        # A tick has no time to wait for a process to end.
         box = box_of(mission, part)
         self._child: Final = Child(PROCESS, spec, output_fd=self._output.output_fd, patience_s=0.0, box=box)
         self._output.started()
@@ -135,14 +135,14 @@ class RemoteMissionHost:
 
     @property
     def sandbox(self) -> dict[str, str]:
-        """What is taken from the mission's process, and by what; empty where it is not boxed in."""
+        """What the sandbox denies the mission's process, and by which means; empty without a sandbox."""
         return {} if self._child.in_force is None else self._child.in_force.in_words()
 
     def ready(self) -> None:
-        """Wait until the ACs are there.
+        """Wait until the ACs are made.
 
         Raises:
-            ConfigError: the mission asks for what is not allowed, or the kernel cannot box it in as it is to be.
+            ConfigError: the mission asks for something that is not allowed, or for a sandbox that the kernel lacks.
             BackendUnavailable: a library is missing.
             RunFailed: the mission's process does not start.
         """
@@ -175,11 +175,11 @@ class RemoteMissionHost:
         )  # fmt: skip
 
     def hear(self, report: Report) -> None:
-        """Queue what a port reports."""
+        """Queue a port's report."""
         self._end.hear(report)
 
     def receive(self) -> None:
-        """Take what the mission has said since the last tick. To be called before a tick; never waits."""
+        """Take what the mission has sent since the last tick. To be called before a tick; never waits."""
         assert self._scene is not None
         for turn in self._end.receive():
             self._take(turn, self._scene)
@@ -188,7 +188,7 @@ class RemoteMissionHost:
             logger.error("%s", self.failures[None])
 
     def run(self, now_s: float) -> None:
-        """Tell the mission of a tick; never waits."""
+        """Send the mission a tick; never waits."""
         assert self._scene is not None
         states = [port.state for port in self._scene.ports.values()]
         peers = [PeerSeen(port.state, port.engaged) for port in self._scene.peers.values()]

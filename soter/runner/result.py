@@ -11,13 +11,13 @@ from soter.record.recorder import RecordingReport
 from soter.record.tracks import RunTracks
 
 THESIS_DISENGAGEMENTS = 313
-"""In 2 h with 2 robots, mean of 4 runs: UCB/EECS-2020-99, section 3.3."""
+"""The thesis's disengagements in 2 h with 2 robots, mean of 4 runs: UCB/EECS-2020-99, section 3.3."""
 
 THESIS_AC_SHARE = 0.802
 
 
 class TickTimes(BaseModel, frozen=True):
-    """How long something took at the ticks of a run, or how late it came: median, 99th percentile, and the worst."""
+    """How long something took at the ticks of a run, or how late ticks were: median, 99th percentile and maximum."""
 
     p50: float
     p99: float
@@ -34,16 +34,16 @@ class TargetCounts(BaseModel, frozen=True):
 
 
 class ModuleFigures(BaseModel, frozen=True):
-    """What the spec monitors of one module saw, all robots together. Not ground truth.
+    """Figures of one module's spec monitors, over all robots. Not ground truth.
 
     Attributes:
         looks: margins judged.
         to_sc: changes of its decision modules from AC to SC.
-        to_ac: changes back.
-        sc_s: robot time that it spent in SC.
-        least_margin: the least margin seen, in the module's unit; None if there was none.
+        to_ac: changes back to AC.
+        sc_s: robot time that they spent in SC.
+        least_margin: the least margin seen, in the module's unit; None without any.
         broken: looks at which the margin was negative.
-        surprises: looks at which it had fallen by more than the model allows.
+        surprises: looks at which the margin had fallen by more than the model allows.
     """
 
     looks: int
@@ -65,14 +65,14 @@ class WorstFigures(BaseModel, frozen=True):
 
 
 class BreachFigures(BaseModel, frozen=True):
-    """How often one assumption of the safety argument was seen not to hold for one robot.
+    """How often, and how badly, one assumption of the safety argument failed for one robot.
 
     Attributes:
-        times: looks at which it did not.
-        first_s: fleet time of the first.
-        cause: what was seen then.
-        last_s: fleet time of the last; None in results of older versions.
-        worst: the worst look for each unit of an excess; empty where none could be measured.
+        times: number of looks at which it failed.
+        first_s: fleet time of the first of them.
+        cause: what was seen at the first.
+        last_s: fleet time of the last of them; None in results of older versions.
+        worst: the worst look for each unit of an excess; empty if none was measured.
     """
 
     times: int
@@ -83,13 +83,13 @@ class BreachFigures(BaseModel, frozen=True):
 
 
 class StallFigures(BaseModel, frozen=True):
-    """A robot that was without its AC, and not charging, from some time until the end of the run, for long.
+    """A stall that lasted to the end of the run: a robot without its AC for long, and not charging.
 
     Attributes:
-        since_s: fleet time from which on.
-        lasted_s: until the end.
-        module: whose safe controller had it at the end.
-        cause: why, in words.
+        since_s: fleet time at which it began.
+        lasted_s: its length up to the end.
+        module: the module whose safe controller had the robot at the end.
+        cause: why that module had it, in words.
     """
 
     since_s: float
@@ -99,11 +99,11 @@ class StallFigures(BaseModel, frozen=True):
 
 
 class UncontrolledFigures(BaseModel, frozen=True):
-    """A robot that for a time did not do what it was told.
+    """A robot that for a time did not obey its supervisor.
 
     Attributes:
-        first_s: fleet time of the first tick at which it did not.
-        lasted_s: how long it did not, all times together.
+        first_s: fleet time of the first tick at which it did not obey.
+        lasted_s: how long it did not obey, in total.
         cause: what it did instead at first.
     """
 
@@ -118,8 +118,8 @@ class FaultFigures(BaseModel, frozen=True):
     Attributes:
         kind: its kind.
         robot: the robot's id.
-        declared: whether the robot's promises were widened by it; if not, the stack was not told.
-        affected: commands and samples that it spoilt, or times that it impaired the vehicle.
+        declared: whether the robot's promises were widened for it; if not, the stack did not know of it.
+        affected: number of commands and samples that it altered, or of times that it impaired the vehicle.
     """
 
     kind: str
@@ -129,56 +129,56 @@ class FaultFigures(BaseModel, frozen=True):
 
 
 class RunResult(BaseModel, frozen=True):
-    """What happened in a run.
+    """The result of a run.
 
     Attributes:
         status: `completed`, `interrupted` or `failed`.
         failure: why it failed; empty otherwise.
-        violations: by rule, judged by ground truth; None where there is no truth.
+        violations: number by rule, judged by ground truth; None without truth.
         contacts: times that bodies began to touch; None without truth.
         truth_ended_s: fleet time at which ground truth fell silent: violations, contacts and margins are those up to
-            then, and what happened later is not known; None if it was heard to the end, or if there is none.
+            then, and what happened later is not known; None if it lasted to the end, or without truth.
         ac_share: part of the robots' time in which their AC was in control.
-        ac_share_without_charging: the same, leaving out the time in which the battery module was in SC.
-        disengagements: AC -> SC switches by the module that fired first.
+        ac_share_without_charging: `ac_share`, not counting the time in which the battery module was in SC.
+        disengagements: AC -> SC switches, by the module that fired first.
         joined: further modules that fired in the same tick.
-        disengagements_total: their sum.
-        needless: after how many of them the AC's pending waypoints, rolled forward, would have kept the rule.
+        disengagements_total: the sum of `disengagements`.
+        needless: disengagements after which the AC's pending waypoints, rolled forward, would have kept the rule.
         targets: how targets ended.
-        targets_reached: the same as `targets.reached`.
+        targets_reached: equal to `targets.reached`.
         longest_stall_s: longest time that a robot with a target, and not charging, stayed within 0.1 m.
         longest_without_ac_s: longest time that a robot was without its AC, and not charging.
-        permanent_stalls: by robot, those that were so from some time until the end of the run, for at least 300 s; but
-            for robots whose AC has failed for good.
+        permanent_stalls: by robot, times without AC, and not charging, of at least 300 s that lasted to the end of the
+            run; not for robots whose AC has failed for good.
         never_moved: robots that in more than a minute never got farther than 0.05 m from where they began.
         no_progress_s: longest time in which no robot's target ended.
         min_margin: least margin by rule, from truth, in metres or parts of a charge.
-        paths_replaced: plans for which the protected planner's certified way was used instead.
+        paths_replaced: plans in whose place the protected planner's certified path was used.
         no_certified_motion: ticks at which neither a motion nor holding kept every rule.
         duration_s: simulated or vehicle time.
         wall_s: host time.
-        real_time_factor: the one divided by the other.
-        monitors: by module, what its spec monitors saw.
+        real_time_factor: `duration_s` divided by `wall_s`.
+        monitors: by module, the figures of its spec monitors.
         dm_tick_us: host time that one robot's decision modules took at one tick, in microseconds.
         tick_late_ms: how late ticks came on a wall clock, in milliseconds; None in virtual time.
-        peer_age_ms: how old samples of other processes' robots were at the ticks, at most, in milliseconds; None where
-            there are none.
-        peer_tick_us: host time that hearing and telling other processes took at a tick, in microseconds, likewise.
-        real_time: whether ticks were scheduled in real time, before everything else that the host had to do.
-        sandbox: what the kernel has taken from the mission's process, and by what, or that it has not, and why; empty
-            with `isolation.sandbox = "off"`; None in virtual time, where the mission has no process of its own.
+        peer_age_ms: how old samples of other processes' robots were at the ticks, at most, in milliseconds; None
+            without such robots.
+        peer_tick_us: host time that the exchange with other processes took at a tick, in microseconds, or None.
+        real_time: whether ticks were scheduled in real time, before other work of the host.
+        sandbox: what the kernel denied the mission's process, by which means, or what it did not, and why; empty
+            with `isolation.sandbox = "off"`; None in virtual time, where the mission has no own process.
         missed_ticks: ticks that came later than the robots' declared jitter.
-        deterministic: the same seed gives the same run; False where host time had a say.
-        trace_sha256: over all states and decisions.
-        faults: what was injected, by the mission's `[[fault]]` tables.
-        assumptions: by robot, and by number (see `soter.rta.Assumption`), those that were seen not to hold.
-        uncontrolled: by robot, those that for a time were under nobody's control, such as those that a pilot took.
-        accepted_unproved: what was run although it is not proved, by `--accept-unproved`; empty if nothing was.
-        ac: who the ACs were.
+        deterministic: whether the same seed gives the same run; False if host time had an influence.
+        trace_sha256: hash over all states and decisions.
+        faults: the faults injected by the mission's `[[fault]]` tables.
+        assumptions: by robot, and by number (see `soter.rta.Assumption`), the assumptions that failed.
+        uncontrolled: by robot, times at which a robot did not obey, such as one that a pilot took over.
+        accepted_unproved: conditions that are not proved, but were accepted by `--accept-unproved`.
+        ac: what the ACs were.
         does: the mission, as the file names it.
         targets_from: the set that the surveillance mission's targets are drawn from; empty for other missions.
-        process: which process of a distributed mission this was, whose figures are those of its own robots; empty for
-            a mission in one process.
+        process: the process of a distributed mission with this result, whose figures are those of its own robots;
+            empty for a mission in one process.
     """
 
     status: str
@@ -240,7 +240,7 @@ class RunResult(BaseModel, frozen=True):
 
     @property
     def abandoned(self) -> list[str]:
-        """Why each robot lost its AC for good, a text each; empty unless all did, so that nobody did the mission."""
+        """Why each robot lost its AC for good, a text each; empty unless all did, and so none does the mission."""
         return self._given_up if self.robots and len(self.failed_robots) == self.robots else []
 
     @property
@@ -249,7 +249,7 @@ class RunResult(BaseModel, frozen=True):
 
     @property
     def troubles(self) -> list[str]:
-        """What went wrong without breaking a rule, a text each; `soter run --strict` wants none."""
+        """What went wrong without breaking a rule, a text each; `soter run --strict` fails if there is any."""
         failed = [
             f"assumption {number} failed for robot {robot} "
             f"({'once' if breach.times == 1 else f'{breach.times} times'}, first after {breach.first_s:g} s)"
@@ -270,14 +270,14 @@ class RunResult(BaseModel, frozen=True):
 
 @dataclass(frozen=True)
 class Run:
-    """What a run leaves behind.
+    """A finished run.
 
     Attributes:
-        result: the figures.
-        tracks: where the robots were, and who was in control.
-        recording: how its recording went; None if there is none.
-        falls: how the least margin of one rule fell, where that was asked for: fleet time of each tick at which it had
-            fallen, and what it was then, by ground truth and as the result has it.
+        result: the result.
+        tracks: where the robots were, and which controller was active.
+        recording: the outcome of its recording; None if there is none.
+        falls: how the least margin of `Follower.falls_of` fell: fleet time of each tick at which it was less than
+            before, and its value then, by ground truth.
     """
 
     result: RunResult

@@ -49,22 +49,22 @@ def run_mission(
 
     Args:
         mission: from `soter.config.load_mission`.
-        record: where to record it, or None. A recording that is there is replaced when the new one is complete. What
-            cannot be recorded is said in what is returned.
+        record: file to record to, or None. An old recording there is replaced when the new one is complete. The
+            returned run says what could not be recorded.
         sign: the private key that the recording is signed with, or None; see `soter.record.signing`.
-        follower: who follows the run and may end it; None for nobody.
-        study: what is changed of the modules that no mission may change; on simulated robots only. What is not proved
-            is part of the question: it is run.
-        accept_unproved: whether to run what is not proved; the result says what that was.
-        process: which process of a distributed mission this is; None for a mission in one process.
+        follower: follows the run and may end it; None for nobody.
+        study: changes to the modules that no mission may make; on simulated robots only. Unproved conditions are then
+            accepted.
+        accept_unproved: whether to run although conditions are not proved; the result lists them.
+        process: the process of a distributed mission that this is; None for a mission in one process.
 
     Returns:
-        What happened. Whatever ends the run, its robots are stopped by then.
+        The finished run. Whatever ended it, its robots are stopped by then.
 
     Raises:
         ConfigError: bad input, or a module that is not proved; nothing has moved.
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
-        IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
+        IllFormedModule: a safety module cannot keep its rule on these robots; nothing has moved.
     """
     follower = follower or Follower()
     workspace = mission.read_workspace()
@@ -85,7 +85,7 @@ def run_mission(
         specs = [spec for spec in specs if spec.id in part.robots]
     declared = backend_class.robot_class.declared
     unasked = nullcontext if declared.in_process or follower.connecting is None else follower.connecting
-    # It takes seconds in a large world. Questions to the modules are about what is not proved.
+    # Proofs take seconds in a large world. Studies ask about modules that are not proved.
     with unasked():
         unproved = admitted(
             mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
@@ -94,7 +94,7 @@ def run_mission(
     with ExitStack() as stack:
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")
-        # Closed after everything else: it takes its time, in which no robot may move.
+        # Closed after everything else: closing takes time, in which no robot may move.
         recorder = (
             None
             if record is None
@@ -107,7 +107,7 @@ def run_mission(
         if declared.in_process:
             host = make_host(mission, workspace, radii_m, virtual_time=True)
         else:
-            # Time passes by itself: whatever the ACs do with it, the supervisor must not have to wait.
+            # On a wall clock the supervisor must never wait for the ACs.
             host = RemoteMissionHost(mission, workspace, radii_m, part=part)
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
@@ -142,7 +142,7 @@ def run_mission(
 
 
 def _end(host: MissionHost, watchdog: Watchdog) -> None:
-    """Close what runs the ACs: what it does at its end does not change how the run went."""
+    """Close the mission host; a failure there does not change the run's result."""
     try:
         with watchdog.over("the mission's end", SLOW_S):
             host.close()
@@ -163,7 +163,7 @@ class NoRobots(Fleet):
 def _run_task_planner(part: Part, workspace: Workspace, follower: Follower) -> Run:
     """Run a task planner whose robots are all in other processes: it gives targets, and counts how they end.
 
-    No safety rests on it.
+    Safety does not rest on it.
     """
     with ExitStack() as stack:
         watchdog = stack.enter_context(Watchdog())

@@ -13,14 +13,14 @@ _FLUSH_AT: Final = 8192
 
 
 class Trace:
-    """Takes every robot's state and driver at every tick."""
+    """Hashes every robot's state and driver at every tick."""
 
     def __init__(self) -> None:
         self._hash: Final = hashlib.sha256()
         self._numbers: list[float] = []
 
     def add(self, now_s: float, robots: Sequence[RobotSupervisor]) -> None:
-        """Take one tick."""
+        """Add one tick."""
         numbers = self._numbers
         numbers.append(now_s)
         for robot in robots:
@@ -39,6 +39,6 @@ class Trace:
         self._numbers.clear()
 
     def hexdigest(self) -> str:
-        """Return the hash of all that was added."""
+        """Return the hash of all added ticks."""
         self._flush()
         return self._hash.hexdigest()

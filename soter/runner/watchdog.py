@@ -1,4 +1,4 @@
-"""Ends a run whose foreign code does not come back: nothing else can happen in this process until it does."""
+"""Ends a run if foreign code does not return, since nothing else can happen in this process until it does."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ LIMIT_S: Final = 2.0
 """Host time that one handler may take in virtual time."""
 
 SLOW_S: Final = 10.0
-"""Host time that the rest may take: all decisions of a tick, rules that are judged by truth, the end."""
+"""Host time that each other phase may take: the decisions of a tick, judging rules by truth, the end."""
 
 BEGIN_S: Final = 60.0
-"""Host time for the beginning, when policies are loaded."""
+"""Host time that the beginning may take, when policies are loaded."""
 
 GIVE_UP_S: Final = 3.0
-"""Who catches every interruption for so long is beyond help: the process ends."""
+"""If code catches every interruption for this long, the process ends."""
 
 _LOOK_S: Final = 0.25
 _SIGNAL: Final = signal.SIGALRM
@@ -36,25 +36,25 @@ _FAILED: Final = 3
 
 
 class CutOff(KeyboardInterrupt):
-    """Raised in the main thread wherever it has been for too long.
+    """Raised in the main thread when a phase or handler takes too long.
 
-    It passes handlers of foreign code's failures, as Ctrl-C does: where one call hangs, the next may hang too.
+    Like Ctrl-C, it is not caught as a failure of foreign code: if one call hangs, the next may hang too.
     """
 
 
 class Watchdog:
     """Interrupts the main thread when one handler, or another part of a tick, takes too long. A context manager.
 
-    Looks are counted, not seconds: a process that was stopped for an hour has not been busy.
+    It counts looks, not seconds: a process that was stopped for an hour has not been busy.
 
-    Only code that the interpreter runs, or that waits in a system call, can be interrupted. What catches that and goes
-    on, or waits in a library, ends the process. A library that computes and keeps the interpreter's lock ends neither.
+    Only Python code and system calls can be interrupted. If code catches the interruption and goes on, or waits in a
+    library, the process ends. A library that computes without releasing the interpreter's lock cannot be ended at all.
 
     Attributes:
-        handler: names the handler that runs, or None; called from a thread.
+        handler: returns the name of the running handler, or None; called from a thread.
         ticks: how many ticks have passed.
-        phase: what is being done, whether a handler runs or not, and the host time that it may take, handlers included;
-            None where only handlers are watched.
+        phase: what is being done, apart from the name of a handler, and the host time that it may take, handlers
+            included; None if only handlers are watched.
         last_words: called before the process is ended, in a thread.
     """
 
@@ -84,7 +84,7 @@ class Watchdog:
 
     @contextmanager
     def over(self, name: str, limit_s: float) -> Iterator[None]:
-        """Watch what is done within as a phase."""
+        """Watch the body of the `with` statement as a phase."""
         self.phase = name, limit_s
         try:
             yield
@@ -92,10 +92,10 @@ class Watchdog:
             self.phase = None
 
     def check(self) -> None:
-        """End the run if anything had to be interrupted, even where foreign code caught that.
+        """End the run if anything had to be interrupted, even if foreign code caught the interruption.
 
         Raises:
-            RunFailed: names it.
+            RunFailed: something was interrupted; names it.
         """
         if self._blamed:
             raise RunFailed(self._blamed)
